@@ -1,6 +1,7 @@
 #include "linear/cluster_cholesky.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "simd/kernels.h"
 
@@ -16,6 +17,7 @@ ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clu
   for (int i = 0; i < S.num_blocks(); ++i) {
     for (int k = S.row_begin[i]; k < S.row_begin[i + 1]; ++k) {
       if (clusters.Keeps(i, S.columns[k])) {
+        is_between_.push_back(clusters.cluster_of[i] != clusters.cluster_of[S.columns[k]] ? 1 : 0);
         pattern_.columns.push_back(S.columns[k]);
         pattern_.value_begin.push_back(S.value_begin[k]);
       }
@@ -24,13 +26,38 @@ ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clu
     padded_.push_back(padded_.back() + PadToQuad(S.block_size(i)));
   }
   pattern_.value_begin.push_back(S.value_begin.back());
+  if (clusters.neighbors.empty()) {
+    is_between_.clear();
+  }
   packed_r_.resize(pattern_.size());
   packed_z_.resize(pattern_.size());
   *status = factor_.Analyze(ReducedMatrix(pattern_, nullptr, nullptr));
 }
 
 Status ClusterCholesky::Factorize(const double* values, const double* diagonal) {
-  return factor_.Factorize(ReducedMatrix(pattern_, values, diagonal), {});
+  const Status factored = factor_.Factorize(ReducedMatrix(pattern_, values, diagonal), {});
+  if (factored.ok() || is_between_.empty()) {
+    return factored;
+  }
+  Halve(values);
+  return factor_.Factorize(ReducedMatrix(own_, halved_.data(), diagonal), {});
+}
+
+void ClusterCholesky::Halve(const double* values) {
+  own_ = pattern_;
+  own_.value_begin.assign(1, 0);
+  halved_.clear();
+  for (int i = 0; i < pattern_.num_blocks(); ++i) {
+    for (int k = pattern_.row_begin[i]; k < pattern_.row_begin[i + 1]; ++k) {
+      const int rows = pattern_.block_size(i);
+      const int stride = pattern_.row_stride(pattern_.columns[k]);
+      const double* const block = values + pattern_.value_begin[k];
+      const double scale = is_between_[k] != 0 ? 0.5 : 1.0;
+      std::transform(block, block + static_cast<std::ptrdiff_t>(rows) * stride,
+                     std::back_inserter(halved_), [scale](double value) { return scale * value; });
+      own_.value_begin.push_back(static_cast<std::int64_t>(halved_.size()));
+    }
+  }
 }
 
 void ClusterCholesky::Apply(const double* r, double* z) {
@@ -49,7 +76,7 @@ void ClusterCholesky::Apply(const double* r, double* z) {
 
 std::int64_t ClusterCholesky::Bytes() const {
   return static_cast<std::int64_t>(
-      factor_.Bytes() + (packed_r_.size() + packed_z_.size()) * sizeof(double) +
+      factor_.Bytes() + (packed_r_.size() + packed_z_.size() + halved_.size()) * sizeof(double) +
       pattern_.columns.size() * sizeof(int) + pattern_.value_begin.size() * sizeof(std::int64_t));
 }
 

@@ -71,7 +71,9 @@ class CoarseSpace {
     int place;
   };
   void PlaceValues();
+  void PlaceProducts();
   void BuildPattern();
+  void FindColumns();
   void OrthonormalizeAggregate(int aggregate, const std::vector<const double*>& blocks);
   double Product(int aggregate, int a, int b, const std::vector<const double*>& blocks) const;
   void FormColumn(int aggregate);

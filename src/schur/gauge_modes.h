@@ -52,10 +52,13 @@ class GaugeModes {
   };
 
   void CollectSources();
+  void AddSource(const Linearization& cache, int slot, int landmark_slot,
+                 const std::vector<std::int32_t>& factors);
   void BuildPattern();
   void FindCenter();
   void Accumulate(int begin, int end);
   void AddFactor(const Source& source, int factor, int frame, double* R, double* squares);
+  void AddBlocks(const Source& source, int factor, int frame);
   bool Factorize();
   bool SolveModes();
   std::int64_t Begin(int frame) const {

@@ -1,10 +1,12 @@
 #include "trust_region/iterative_model.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
 
+#include "schur/visibility_clusters.h"
 #include "trust_region/schur_model.h"
 #include "trust_region/two_level_preconditioner.h"
 
@@ -12,6 +14,10 @@ namespace inceres::internal {
 namespace {
 
 constexpr int kResidualResetPeriod = 10;  // Ceres's
+// Eisenstat and Walker's γ, when their safeguard holds, and what a step is worth at most.
+constexpr double kEtaShare = 0.9;
+constexpr double kLargeEta = 0.1;
+constexpr double kLeastEta = 1e-4;
 
 SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
   if (options.explicit_schur_complement) {
@@ -24,6 +30,8 @@ SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
     case PreconditionerKind::kSchurJacobi:
       return SchurBlocks::kDiagonal;
     case PreconditionerKind::kTwoLevel:
+    case PreconditionerKind::kClusterJacobi:
+    case PreconditionerKind::kClusterTridiagonal:
       return SchurBlocks::kClustered;
   }
   return SchurBlocks::kNone;
@@ -58,11 +66,11 @@ IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& ev
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
       incidences_(evaluator, QuadsPerChunk(options_), is_formed()),
       aggregates_(AggregatesFor(options_, evaluator, incidences_)),
-      plans_(evaluator, incidences_, BlocksToForm(options_),
-             aggregates_ != nullptr ? &aggregates_->clusters : nullptr),
+      plans_(evaluator, incidences_, BlocksToForm(options_), FindClusters()),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
-      product_(plans_.pattern) {
+      product_(plans_.pattern),
+      eta_(options_.eta) {
   *status = CheckBlockOffsets(evaluator, incidences_);
   for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
     const double* S = elimination_.S() + plans_.pattern.value_begin[k];
@@ -74,8 +82,26 @@ IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& ev
   }
 }
 
+// Before the plans, which form the blocks that clusters keep. Null: there are no clusters.
+const FrameClusters* IterativeModel::FindClusters() {
+  const PreconditionerKind kind = options_.preconditioner;
+  if (kind == PreconditionerKind::kClusterJacobi ||
+      kind == PreconditionerKind::kClusterTridiagonal) {
+    clusters_ = FindVisibilityClusters(
+        incidences_, options_.visibility_clustering == VisibilityClusteringKind::kSingleLinkage,
+        kind == PreconditionerKind::kClusterTridiagonal);
+    return &clusters_;
+  }
+  return aggregates_ != nullptr ? &aggregates_->clusters : nullptr;
+}
+
 void IterativeModel::MakePreconditioner(Status* status) {
   const PreconditionerKind kind = options_.preconditioner;
+  if (!clusters_.cluster_of.empty()) {
+    preconditioner_ = std::make_unique<ClusterPreconditioner>(
+        plans_.pattern, clusters_, elimination_, evaluator_.executor(), status);
+    return;
+  }
   if (kind == PreconditionerKind::kTwoLevel) {
     preconditioner_ = std::make_unique<TwoLevelPreconditioner>(evaluator_, incidences_, plans_,
                                                                hessian_, elimination_, *aggregates_,
@@ -96,18 +122,44 @@ void IterativeModel::MakePreconditioner(Status* status) {
 
 void IterativeModel::Refresh() {
   hessian_.Accumulate();
+  UpdateEta();
   if (preconditioner_ != nullptr) {
     preconditioner_->Refresh();
   }
   clock_->Charge(&seconds_->hessian);
 }
 
+// Eisenstat and Walker's second choice, with its safeguard: what the last tolerance promised of the
+// convergence is not undercut at once.
+void IterativeModel::UpdateEta() {
+  if (!options_.eta_follows_gradient) {
+    return;
+  }
+  double square = 0.0;
+  for (std::size_t k = 0; k < Gradient().size(); ++k) {
+    square += Diagonal()[k] > 0.0 ? Gradient()[k] * Gradient()[k] / Diagonal()[k] : 0.0;
+  }
+  const double norm = std::sqrt(square);
+  if (gradient_norm_ > 0.0) {
+    const double share = norm / gradient_norm_;
+    const double before = kEtaShare * eta_ * eta_;
+    const double eta = std::max(kEtaShare * share * share, before > kLargeEta ? before : 0.0);
+    eta_ = std::clamp(eta, std::min(kLeastEta, options_.eta), options_.eta);
+  }
+  gradient_norm_ = norm;
+}
+
 const char* IterativeModel::SolverName() const {
+  const bool two_level = options_.preconditioner == PreconditionerKind::kTwoLevel;
   if (!has_landmarks_) {
     return "conjugate gradients on the normal equations";
   }
-  return is_formed() ? "conjugate gradients on the reduced system, formed"
-                     : "conjugate gradients on the reduced system, by products";
+  if (is_formed()) {
+    return two_level ? "conjugate gradients on the reduced system, formed, two-level"
+                     : "conjugate gradients on the reduced system, formed";
+  }
+  return two_level ? "conjugate gradients on the reduced system, by products, two-level"
+                   : "conjugate gradients on the reduced system, by products";
 }
 
 Status IterativeModel::Solve(const double* damping, double* step) {
@@ -189,8 +241,7 @@ bool IterativeModel::Precondition(const double* r, double* z) {
 bool IterativeModel::IsGoodEnough(const ConjugateGradients& iteration) const {
   const std::vector<double>& gains = iteration.gains();
   const auto count = static_cast<int>(gains.size());
-  return count >= options_.min_iterations &&
-         count * gains.back() / iteration.decrease() < options_.eta;
+  return count >= options_.min_iterations && count * gains.back() / iteration.decrease() < eta_;
 }
 
 void IterativeModel::Describe(WorkCounts* work) const {

@@ -40,6 +40,8 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
 
   bool is_formed() const { return options_.explicit_schur_complement; }
   void MakePreconditioner(Status* status);
+  const FrameClusters* FindClusters();
+  void UpdateEta();
   Status SolveReduced(double* step);
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
@@ -49,6 +51,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   const bool has_landmarks_;
   LandmarkIncidences incidences_;
   std::unique_ptr<FrameAggregates> aggregates_;  // of a two-level preconditioner
+  FrameClusters clusters_;                       // of one by clusters
   FramePlans plans_;
   Hessian hessian_;
   Elimination elimination_;
@@ -58,6 +61,8 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   std::unique_ptr<Preconditioner> preconditioner_;  // null: the identity
   const double* damping_ = nullptr;
   const double* scale_ = nullptr;
+  double eta_;                  // of the next step
+  double gradient_norm_ = 0.0;  // where eta_ was found; 0: nowhere yet
   int num_iterations_ = 0;
   bool converged_ = false;
 };

@@ -15,6 +15,11 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
   return Status::Error(StatusCode::kInvalidArgument, text.str());
 }
 
+bool NeedsLandmarks(PreconditionerKind kind) {
+  return kind == PreconditionerKind::kTwoLevel || kind == PreconditionerKind::kClusterJacobi ||
+         kind == PreconditionerKind::kClusterTridiagonal;
+}
+
 }  // namespace
 
 const char* ToString(TrustRegionStrategyKind kind) {
@@ -57,10 +62,10 @@ Status SolverOptions::Validate() const {
               conjugate_gradients.explicit_schur_complement,
               "false without preconditioner kSchurJacobi or kTwoLevel"),
       Require(linear_model != LinearModelKind::kIterativePlain ||
-                  conjugate_gradients.preconditioner != PreconditionerKind::kTwoLevel,
+                  !NeedsLandmarks(conjugate_gradients.preconditioner),
               "conjugate_gradients.preconditioner",
               static_cast<double>(conjugate_gradients.preconditioner),
-              "another: kTwoLevel is for linear_model kIterativeSchur"),
+              "another: by aggregates or clusters with linear_model kIterativeSchur only"),
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,

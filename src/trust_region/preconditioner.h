@@ -6,6 +6,7 @@
 
 #include "inceres/solver/options.h"
 #include "linear/block_inverses.h"
+#include "linear/cluster_cholesky.h"
 #include "linearize/hessian.h"
 #include "schur/elimination.h"
 
@@ -39,6 +40,25 @@ class BlockPreconditioner final : public Preconditioner {
   const std::vector<const double*> blocks_;
   const Executor& executor_;
   BlockInverses inverses_;
+};
+
+/// Blocks of S within clusters of frames, and between neighboring ones: Ceres's CLUSTER_JACOBI and
+/// CLUSTER_TRIDIAGONAL.
+class ClusterPreconditioner final : public Preconditioner {
+ public:
+  /// `elimination`: forms the blocks that the clusters keep, in this pattern.
+  ClusterPreconditioner(const BlockPattern& pattern, const FrameClusters& clusters,
+                        const Elimination& elimination, const Executor& executor, Status* status)
+      : elimination_(elimination), factor_(pattern, clusters, executor, status) {}
+  Status Prepare(const double* damping) override {
+    return factor_.Factorize(elimination_.S(), damping);
+  }
+  void Apply(const double* r, double* z) override { factor_.Apply(r, z); }
+  std::int64_t Bytes() const override { return factor_.Bytes(); }
+
+ private:
+  const Elimination& elimination_;
+  ClusterCholesky factor_;
 };
 
 }  // namespace inceres::internal

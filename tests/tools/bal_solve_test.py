@@ -182,9 +182,10 @@ class BalSolveTest(unittest.TestCase):
         self.assertIn("--linear_solver", message)
         self.assertIn("--builtin_factors", self.fails(2, "--input", self.small, "--solver", "ceres", "--builtin_factors"))
         self.assertIn("lagged_pcg", self.fails(2, "--input", self.small, "--linear_solver", "lagged_pcg"))
-        clusters = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi"]
-        self.assertIn("cluster_jacobi", self.fails(2, "--input", self.small, "--builtin_factors", *clusters))
+        two_level = ["--linear_solver", "iterative_schur", "--preconditioner", "two_level"]
+        self.assertIn("two_level", self.fails(2, "--input", self.small, *two_level))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))
+        clusters = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi"]
         self.assertIn("CLUSTER_JACOBI", self.fails(1, "--input", self.small, *clusters))
 
     def test_a_failed_solve_writes_nothing(self):

@@ -56,6 +56,10 @@ TEST_P(IterativeModelTest, SolvedToTheEndItsStepsAreTheFactorizations) {
        {Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kJacobi, false},
         Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, false},
         Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, true},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kTwoLevel, false},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kTwoLevel, true},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kClusterJacobi, false},
+        Way{LinearModelKind::kIterativeSchur, PreconditionerKind::kClusterTridiagonal, false},
         Way{LinearModelKind::kIterativePlain, PreconditionerKind::kJacobi, false}}) {
     const auto bundle = MakeBundle(Mixed(GetParam()));
     const Summary summary =
@@ -72,10 +76,17 @@ TEST_P(IterativeModelTest, SolvedToTheEndItsStepsAreTheFactorizations) {
 }
 
 TEST_P(IterativeModelTest, HasTheSameBitsForAnyNumberOfThreadsAndInASecondSolve) {
-  for (const bool formed : {false, true}) {
+  struct Way {
+    PreconditionerKind preconditioner;
+    bool formed;
+  };
+  for (const Way& way :
+       {Way{PreconditionerKind::kSchurJacobi, false}, Way{PreconditionerKind::kSchurJacobi, true},
+        Way{PreconditionerKind::kTwoLevel, false}, Way{PreconditionerKind::kTwoLevel, true},
+        Way{PreconditionerKind::kClusterTridiagonal, false}}) {
     std::vector<std::vector<double>> states;
     SolverOptions options =
-        ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, formed);
+        ToTheEnd(LinearModelKind::kIterativeSchur, way.preconditioner, way.formed);
     options.conjugate_gradients.eta = 0.1;
     Solver solver;
     for (const int num_threads : {1, 2, 4, 4}) {
@@ -105,6 +116,23 @@ TEST_P(IterativeModelTest, StepsThatTakeTooLongAreUsedAndTold) {
   EXPECT_LT(by_products.final_cost, by_products.initial_cost);
 }
 
+TEST_P(IterativeModelTest, ToleranceThatFollowsTheGradientTightens) {
+  Summary by[2];
+  for (const bool follows : {false, true}) {
+    SolverOptions options =
+        ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, false);
+    options.conjugate_gradients.eta = 0.5;
+    options.conjugate_gradients.eta_follows_gradient = follows;
+    by[follows ? 1 : 0] = Solve(options, &MakeBundle(Mixed(GetParam()))->graph());
+  }
+  ASSERT_EQ(by[0].iterations.size(), by[1].iterations.size());
+  EXPECT_EQ(by[0].iterations[1].linear_solver_iterations,
+            by[1].iterations[1].linear_solver_iterations);
+  EXPECT_NEAR(by[1].final_cost, by[0].final_cost, 1e-3 * by[0].final_cost);
+  EXPECT_GT(by[1].iterations.back().linear_solver_iterations,
+            by[0].iterations.back().linear_solver_iterations);
+}
+
 INSTANTIATE_TEST_SUITE_P(LandmarkSizes, IterativeModelTest, ::testing::Values(1, 2, 3, 4));
 
 TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {
@@ -116,7 +144,13 @@ TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {
   EXPECT_TRUE(options.Validate().ok());
   options.conjugate_gradients.explicit_schur_complement = true;
   EXPECT_NE(options.Validate().message.find("explicit_schur_complement"), std::string::npos);
+  options.conjugate_gradients.preconditioner = PreconditionerKind::kTwoLevel;
+  EXPECT_TRUE(options.Validate().ok());
   options.conjugate_gradients.explicit_schur_complement = false;
+  options.linear_model = LinearModelKind::kIterativePlain;
+  EXPECT_NE(options.Validate().message.find("conjugate_gradients.preconditioner"),
+            std::string::npos);
+  options.linear_model = LinearModelKind::kIterativeSchur;
   options.conjugate_gradients.max_iterations = 0;
   EXPECT_NE(options.Validate().message.find("max_iterations"), std::string::npos);
   options.conjugate_gradients.max_iterations = 500;

@@ -159,6 +159,12 @@ Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options
     case ceres::SCHUR_JACOBI:
       options->preconditioner = PreconditionerKind::kSchurJacobi;
       return Status::Ok();
+    case ceres::CLUSTER_JACOBI:
+      options->preconditioner = PreconditionerKind::kClusterJacobi;
+      return Status::Ok();
+    case ceres::CLUSTER_TRIDIAGONAL:
+      options->preconditioner = PreconditionerKind::kClusterTridiagonal;
+      return Status::Ok();
     default:
       return Invalid("--preconditioner " +
                      LowerCase(ceres::PreconditionerTypeToString(settings.preconditioner)) +

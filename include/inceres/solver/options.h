@@ -53,12 +53,24 @@ enum class PreconditionerKind {
   kJacobi,       ///< the inverses of the diagonal blocks of C + Λ, of H + Λ without landmarks
   kSchurJacobi,  ///< those of S: dearer to make, and fewer iterations
   /// Blocks of S for aggregates of frames that see the same, and a coarse system of how aggregates
-  /// move as a whole: translation, rotation, scale. Not of Ceres. Dearer still to make; but the
-  /// number of iterations hardly grows with the length of a path or the size of a city, where that
-  /// of the others grows into tens of thousands. For LinearModelKind::kIterativeSchur, S formed or
-  /// not. Cost: a pass over Y for each of some ten columns, and a sparse factorization of seven
-  /// unknowns an aggregate. Source: Konolige & Brown, "Multigrid for bundle adjustment", 2020.
+  /// move as a whole: translation, rotation, scale. Not of Ceres. Dearer still to make; but on long
+  /// paths and in cities it takes tens of iterations where the others take thousands. For
+  /// LinearModelKind::kIterativeSchur, S formed or not. Cost: a pass over Y for each of some ten
+  /// columns, and a sparse factorization of seven unknowns an aggregate. Source: Konolige & Brown,
+  /// "Multigrid for bundle adjustment", 2020.
   kTwoLevel,
+  /// Blocks of S within clusters of frames that see the same landmarks; frames are clustered by
+  /// ConjugateGradientsOptions::visibility_clustering. For kIterativeSchur, S not formed. Source:
+  /// Kushal & Agarwal, "Visibility based preconditioning for bundle adjustment", CVPR 2012.
+  kClusterJacobi,
+  /// and between clusters that follow each other along paths
+  kClusterTridiagonal,
+};
+
+/// How frames are clustered by what they see.
+enum class VisibilityClusteringKind {
+  kCanonicalViews,  ///< Simon, Snavely & Seitz 2007
+  kSingleLinkage,   ///< what similarities of 0.9 or more connect
 };
 
 /// How conjugate gradients solve for a step where LinearModelKind asks for them. Names and defaults
@@ -67,17 +79,27 @@ struct INCERES_EXPORT ConjugateGradientsOptions {
   PreconditionerKind preconditioner = PreconditionerKind::kJacobi;  ///< see there
   /// stop when iteration k gains less of the quadratic model's value than this over k; ≥ 0
   double eta = 0.1;
+  /// Let the tolerance follow the convergence of the outer loop: after a step that brought the
+  /// gradient down to a share q of what it was, in the units of diag(H), stop at min(eta, 0.9 q²),
+  /// though not below 0.9 times the square of the last one while that is above 0.1, and at 1e-4 at
+  /// the least. Not of Ceres. Source: Eisenstat & Walker, "Choosing the forcing terms in an inexact
+  /// Newton method", SIAM J. Sci. Comput. 17(1), 1996, choice 2.
+  bool eta_follows_gradient = false;
   int min_iterations = 0;    ///< ≥ 0
   int max_iterations = 500;  ///< ≥ 1, and not below min_iterations
-  /// Form S instead of multiplying by its parts: with kSchurJacobi and kTwoLevel only. As in Ceres, landmarks
-  /// then stay where they are in a step that took max_iterations.
+  /// Form S instead of multiplying by its parts: with kSchurJacobi and kTwoLevel only. As in Ceres,
+  /// landmarks then stay where they are in a step that took max_iterations.
   bool explicit_schur_complement = false;
+  /// of kClusterJacobi and kClusterTridiagonal
+  VisibilityClusteringKind visibility_clustering = VisibilityClusteringKind::kCanonicalViews;
 
   /// Whether all is the same.
   friend bool operator==(const ConjugateGradientsOptions& a, const ConjugateGradientsOptions& b) {
     return a.preconditioner == b.preconditioner && a.eta == b.eta &&
+           a.eta_follows_gradient == b.eta_follows_gradient &&
            a.min_iterations == b.min_iterations && a.max_iterations == b.max_iterations &&
-           a.explicit_schur_complement == b.explicit_schur_complement;
+           a.explicit_schur_complement == b.explicit_schur_complement &&
+           a.visibility_clustering == b.visibility_clustering;
   }
 };
 
