@@ -6,7 +6,7 @@
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
-#include "base/available_memory.h"
+#include "src/base/available_memory.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
 

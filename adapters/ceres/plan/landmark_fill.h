@@ -1,7 +1,7 @@
 #pragma once
 
 #include "adapters/ceres/plan/landmark_selection.h"
-#include "base/available_memory.h"
+#include "src/base/available_memory.h"
 
 namespace inceres::internal {
 

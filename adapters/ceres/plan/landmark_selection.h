@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "base/available_memory.h"
+#include "src/base/available_memory.h"
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
