@@ -120,7 +120,7 @@ TEST_P(Plans, TermsPointIntoTheirArrays) {
         core_.plans.hessian_sources[static_cast<std::size_t>(segment.source)];
     const Linearization& cache =
         core_.evaluator.families()[static_cast<std::size_t>(source.family)];
-    for (int t = segment.first_term; t < segment.first_term + segment.count; ++t) {
+    for (std::int64_t t = segment.first_term; t < segment.first_term + segment.count; ++t) {
       const ProductTerm& term = core_.plans.hessian.terms[static_cast<std::size_t>(t)];
       const std::ptrdiff_t a_stride =
           cache.slots[static_cast<std::size_t>(source.column_slot)].factor_stride;
