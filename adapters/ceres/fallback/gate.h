@@ -6,9 +6,9 @@
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
-#include "src/base/available_memory.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "src/base/available_memory.h"
 
 namespace inceres::internal {
 

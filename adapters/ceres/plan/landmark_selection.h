@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-#include "src/base/available_memory.h"
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "src/base/available_memory.h"
 
 namespace inceres::internal {
 
