@@ -49,9 +49,9 @@ Status ExactCovariance::Linearize() {
 // Σ Jᵀ J v over the factors, by the system's quads.
 ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
   Vector product = Vector::Zero(v.size());
-  std::vector<double> Jv;
+  std::vector<double> J_v;
   for (const Linearization& family : evaluator_.families()) {
-    Jv.resize(family.residual_size);
+    J_v.resize(family.residual_size);
     for (int i = 0; i < family.num_factors; ++i) {
       const auto for_each_entry = [&](const auto& visit) {
         for (int s = 0; s < family.num_slots; ++s) {
@@ -69,9 +69,9 @@ ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
           }
         }
       };
-      std::fill(Jv.begin(), Jv.end(), 0.0);
-      for_each_entry([&](int r, double J, std::ptrdiff_t at) { Jv[r] += J * v[at]; });
-      for_each_entry([&](int r, double J, std::ptrdiff_t at) { product[at] += J * Jv[r]; });
+      std::fill(J_v.begin(), J_v.end(), 0.0);
+      for_each_entry([&](int r, double J, std::ptrdiff_t at) { J_v[r] += J * v[at]; });
+      for_each_entry([&](int r, double J, std::ptrdiff_t at) { product[at] += J * J_v[r]; });
     }
   }
   return product;
@@ -89,15 +89,15 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
                            "conjugate gradients have not converged after " + std::to_string(i) +
                                " iterations: the factor is too old; Update first");
     }
-    const Vector Hp = Product(p);
-    const double curvature = p.dot(Hp);
+    const Vector H_p = Product(p);
+    const double curvature = p.dot(H_p);
     if (!(curvature > kOpen * rz)) {
       return Status::Error(StatusCode::kSingular,
                            "the gauge is free, or the variable is not determined by its factors");
     }
     const double alpha = rz / curvature;
     *x += alpha * p;
-    *r -= alpha * Hp;
+    *r -= alpha * H_p;
     energy += alpha * rz;
     ++num_iterations_;
     z.setZero();

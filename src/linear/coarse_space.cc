@@ -79,11 +79,11 @@ double CoarseSpace::Product(int aggregate, int a, int b,
     const double* const v = V(row);
     const double* N = blocks[row];
     for (int r = 0; r < size; ++r, N += size) {
-      double Nv = 0.0;
+      double N_v = 0.0;
       for (int c = 0; c < size; ++c) {
-        Nv += N[c] * v[c * stride + b];
+        N_v += N[c] * v[c * stride + b];
       }
-      sum += v[r * stride + a] * Nv;
+      sum += v[r * stride + a] * N_v;
     }
   }
   return sum;
@@ -222,7 +222,7 @@ void CoarseSpace::AddCoarse(double* z) {
 }
 
 std::int64_t CoarseSpace::Bytes() const {
-  return static_cast<std::int64_t>((V_.size() + AV_.size() + values_.size() + 4 * q_.size()) *
+  return static_cast<std::int64_t>((V_.size() + A_V_.size() + values_.size() + 4 * q_.size()) *
                                        sizeof(double) +
                                    factor_.Bytes() + rows_.size() * sizeof(RowPlace) +
                                    (shape_.coupled.size() + offsets_.size() * 6) * sizeof(int));

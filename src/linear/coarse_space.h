@@ -45,7 +45,7 @@ class CoarseSpace {
   double* V(int row) { return V_.data() + V_begin_[row]; }
   const double* V(int row) const { return V_.data() + V_begin_[row]; }
   /// The block at a place of shape().coupled.
-  double* AV(int place) { return AV_.data() + AV_begin_[place]; }
+  double* AV(int place) { return A_V_.data() + A_V_begin_[place]; }
 
   /// Makes the columns of each aggregate orthonormal in the norm of N = blockdiag(blocks), one
   /// square block a row; a column that the ones before it hold is set to zero.
@@ -87,9 +87,9 @@ class CoarseSpace {
   std::vector<int> rows_begin_;     // per block row, one more
   std::vector<RowPlace> rows_;
   std::vector<std::int64_t> V_begin_;
-  std::vector<std::int64_t> AV_begin_;
+  std::vector<std::int64_t> A_V_begin_;
   ZeroedArray V_;
-  ZeroedArray AV_;
+  ZeroedArray A_V_;
   BlockPattern pattern_;           // of VᵀA V
   std::vector<int> column_begin_;  // per aggregate, one more
   std::vector<ColumnBlock> column_blocks_;

@@ -31,14 +31,14 @@ void CoarseSpace::PlaceValues() {
 
 void CoarseSpace::PlaceProducts() {
   const int num_rows = static_cast<int>(offsets_.size()) - 1;
-  AV_begin_.push_back(0);
+  A_V_begin_.push_back(0);
   rows_begin_.assign(num_rows + 1, 0);
   for (int a = 0; a < shape_.num_aggregates(); ++a) {
     for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
       const int row = shape_.coupled[place];
       ++rows_begin_[row + 1];
-      AV_begin_.push_back(AV_begin_.back() +
-                          static_cast<std::int64_t>(block_size(row)) * stride(a));
+      A_V_begin_.push_back(A_V_begin_.back() +
+                           static_cast<std::int64_t>(block_size(row)) * stride(a));
     }
   }
   std::partial_sum(rows_begin_.begin(), rows_begin_.end(), rows_begin_.begin());
@@ -49,7 +49,7 @@ void CoarseSpace::PlaceProducts() {
       rows_[next[shape_.coupled[place]]++] = {a, place};
     }
   }
-  AV_ = ZeroedArray(AV_begin_.back());
+  A_V_ = ZeroedArray(A_V_begin_.back());
 }
 
 // Block (a, b) is there if a row of aggregate a is reached by the columns of b.

@@ -39,7 +39,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       hessian_(hessian),
       kernels_(BestKernels()),
       coupled_(evaluator, incidences, hessian),
-      needs_Y_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
+      keeps_all_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   const std::size_t of_landmarks = num_landmarks * 2 * (hessian.landmark_stride() + kQuad);
   evaluator.Take(static_cast<std::int64_t>(sizeof(double) * of_landmarks),
@@ -103,7 +103,7 @@ void Elimination::EliminateLandmark(int landmark) {
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
-  for (int k = incidences_.factors_begin[l]; needs_Y_ && k < incidences_.factors_begin[l + 1];
+  for (int k = incidences_.factors_begin[l]; keeps_all_ && k < incidences_.factors_begin[l + 1];
        ++k) {
     kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
@@ -141,7 +141,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
         chunk_blocks_begin_[chunk + 1] - first_block, kBlockGrain,
         [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
   }
-  if (!needs_Y_) {
+  if (!keeps_all_) {
     TakeRightHandSideFromJacobians();
   }
   return Status::Ok();

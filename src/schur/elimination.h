@@ -80,7 +80,7 @@ class Elimination {
   std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
   std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
   mutable CoupledProducts coupled_;
-  const bool needs_Y_;  // not where all that is asked for comes from the Jacobians
+  const bool keeps_all_;  // not where all that is asked for comes from the Jacobians
 };
 
 }  // namespace inceres::internal
