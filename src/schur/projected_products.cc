@@ -29,7 +29,7 @@ struct ProjectedProducts::Scratch {
 ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const FramePlans& plans,
                                      std::vector<const double*> blocks,
                                      const Elimination* without_S)
-    : incidences_(incidences), plans_(plans), blocks_(std::move(blocks)), without_S_(without_S) {
+    : incidences_(incidences), plans_(plans), blocks_(std::move(blocks)), elimination_(without_S) {
   const BlockPattern& pattern = plans.pattern;
   const auto for_each_place = [&](const auto& visit) {
     for (int i = 0; i < pattern.num_blocks(); ++i) {
@@ -79,7 +79,7 @@ void ProjectedProducts::FormAggregate(int aggregate, const AggregateReach& reach
       AddFrameBlocks(shape.coupled[place], stride, damping, space, *scratch);
     }
   }
-  if (without_S_ == nullptr) {
+  if (elimination_ == nullptr) {
     return;
   }
   for (int k = reach.landmarks_begin[aggregate]; k < reach.landmarks_begin[aggregate + 1]; ++k) {
@@ -93,9 +93,9 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
   const int size = space->block_size(frame);
   const double* const V = space->V(frame);
   double* const own = space->AV(scratch.place_of[frame]);
-  const double* const Lambda = damping + plans_.pattern.offsets[frame];
+  const double* const lambda = damping + plans_.pattern.offsets[frame];
   for (int r = 0; r < size; ++r) {
-    AddScaled(Lambda[r], V + r * stride, stride, own + r * stride);
+    AddScaled(lambda[r], V + r * stride, stride, own + r * stride);
   }
   for (int k = row_begin_[frame]; k < row_begin_[frame + 1]; ++k) {
     const auto [block, other] = places_[k];
@@ -121,7 +121,7 @@ void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride
     if (space->shape().aggregate_of[frame] != aggregate) {
       continue;
     }
-    const double* Y = without_S_->Y(incidences_.incidences[q]);
+    const double* Y = elimination_->Y(incidences_.incidences[q]);
     const double* const V = space->V(frame);
     const int size = space->block_size(frame);
     for (int d = 0; d < depth; ++d, Y += PadToQuad(size)) {
@@ -132,7 +132,7 @@ void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride
   }
   for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
     const int frame = incidences_.frames[q];
-    const double* const Y = without_S_->Y(incidences_.incidences[q]);
+    const double* const Y = elimination_->Y(incidences_.incidences[q]);
     double* const out = space->AV(scratch->place_of[frame]);
     const int size = space->block_size(frame), row = PadToQuad(size);
     for (int c = 0; c < size; ++c) {

@@ -45,7 +45,7 @@ class ProjectedProducts {
   const LandmarkIncidences& incidences_;
   const FramePlans& plans_;
   const std::vector<const double*> blocks_;
-  const Elimination* const without_S_;
+  const Elimination* const elimination_;
   std::vector<int> row_begin_;  // per frame, one more: its blocks of the whole matrix
   std::vector<Place> places_;
 };

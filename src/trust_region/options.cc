@@ -36,36 +36,50 @@ const char* ToString(TrustRegionStrategyKind kind) {
   return "unknown";
 }
 
+namespace {
+
+// What an iterative linear_model asks of the others.
+Status CheckIterative(const SolverOptions& options) {
+  const ConjugateGradientsOptions& cg = options.conjugate_gradients;
+  const bool iterative = IsIterative(options.linear_model);
+  const Status checks[] = {
+      Require(!iterative || options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
+                  options.strategy == TrustRegionStrategyKind::kMarquardt,
+              "strategy", static_cast<double>(options.strategy),
+              "Levenberg–Marquardt or Marquardt with an iterative linear_model"),
+      Require(!iterative || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0"),
+      Require(!iterative || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",
+              cg.min_iterations, ">= 0"),
+      Require(!iterative || cg.max_iterations >= std::max(1, cg.min_iterations),
+              "conjugate_gradients.max_iterations", cg.max_iterations,
+              ">= 1 and not below min_iterations"),
+      Require(!iterative || !cg.explicit_schur_complement ||
+                  cg.preconditioner == PreconditionerKind::kSchurJacobi ||
+                  cg.preconditioner == PreconditionerKind::kTwoLevel,
+              "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
+              "false without preconditioner kSchurJacobi or kTwoLevel"),
+      Require(options.linear_model != LinearModelKind::kIterativePlain ||
+                  !NeedsLandmarks(cg.preconditioner),
+              "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
+              "another: by aggregates or clusters with linear_model kIterativeSchur only"),
+  };
+  for (const Status& check : checks) {
+    if (!check.ok()) {
+      return check;
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
 Status SolverOptions::Validate() const {
   const Status checks[] = {
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
                   linear_model == LinearModelKind::kPlain,
               "dynamic_sparsity", dynamic_sparsity,
               "false with linear_model kSchur, kDenseQr or an iterative one"),
-      Require(!IsIterative(linear_model) ||
-                  strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
-                  strategy == TrustRegionStrategyKind::kMarquardt,
-              "strategy", static_cast<double>(strategy),
-              "Levenberg–Marquardt or Marquardt with an iterative linear_model"),
-      Require(!IsIterative(linear_model) || conjugate_gradients.eta >= 0.0,
-              "conjugate_gradients.eta", conjugate_gradients.eta, ">= 0"),
-      Require(!IsIterative(linear_model) || conjugate_gradients.min_iterations >= 0,
-              "conjugate_gradients.min_iterations", conjugate_gradients.min_iterations, ">= 0"),
-      Require(!IsIterative(linear_model) || conjugate_gradients.max_iterations >=
-                                                std::max(1, conjugate_gradients.min_iterations),
-              "conjugate_gradients.max_iterations", conjugate_gradients.max_iterations,
-              ">= 1 and not below min_iterations"),
-      Require(!IsIterative(linear_model) || !conjugate_gradients.explicit_schur_complement ||
-                  conjugate_gradients.preconditioner == PreconditionerKind::kSchurJacobi ||
-                  conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel,
-              "conjugate_gradients.explicit_schur_complement",
-              conjugate_gradients.explicit_schur_complement,
-              "false without preconditioner kSchurJacobi or kTwoLevel"),
-      Require(linear_model != LinearModelKind::kIterativePlain ||
-                  !NeedsLandmarks(conjugate_gradients.preconditioner),
-              "conjugate_gradients.preconditioner",
-              static_cast<double>(conjugate_gradients.preconditioner),
-              "another: by aggregates or clusters with linear_model kIterativeSchur only"),
+      CheckIterative(*this),
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,

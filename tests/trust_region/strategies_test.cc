@@ -141,10 +141,16 @@ TEST_F(Strategies, AWidenedRadiusIsTakenBackByARefusal) {
     strategy_->StepRejected();
     EXPECT_DOUBLE_EQ(strategy_->Radius(), 8.0);
     strategy_->StepRejected();
-    EXPECT_LT(strategy_->Radius(), 8.0);
+    const double narrow = strategy_->Radius();
+    EXPECT_LT(narrow, 8.0);
     strategy_->Widen(1e8);
     strategy_->StepAccepted(1.0);
     EXPECT_GT(strategy_->Radius(), 1e8);
+    strategy_->StepRejected();  // one step does not prove it
+    EXPECT_DOUBLE_EQ(strategy_->Radius(), narrow);
+    strategy_->Widen(1e8);
+    strategy_->StepAccepted(1.0);
+    strategy_->StepAccepted(1.0);
     strategy_->StepRejected();
     EXPECT_GT(strategy_->Radius(), 8.0);
   }

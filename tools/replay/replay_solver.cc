@@ -215,9 +215,13 @@ class IncrementalReplaySolver : public ReplaySolver {
     for (VariableId id = 0; id < graph.num_variables(); ++id) {
       newest = graph.HasVariable(id) && graph.role(id) == Role::kFrame ? id : newest;
     }
+    if (newest < 0) {
+      return;
+    }
     const auto any = static_cast<VariableId>(7919LL * newest % (newest + 1));
     LiveCovariance covariance;
-    for (const auto& [name, id] : {std::make_pair("newest", newest), std::make_pair("any", any)}) {
+    for (const VariableId id : {newest, any}) {
+      const char* const name = id == newest ? "newest" : "any";
       Status status;
       const double seconds =
           Seconds([&] { status = solver_.MarginalCovariance(id, {}, &covariance); });
