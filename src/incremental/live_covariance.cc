@@ -36,7 +36,7 @@ constexpr double kMostDampingError = 0.5;
 constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
 constexpr double kNoInformation = 1e-12;
-constexpr double kTinyDiagonal = 1e-12;  // of a coordinate that no factor of the frame has
+constexpr double kNoFactorHere = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
   return Status::Error(StatusCode::kSingular, message);
@@ -151,7 +151,7 @@ void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, E
     const bool takes_part = !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
     for (int k = 0; k < frame.size && takes_part; ++k) {
       const int at = offsets[row] + k;
-      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kTinyDiagonal);
+      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kNoFactorHere);
       bits = bits * 1664525u + 1013904223u;
       (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
     }

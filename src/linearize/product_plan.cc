@@ -200,9 +200,9 @@ class PlanBuilder {
         values += std::int64_t{layout_.TangentSize(row)} * layout_.TangentSize(block.column);
       }
     }
-    constexpr std::int64_t kInts = std::int64_t{1} << 31;
-    MemoryBudget::CheckCount(blocks, kInts, "blocks of the reduced system");
-    MemoryBudget::CheckCount(segments, kInts, "runs of products");
+    constexpr std::int64_t kMostBlocks = std::int64_t{1} << 31;
+    MemoryBudget::CheckCount(blocks, kMostBlocks, "blocks of the reduced system");
+    MemoryBudget::CheckCount(segments, kMostBlocks, "runs of products");
     evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) +
                         segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)),
                     "the plan of the products that form the reduced system");
