@@ -33,8 +33,7 @@ using inceres::tools::ProgressOutput;
 using inceres::tools::WriteJsonReport;
 
 const inceres::tools::ToolHelp kHelp = {
-    "Make a bundle-adjustment problem in BAL format from a simulated street, city or collection of "
-    "photos.",
+    "Make a bundle-adjustment problem in BAL format from a simulated scene.",
     "Synthetic all of them, whatever known problem has the same counts. A street: a camera on a "
     "path, with local visibility and, if wanted, loops. A city: a drive through its streets, with "
     "loops of all lengths and start values that drift. A collection: photos of sights by many "
@@ -48,10 +47,8 @@ const inceres::tools::ToolHelp kHelp = {
       "loop.txt.bz2 --truth truth.txt.bz2"},
      {"eleven thousand cameras in a city of wide streets",
       "bal_generate --preset city-11000 --street_width 32 --output city.txt"},
-     {"a collection of the size of the largest public problem, and the same measurements with the "
-      "truth as start",
-      "bal_generate --preset collection-13682 --output photos.txt; "
-      "bal_generate --preset collection-13682 --true_start --output from_truth.txt"}}};
+     {"a collection of photos, started from the truth; collection-13682 is the largest",
+      "bal_generate --preset collection-300 --true_start --output photos.txt"}}};
 
 Status CheckFlags() {
   if (FLAGS_output.empty()) {
