@@ -47,7 +47,7 @@ const inceres::tools::ToolHelp kHelp = {
       "loop.txt.bz2 --truth truth.txt.bz2"},
      {"eleven thousand cameras in a city of wide streets",
       "bal_generate --preset city-11000 --street_width 32 --output city.txt"},
-     {"a collection of photos, started from the truth; collection-13682 is the largest",
+     {"photos of a collection; the start values are the truth",
       "bal_generate --preset collection-300 --true_start --output photos.txt"}}};
 
 Status CheckFlags() {
