@@ -59,7 +59,7 @@ CityView::CityView(const CityOptions& options, const CityGrid& grid)
 std::int64_t CityView::CellOf(const Vector3& place, int step_x, int step_z) const {
   const auto column = static_cast<std::int64_t>(std::floor(place[0] / range_)) + step_x;
   const auto row = static_cast<std::int64_t>(std::floor(place[2] / range_)) + step_z;
-  return (column << 32) + row;
+  return column * (std::int64_t{1} << 32) + row;
 }
 
 bool CityView::Sees(const SimulatedCamera& camera, const Vector3& position) const {
