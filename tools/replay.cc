@@ -109,7 +109,7 @@ const ToolHelp kHelp = {
       "replay --problem kf:fr3_office.kf --stock_autodiff --json report.json"},
      {"wrong loops among right ones, found as they come",
       "replay --problem g2o:M3500.g2o --nostock --gnc --outliers 0.2 --seed 3"},
-     {"whether a step costs more than a batch solve, and the excess at ten checkpoints",
+     {"which steps cost more than a batch solve; excess at ten checkpoints",
       "replay --problem g2o:M3500.g2o --nostock --beside_batch --optimum --checkpoints 10"},
      {"whether a step of a long path costs what one of a short path does",
       "replay --problem path:2000 --nostock --flat"}}};
