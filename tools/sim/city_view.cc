@@ -9,9 +9,6 @@ namespace inceres::internal {
 namespace {
 
 constexpr double kJitter = 0.2;  // of the place of a camera, in spacings to either side
-// Half the image divided by the focal length: 42 degrees to the sides, 35 up and down.
-constexpr double kHalfWidth = 0.9, kHalfHeight = 0.7;
-constexpr double kMinDepth = 2.0;
 constexpr double kRangePerWidth = 1.9;
 constexpr double kMinRange = 20.0;
 constexpr double kMaxHeight = 12.0;  // of what is seen of a facade, on a street of 16 m
@@ -27,15 +24,7 @@ SimulatedCamera MakeCamera(const CityRoute& route, double s, int index, Random* 
   const double height = 2.2 + 0.1 * random->Normal();
   camera.center = route.Position(s) +
                   Vector3{-left * PortableCos(heading), height, left * PortableSin(heading)};
-  const double yaw = heading + 0.2 * PortableSin(0.7 * index) + 0.05 * random->Normal();
-  const double pitch = 0.08 + 0.05 * random->Normal();
-  const double roll = 0.05 * random->Normal();
-  camera.R =
-      (Rotation::AboutAxis(1, yaw) * Rotation::AboutAxis(0, pitch) * Rotation::AboutAxis(2, roll))
-          .Inverse();
-  camera.focal = 800.0 + 15.0 * random->Normal();
-  camera.k1 = -0.05 + 0.005 * random->Normal();
-  camera.k2 = 0.01 + 0.002 * random->Normal();
+  LookAround(heading, index, random, &camera);
   return camera;
 }
 
@@ -63,14 +52,8 @@ std::int64_t CityView::CellOf(const Vector3& place, int step_x, int step_z) cons
 }
 
 bool CityView::Sees(const SimulatedCamera& camera, const Vector3& position) const {
-  const Vector3 ray = position - camera.center;
-  if (Dot(ray, ray) > range_ * range_) {
-    return false;
-  }
-  const Vector3 p = camera.R * ray;
-  const double depth = -p[2];
-  return depth >= kMinDepth && std::abs(p[0]) <= kHalfWidth * depth &&
-         std::abs(p[1]) <= kHalfHeight * depth && grid_.HitsHouse(camera.center, ray) >= 1.0 - 1e-9;
+  return IsInImage(camera, position, range_) &&
+         grid_.HitsHouse(camera.center, position - camera.center) >= 1.0 - 1e-9;
 }
 
 // What a random pixel of the camera shows, if that is near enough and not the sky.

@@ -7,8 +7,6 @@ namespace inceres::internal {
 namespace {
 
 constexpr double kJitter = 0.2;  // of the place of a camera, in spacings to either side
-// Half the image divided by the focal length: 42 degrees to the sides, 35 up and down.
-constexpr double kHalfWidth = 0.9, kHalfHeight = 0.7;
 constexpr int kMaxTries = 200;
 
 }  // namespace
@@ -34,28 +32,12 @@ StreetCamera StreetView::MakeCamera(int index, Random* random) const {
   const double left = 0.3 * random->Normal();
   const double height = 1.6 + 0.1 * random->Normal();
   camera.center = path_.Place(camera.s, std::clamp(left, -1.0, 1.0), height);
-  const double yaw =
-      path_.Heading(camera.s) + 0.2 * PortableSin(0.7 * index) + 0.05 * random->Normal();
-  const double pitch = 0.08 + 0.05 * random->Normal();
-  const double roll = 0.05 * random->Normal();
-  camera.R =
-      (Rotation::AboutAxis(1, yaw) * Rotation::AboutAxis(0, pitch) * Rotation::AboutAxis(2, roll))
-          .Inverse();
-  camera.focal = 800.0 + 15.0 * random->Normal();
-  camera.k1 = -0.05 + 0.005 * random->Normal();
-  camera.k2 = 0.01 + 0.002 * random->Normal();
+  LookAround(path_.Heading(camera.s), index, random, &camera);
   return camera;
 }
 
 bool StreetView::Sees(const StreetCamera& camera, const Vector3& position) const {
-  const Vector3 ray = position - camera.center;
-  if (Dot(ray, ray) > kVisibleRange * kVisibleRange) {
-    return false;
-  }
-  const Vector3 p = camera.R * ray;
-  const double depth = -p[2];
-  return depth >= kMinDepth && std::abs(p[0]) <= kHalfWidth * depth &&
-         std::abs(p[1]) <= kHalfHeight * depth;
+  return IsInImage(camera, position, kVisibleRange);
 }
 
 // A facade on either side, or the ground between them.

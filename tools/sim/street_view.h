@@ -13,7 +13,6 @@ namespace inceres::internal {
 constexpr double kVisibleRange = 30.0;
 // about as long along the street a point stays in the image
 constexpr double kVisibleLength = 22.0;
-constexpr double kMinDepth = 2.0;
 
 /// One true camera of the street.
 struct StreetCamera : SimulatedCamera {
