@@ -6,6 +6,12 @@
 #include <utility>
 
 namespace inceres::internal {
+namespace {
+
+// A step of which less than this was taken tells of a border, not of what is left to gain.
+constexpr double kLargeShare = 0.25;
+
+}  // namespace
 
 void Stagnation::Begin(double cost) {
   costs_ = {cost};

@@ -47,7 +47,4 @@ class Stagnation {
   double restart_radius_ = 0.0;  // to be asked for
 };
 
-/// A step of which less than this was taken tells of a border, not of what is left to gain.
-constexpr double kLargeShare = 0.25;
-
 }  // namespace inceres::internal
