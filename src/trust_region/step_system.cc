@@ -41,7 +41,7 @@ void TrustRegionMinimizer::ShowSystem() {
       layout.position.begin(), layout.position.end(), system.first_entry.begin(),
       [&layout](int position) { return position < 0 ? -1 : layout.packed_offset[position]; });
   system.scale = scale_;
-  system.solution = step_;
+  system.solution = trial_.step();
   strategy_->GetLastSolve(&system.damping, &system.solution);
   observer->See(system);
 }

@@ -5,15 +5,11 @@
 #include <limits>
 #include <string>
 
-#include "base/scientific.h"
+#include "trust_region/loop_ends.h"
 #include "trust_region/observer_verdict.h"
 
 namespace inceres::internal {
 namespace {
-
-// A landmark moves by itself if it gains more than this share of what the function tolerance allows
-// all of them together.
-constexpr double kInnerShare = 0.01;
 
 // A step that gains less than this share of the cost leaves most residuals about as they were: the
 // curvature of their losses counts.
@@ -34,28 +30,19 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       evaluator_(*evaluator),
       model_(*model),
       summary_(*summary),
-      graph_(evaluator->graph()),
-      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
       start_time_(clock_.now()),
+      evaluation_(options, loop, evaluator, &clock_, summary),
+      trial_(options, loop, &evaluation_, model, &memory->step, &memory->scaled_step, summary),
+      line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
       scale_(memory->scale),
       best_state_(memory->best_state),
-      step_(memory->step),
-      scaled_step_(memory->scaled_step),
       negative_gradient_(memory->negative_gradient),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
   model->TimeInto(&summary->seconds, &clock_);
   best_state_ = evaluator->points().current();
-  step_.assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
-  negative_gradient_.resize(step_.size());
-  if (options.refine_landmarks && evaluator->layout().num_landmarks() > 0) {
-    inner_iterations_ = std::make_unique<InnerIterations>(evaluator);
-    summary->work.bytes += inner_iterations_->Bytes();
-  }
-  if (loop.inner_descent != nullptr) {
-    coordinate_descent_ =
-        std::make_unique<CoordinateDescent>(loop.inner_descent->groups, loop.rules, evaluator);
-  }
+  trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
+  negative_gradient_.resize(trial_.step().size());
 }
 
 void TrustRegionMinimizer::Minimize() {
@@ -68,17 +55,7 @@ void TrustRegionMinimizer::Minimize() {
     return;
   }
   while (FinalizeIterationAndContinue()) {
-    iteration_start_time_ = clock_.now();
-    const IterationSummary previous = iteration_;
-    iteration_ = IterationSummary();
-    iteration_.iteration = previous.iteration + 1;
-    iteration_.gradient_norm = previous.gradient_norm;
-    iteration_.gradient_max_norm = previous.gradient_max_norm;
-    if (loop_.judge != nullptr) {
-      AskForRadius();
-    }
-    // of this step; at its end that of the next
-    iteration_.trust_region_radius = strategy_->Radius();
+    BeginIteration();
     if (!ComputeStep()) {
       return;
     }
@@ -88,20 +65,19 @@ void TrustRegionMinimizer::Minimize() {
       }
       continue;
     }
-    if (loop_.judge != nullptr && !loop_.judge->IsWorthTrying(iteration_, cost_)) {
-      GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
+    if (!IsWorthTrying()) {
       return;
     }
     if (summary_.is_constrained && options_.max_num_line_search_step_size_iterations > 0) {
-      SearchAlongStep();
+      line_search_.Shorten(cost_, &trial_.step());
     }
-    ComputeCandidate();
-    DescendByCoordinates();
-    if (ParameterToleranceReached() || FunctionToleranceReached()) {
+    trial_.Run(cost_, &iteration_);
+    if (TolerancesReached()) {
       return;
     }
-    iteration_.relative_decrease = quality_->Evaluate(candidate_cost_, model_decrease_);
-    if (descent_was_useful_ || iteration_.relative_decrease > options_.min_relative_decrease) {
+    iteration_.relative_decrease = quality_->Evaluate(trial_.cost(), trial_.promise());
+    if (trial_.descent_was_useful() ||
+        iteration_.relative_decrease > options_.min_relative_decrease) {
       if (!AcceptStep()) {
         return;
       }
@@ -111,21 +87,38 @@ void TrustRegionMinimizer::Minimize() {
   }
 }
 
-void TrustRegionMinimizer::AskForRadius() {
-  if (const double radius = loop_.judge->RestartRadius(); radius > 0.0) {
-    strategy_->Restart(radius);
+void TrustRegionMinimizer::BeginIteration() {
+  iteration_start_time_ = clock_.now();
+  const IterationSummary previous = iteration_;
+  iteration_ = IterationSummary();
+  iteration_.iteration = previous.iteration + 1;
+  iteration_.gradient_norm = previous.gradient_norm;
+  iteration_.gradient_max_norm = previous.gradient_max_norm;
+  if (loop_.judge != nullptr) {
+    if (const double radius = loop_.judge->RestartRadius(); radius > 0.0) {
+      strategy_->Restart(radius);
+    }
+    strategy_->Widen(loop_.judge->LeastRadius());
   }
-  strategy_->Widen(loop_.judge->LeastRadius());
+  iteration_.trust_region_radius =
+      strategy_->Radius();  // of this step; at its end that of the next
+}
+
+// A step that has a model decrease; false: the judge ends the solve without it.
+bool TrustRegionMinimizer::IsWorthTrying() {
+  return loop_.judge == nullptr || loop_.judge->IsWorthTrying(iteration_, cost_) ||
+         GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
 bool TrustRegionMinimizer::ProjectStart() {
-  std::fill(step_.begin(), step_.end(), 0.0);
-  if (!evaluator_.points().MoveCandidate(step_.data())) {
+  std::vector<double>& none = trial_.step();
+  std::fill(none.begin(), none.end(), 0.0);
+  if (!evaluator_.points().MoveCandidate(none.data())) {
     return Finish(Termination::kFailure,
                   {"Unable to project initial point onto the feasible set."});
   }
   evaluator_.AcceptCandidate();
-  state_norm_ = StateNorm();
+  state_norm_ = evaluation_.StateNorm();
   return true;
 }
 
@@ -133,7 +126,7 @@ bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
   evaluator_.set_loss_curvature(LossCurvature::kPositive);
   Recenter();
-  if (!EvaluateGradientAndJacobian(/*new_point=*/true)) {
+  if (!Linearize(/*new_point=*/true)) {
     if (loop_.rules == CeresRules::k22) {
       Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
     }
@@ -166,7 +159,7 @@ bool TrustRegionMinimizer::Resume() {
   summary_.num_unsuccessful_steps = position.num_unsuccessful_steps;
   num_consecutive_invalid_steps_ = position.num_consecutive_invalid_steps;
   any_step_accepted_ = position.any_step_accepted;
-  state_norm_ = any_step_accepted_ ? StateNorm() : state_norm_;
+  state_norm_ = any_step_accepted_ ? evaluation_.StateNorm() : state_norm_;
   return true;
 }
 
@@ -208,38 +201,16 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   if (!CallbacksContinue()) {
     return false;
   }
-  const double elapsed = agreement_.Max(clock_.now() - start_time_ + loop_.seconds_spent_before);
-  if (elapsed >= options_.max_solver_time_in_seconds) {
-    return Finish(Termination::kNoConvergence,
-                  {"Maximum solver time reached. Total solver time: ", Scientific(elapsed).text(),
-                   " >= ", Scientific(options_.max_solver_time_in_seconds).text(), "."});
-  }
-  if (iteration_.iteration >= options_.max_num_iterations) {
-    return Finish(Termination::kNoConvergence,
-                  {"Maximum number of iterations reached. Number of iterations: ",
-                   std::to_string(iteration_.iteration).c_str(), "."});
-  }
-  if (iteration_.step_is_successful &&
-      iteration_.gradient_max_norm <= options_.gradient_tolerance) {
-    return Finish(Termination::kConvergence,
-                  {"Gradient tolerance reached. Gradient max norm: ",
-                   Scientific(iteration_.gradient_max_norm).text(),
-                   " <= ", Scientific(options_.gradient_tolerance).text()});
-  }
-  if (iteration_.trust_region_radius <= options_.min_trust_region_radius) {
-    return Finish(Termination::kConvergence,
-                  {"Minimum trust region radius reached. Trust region radius: ",
-                   Scientific(iteration_.trust_region_radius).text(),
-                   " <= ", Scientific(options_.min_trust_region_radius).text()});
-  }
-  return true;
+  const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
+  return GoesOnAfter(iteration_, evaluation_.agreement().Max(elapsed), options_, &summary_);
 }
 
 bool TrustRegionMinimizer::CallbacksContinue() {
-  if (agreement_.All(options_.observer == nullptr && !options_.progress && !options_.callback)) {
+  if (evaluation_.agreement().All(options_.observer == nullptr && !options_.progress &&
+                                  !options_.callback)) {
     return true;
   }
-  const ObserverAction action = agreement_.Ask([this] { return AskObservers(); });
+  const ObserverAction action = evaluation_.agreement().Ask([this] { return AskObservers(); });
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
 }
@@ -264,14 +235,9 @@ ObserverAction TrustRegionMinimizer::AskObservers() {
 bool TrustRegionMinimizer::ComputeStep() {
   const double start = clock_.now();
   int num_solves = 0;
-  const Status solved = strategy_->ComputeStep(&model_, step_.data(), &num_solves);
+  const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
   iteration_.step_solver_time_in_seconds = clock_.Read() - start;
-  iteration_.linear_solver_iterations =
-      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
-  summary_.work.num_linear_solves += num_solves;
-  summary_.work.num_conjugate_gradients +=
-      IsIterative(options_.linear_model) ? iteration_.linear_solver_iterations : 0;
-  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
+  CountSolves(num_solves);
   if (num_solves > 0) {
     ShowSystem();
   }
@@ -280,18 +246,26 @@ bool TrustRegionMinimizer::ComputeStep() {
     return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "
                                           "causes. Please see the error log for clues. "});
   }
-  if (!solved.ok() || !model_.IsFinite(step_)) {
+  if (!solved.ok() || !model_.IsFinite(trial_.step())) {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
-  model_decrease_ = model_.ModelDecrease(step_.data());
-  clock_.Charge(&summary_.seconds.model_cost);
-  iteration_.step_is_valid = model_decrease_ > 0.0;
+  const double promise = trial_.FindPromise();
+  iteration_.step_is_valid = promise > 0.0;
   if (iteration_.step_is_valid) {
-    iteration_.model_cost_change = model_decrease_;
+    iteration_.model_cost_change = promise;
     num_consecutive_invalid_steps_ = 0;
   }
   return true;
+}
+
+void TrustRegionMinimizer::CountSolves(int num_solves) {
+  iteration_.linear_solver_iterations =
+      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
+  summary_.work.num_linear_solves += num_solves;
+  summary_.work.num_conjugate_gradients +=
+      IsIterative(options_.linear_model) ? iteration_.linear_solver_iterations : 0;
+  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
 }
 
 bool TrustRegionMinimizer::HandleInvalidStep() {
@@ -306,132 +280,69 @@ bool TrustRegionMinimizer::HandleInvalidStep() {
   return true;
 }
 
-void TrustRegionMinimizer::ComputeCandidate() {
-  candidate_cost_ = std::numeric_limits<double>::max();
-  is_cut_ = false;
-  double cost = 0.0;
-  const bool moved = MoveCandidate(step_);
-  if (!moved && summary_.failed_step.empty()) {
-    summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
-  }
-  bool evaluated = moved && EvaluateCandidate(&cost);
-  if (IsByMarquardt() && evaluated) {
-    ShortenStep(&cost);
-  } else if (IsByMarquardt()) {
-    evaluated = CutStep(&cost);
-  }
-  if (evaluated) {
-    candidate_cost_ = cost;
-    if (inner_iterations_ != nullptr && inner_iterations_->IsDue(cost_ - cost)) {
-      RunInnerIterations();
+// Ceres asks before a candidate is accepted. (CeresRules::k22 leaves the norm of the first steps 0.)
+bool TrustRegionMinimizer::TolerancesReached() {
+  if (loop_.rules == CeresRules::k21 || any_step_accepted_) {
+    iteration_.step_norm = evaluation_.CandidateDistance(nullptr);
+    if (!trial_.IsHeldAtBorder() &&
+        EndsByParameterTolerance(iteration_.step_norm, state_norm_, options_.parameter_tolerance,
+                                 &summary_)) {
+      return true;
     }
   }
-}
-
-bool TrustRegionMinimizer::EvaluateCandidate(double* cost) {
-  if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
-                                        /*new_point=*/true);
-  }
-  ++summary_.work.num_residual_evaluations;
-  const Status evaluated = agreement_.Evaluate(
-      [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
-  clock_.Charge(&summary_.seconds.residuals);
-  const bool usable = evaluated.ok() && IsCostUsable(*cost);
-  if (!usable && summary_.failed_step.empty()) {
-    summary_.failed_step =
-        evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
-  }
-  return usable;
-}
-
-bool TrustRegionMinimizer::IsCostUsable(double cost) const {
-  return loop_.rules == CeresRules::k21 || std::isfinite(cost);
-}
-
-// What the landmarks gain by themselves counts as promised, as in Ceres: it says nothing about the
-// step's model.
-void TrustRegionMinimizer::RunInnerIterations() {
-  const double min_gain = kInnerShare * options_.function_tolerance * (cost_ - loop_.fixed_cost) /
-                          evaluator_.layout().num_landmarks();
-  const double gain = inner_iterations_->Run(min_gain, cost_ - candidate_cost_);
-  summary_.work.num_refined_landmarks += inner_iterations_->num_moved();
-  inner_iterations_->Pace(gain, cost_ - candidate_cost_);
-  candidate_cost_ -= gain;
-  model_decrease_ += gain;
-  iteration_.model_cost_change = model_decrease_;
-}
-
-bool TrustRegionMinimizer::ParameterToleranceReached() {
-  if (loop_.rules == CeresRules::k22 && !any_step_accepted_) {
-    return false;
-  }
-  iteration_.step_norm =
-      StateDistance(evaluator_.points().current(), evaluator_.points().candidate(), nullptr);
-  const double tolerance = options_.parameter_tolerance;
-  if (iteration_.step_norm > tolerance * (state_norm_ + tolerance) || IsHeldAtBorder()) {
-    return false;
-  }
-  Finish(Termination::kConvergence,
-         {"Parameter tolerance reached. Relative step_norm: ",
-          Scientific(iteration_.step_norm / (state_norm_ + tolerance)).text(),
-          " <= ", Scientific(tolerance).text(), "."});
-  return true;
-}
-
-bool TrustRegionMinimizer::FunctionToleranceReached() {
-  iteration_.cost_change = cost_ - candidate_cost_;
-  // Written so that a NaN cost counts as converged (CeresRules::k21).
-  if (std::fabs(iteration_.cost_change) >
-          options_.function_tolerance * (cost_ - loop_.fixed_cost) ||
-      IsHeldAtBorder()) {
-    return false;
-  }
-  summary_.discarded_cost_change = iteration_.cost_change;
-  Finish(Termination::kConvergence, {"Function tolerance reached. |cost_change|/cost: ",
-                                     Scientific(std::fabs(iteration_.cost_change) / cost_).text(),
-                                     " <= ", Scientific(options_.function_tolerance).text()});
-  return true;
+  iteration_.cost_change = cost_ - trial_.cost();
+  return !trial_.IsHeldAtBorder() &&
+         EndsByFunctionTolerance(iteration_.cost_change, cost_, loop_.fixed_cost,
+                                 options_.function_tolerance, &summary_);
 }
 
 bool TrustRegionMinimizer::AcceptStep() {
   any_step_accepted_ = true;
   evaluator_.AcceptCandidate();
-  state_norm_ = StateNorm();
+  state_norm_ = evaluation_.StateNorm();
   const bool recentered = Recenter();
   iteration_.step_is_successful = true;
-  iteration_.cost = candidate_cost_;
+  iteration_.cost = trial_.cost();
   if (!recentered && loop_.judge != nullptr && loop_.judge->IsLast(iteration_)) {
     return FinishHere();
   }
   const bool steady =
       options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
-  if (!EvaluateGradientAndJacobian(/*new_point=*/false)) {
+  if (!Linearize(/*new_point=*/false)) {
     return false;
   }
-  if (inner_iterations_ != nullptr) {
-    candidate_cost_ = cost_;  // summed anew, where gains had been taken off
-  }
   iteration_.cost = cost_;
-  if (is_cut_) {
+  AdaptRadius();
+  if (recentered) {
+    quality_ = JudgeFromHere();
+  } else {
+    // summed anew, where gains had been taken off
+    quality_->StepAccepted(trial_.RefinesLandmarks() ? cost_ : trial_.cost(), trial_.promise());
+  }
+  return true;
+}
+
+// After a step that was accepted.
+void TrustRegionMinimizer::AdaptRadius() {
+  if (trial_.is_cut()) {
     LeaveBorder();
   } else if (iteration_.step_share < kLargeShare) {
     strategy_->StepRejected();
   } else {
     strategy_->StepAccepted(iteration_.relative_decrease);
   }
-  if (recentered) {
-    quality_ = JudgeFromHere();
-  } else {
-    quality_->StepAccepted(candidate_cost_, model_decrease_);
-  }
-  return true;
+}
+
+// All lengths of this step have been tried: much more damping is to turn the next one.
+void TrustRegionMinimizer::LeaveBorder() {
+  strategy_->StepRejected();
+  strategy_->StepRejected();
 }
 
 // The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
-  cost_ = candidate_cost_;
+  cost_ = trial_.cost();
   return FinalizeIterationAndContinue() &&
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
@@ -439,7 +350,7 @@ bool TrustRegionMinimizer::FinishHere() {
 // At a point just accepted. True if the cost is another function from now on: the best state is
 // then looked for anew.
 bool TrustRegionMinimizer::Recenter() {
-  const int num_recentered = static_cast<int>(agreement_.Sum(evaluator_.Recenter()));
+  const int num_recentered = static_cast<int>(evaluation_.agreement().Sum(evaluator_.Recenter()));
   if (num_recentered == 0) {
     return false;
   }
@@ -454,27 +365,16 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 }
 
 void TrustRegionMinimizer::RejectStep() {
-  iteration_.cost = candidate_cost_;
-  if (IsByMarquardt() && !HasCandidate()) {
+  iteration_.cost = trial_.cost();
+  if (trial_.EndsBeyondBorder()) {
     LeaveBorder();
   } else {
     strategy_->StepRejected();
   }
 }
 
-bool TrustRegionMinimizer::EvaluateGradientAndJacobian(bool new_point) {
-  if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
-                                        new_point);
-  }
-  ++summary_.work.num_jacobian_evaluations;
-  const auto evaluation = [this, new_point](double* own) {
-    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own);
-  };
-  const Status evaluated = agreement_.Evaluate(evaluation, &cost_);
-  clock_.Charge(&summary_.seconds.jacobians);
-  if (!evaluated.ok() || !IsCostUsable(cost_)) {
-    summary_.detail = evaluated.ok() ? "the sum of all costs is not finite" : evaluated.message;
+bool TrustRegionMinimizer::Linearize(bool new_point) {
+  if (!evaluation_.Jacobians(new_point, &cost_)) {
     return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
   }
   model_.Refresh();
@@ -485,67 +385,16 @@ bool TrustRegionMinimizer::ComputeGradientNorms() {
   const std::vector<double>& g = model_.Gradient();
   std::transform(g.begin(), g.end(), negative_gradient_.begin(),
                  [](double entry) { return -entry; });
-  if (!MoveCandidate(negative_gradient_)) {
+  if (!evaluation_.MoveCandidate(negative_gradient_)) {
     return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
   }
-  iteration_.gradient_norm =
-      StateDistance(evaluator_.points().current(), evaluator_.points().candidate(),
-                    &iteration_.gradient_max_norm);
+  iteration_.gradient_norm = evaluation_.CandidateDistance(&iteration_.gradient_max_norm);
   return true;
-}
-
-bool TrustRegionMinimizer::MoveCandidate(const std::vector<double>& step) {
-  return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
-}
-
-double TrustRegionMinimizer::StateNorm() const {
-  double sum = 0.0;
-  const std::vector<VariableId>& variables = evaluator_.layout().variables;
-  for (std::size_t i = 0; i < variables.size(); ++i) {
-    if (agreement_.CountsElsewhere(i)) {
-      continue;
-    }
-    const double* x = evaluator_.points().current().data() + graph_.StateOffset(variables[i]);
-    for (int k = 0; k < graph_.AmbientSize(variables[i]); ++k) {
-      sum += x[k] * x[k];
-    }
-  }
-  return std::sqrt(agreement_.Sum(sum));
-}
-
-// ‖a − b‖₂ over the variables that move, and the largest difference.
-double TrustRegionMinimizer::StateDistance(const std::vector<double>& a,
-                                           const std::vector<double>& b, double* max_norm) const {
-  double sum = 0.0;
-  double largest = 0.0;
-  const std::vector<VariableId>& variables = evaluator_.layout().variables;
-  for (std::size_t i = 0; i < variables.size(); ++i) {
-    if (agreement_.CountsElsewhere(i)) {
-      continue;
-    }
-    const auto offset = static_cast<std::size_t>(graph_.StateOffset(variables[i]));
-    const auto size = static_cast<std::size_t>(graph_.AmbientSize(variables[i]));
-    for (std::size_t k = offset; k < offset + size; ++k) {
-      const double difference = a[k] - b[k];
-      sum += difference * difference;
-      largest = std::max(largest, std::fabs(difference));
-    }
-  }
-  if (max_norm != nullptr) {
-    *max_norm = agreement_.Max(largest);
-  }
-  return std::sqrt(agreement_.Sum(sum));
 }
 
 bool TrustRegionMinimizer::Finish(Termination termination,
                                   std::initializer_list<const char*> words) {
-  summary_.termination = termination;
-  summary_.message.clear();
-  summary_.message.reserve(120);  // as long as most
-  for (const char* word : words) {
-    summary_.message += word;
-  }
-  return false;
+  return EndSolve(termination, words, &summary_);
 }
 
 }  // namespace inceres::internal

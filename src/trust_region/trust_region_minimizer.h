@@ -1,7 +1,6 @@
 #pragma once
 
 #include <initializer_list>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -11,13 +10,12 @@
 #include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
-#include "schur/inner_iterations.h"
-#include "trust_region/agreement.h"
-#include "trust_region/coordinate_descent.h"
+#include "trust_region/bounded_line_search.h"
 #include "trust_region/linear_model.h"
+#include "trust_region/loop_evaluation.h"
 #include "trust_region/loop_options.h"
-#include "trust_region/polynomial.h"
 #include "trust_region/step_quality.h"
+#include "trust_region/step_trial.h"
 #include "trust_region/strategy.h"
 
 namespace inceres::internal {
@@ -64,43 +62,25 @@ class TrustRegionMinimizer {
   bool EvaluateStart();
   bool Resume();
   void KeepPosition();
+  void BeginIteration();
   bool FinalizeIterationAndContinue();
-  void AskForRadius();
+  bool CallbacksContinue();
+  ObserverAction AskObservers();
   bool ComputeStep();
+  void CountSolves(int num_solves);
   void ShowSystem();
   bool HandleInvalidStep();
-  void SearchAlongStep();
-  FunctionSample SampleStep(double t);
-  void ComputeCandidate();
-  bool IsByMarquardt() const { return options_.strategy == TrustRegionStrategyKind::kMarquardt; }
-  bool HasCandidate() const { return candidate_cost_ < std::numeric_limits<double>::max(); }
-  /// Whether the last step was short only because it, or its end, cannot be evaluated.
-  bool IsHeldAtBorder() const { return IsByMarquardt() && (is_cut_ || !HasCandidate()); }
-  bool CutStep(double* cost);
-  void LeaveBorder();
-  void ShortenStep(double* cost);
-  bool EvaluateAlong(double t, double* cost);
-  void TakeShare(double t);
-  bool Recenter();
-  StepQuality JudgeFromHere() const;
-  void RunInnerIterations();
-  void DescendByCoordinates();
-  bool ParameterToleranceReached();
-  bool FunctionToleranceReached();
+  bool IsWorthTrying();
+  bool TolerancesReached();
   bool AcceptStep();
   bool FinishHere();
   void RejectStep();
-
-  bool EvaluateCandidate(double* cost);
-  bool IsCostUsable(double cost) const;
-  bool EvaluateGradientAndJacobian(bool new_point);
+  void LeaveBorder();
+  void AdaptRadius();
+  bool Recenter();
+  StepQuality JudgeFromHere() const;
+  bool Linearize(bool new_point);
   bool ComputeGradientNorms();
-  bool MoveCandidate(const std::vector<double>& step);
-  double StateNorm() const;
-  double StateDistance(const std::vector<double>& a, const std::vector<double>& b,
-                       double* max_norm) const;
-  bool CallbacksContinue();
-  ObserverAction AskObservers();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;
@@ -108,32 +88,22 @@ class TrustRegionMinimizer {
   Evaluator& evaluator_;
   LinearModel& model_;
   Summary& summary_;
-  const FactorGraph& graph_;
-  const Agreement alone_;
-  const Agreement& agreement_;
   StageClock clock_;
   const double start_time_;
+  LoopEvaluation evaluation_;
+  StepTrial trial_;
+  BoundedLineSearch line_search_;
 
   std::vector<double>& scale_;
   std::vector<double>& best_state_;
-  std::vector<double>& step_;
-  std::vector<double>& scaled_step_;
   std::vector<double>& negative_gradient_;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;
-  std::unique_ptr<InnerIterations> inner_iterations_;      // null: none
-  std::unique_ptr<CoordinateDescent> coordinate_descent_;  // null: none, or no more
-  bool descent_was_useful_ = false;
   IterationSummary iteration_;
   double iteration_start_time_ = 0.0;
 
-  // evaluates slopes along a step: the Jacobians of the current point are still needed
-  std::unique_ptr<Evaluator> trial_;
   double cost_ = 0.0;  // at the current point
-  double candidate_cost_ = 0.0;
-  bool is_cut_ = false;  // the step, before a border
   double best_cost_;
-  double model_decrease_ = 0.0;
   double state_norm_ = -1.0;  // unknown until a step was accepted (CeresRules::k21)
   bool any_step_accepted_ = false;
   int num_consecutive_invalid_steps_ = 0;

@@ -1,0 +1,79 @@
+#include "trust_region/loop_ends.h"
+
+#include <cmath>
+#include <string>
+
+#include "base/scientific.h"
+
+namespace inceres::internal {
+
+bool EndSolve(Termination termination, std::initializer_list<const char*> words, Summary* summary) {
+  summary->termination = termination;
+  summary->message.clear();
+  summary->message.reserve(120);  // as long as most
+  for (const char* word : words) {
+    summary->message += word;
+  }
+  return false;
+}
+
+bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
+                 const SolverOptions& options, Summary* summary) {
+  if (elapsed_seconds >= options.max_solver_time_in_seconds) {
+    return EndSolve(
+        Termination::kNoConvergence,
+        {"Maximum solver time reached. Total solver time: ", Scientific(elapsed_seconds).text(),
+         " >= ", Scientific(options.max_solver_time_in_seconds).text(), "."},
+        summary);
+  }
+  if (iteration.iteration >= options.max_num_iterations) {
+    return EndSolve(Termination::kNoConvergence,
+                    {"Maximum number of iterations reached. Number of iterations: ",
+                     std::to_string(iteration.iteration).c_str(), "."},
+                    summary);
+  }
+  if (iteration.step_is_successful && iteration.gradient_max_norm <= options.gradient_tolerance) {
+    return EndSolve(Termination::kConvergence,
+                    {"Gradient tolerance reached. Gradient max norm: ",
+                     Scientific(iteration.gradient_max_norm).text(),
+                     " <= ", Scientific(options.gradient_tolerance).text()},
+                    summary);
+  }
+  if (iteration.trust_region_radius <= options.min_trust_region_radius) {
+    return EndSolve(Termination::kConvergence,
+                    {"Minimum trust region radius reached. Trust region radius: ",
+                     Scientific(iteration.trust_region_radius).text(),
+                     " <= ", Scientific(options.min_trust_region_radius).text()},
+                    summary);
+  }
+  return true;
+}
+
+bool EndsByParameterTolerance(double step_norm, double state_norm, double tolerance,
+                              Summary* summary) {
+  if (step_norm > tolerance * (state_norm + tolerance)) {
+    return false;
+  }
+  EndSolve(Termination::kConvergence,
+           {"Parameter tolerance reached. Relative step_norm: ",
+            Scientific(step_norm / (state_norm + tolerance)).text(),
+            " <= ", Scientific(tolerance).text(), "."},
+           summary);
+  return true;
+}
+
+bool EndsByFunctionTolerance(double cost_change, double cost, double fixed_cost, double tolerance,
+                             Summary* summary) {
+  // Written so that a NaN cost counts as converged (CeresRules::k21).
+  if (std::fabs(cost_change) > tolerance * (cost - fixed_cost)) {
+    return false;
+  }
+  summary->discarded_cost_change = cost_change;
+  EndSolve(Termination::kConvergence,
+           {"Function tolerance reached. |cost_change|/cost: ",
+            Scientific(std::fabs(cost_change) / cost).text(), " <= ", Scientific(tolerance).text()},
+           summary);
+  return true;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,107 @@
+#include "trust_region/loop_evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace inceres::internal {
+namespace {
+
+constexpr char kNotFinite[] = "the sum of all costs is not finite";
+
+}  // namespace
+
+LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& loop,
+                               Evaluator* evaluator, StageClock* clock, Summary* summary)
+    : options_(options),
+      loop_(loop),
+      evaluator_(*evaluator),
+      clock_(*clock),
+      summary_(*summary),
+      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
+}
+
+bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
+  return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
+}
+
+bool LoopEvaluation::CandidateCost(double* cost) {
+  if (options_.observer != nullptr) {
+    options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
+                                        /*new_point=*/true);
+  }
+  ++summary_.work.num_residual_evaluations;
+  const Status evaluated = agreement_.Evaluate(
+      [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
+  clock_.Charge(&summary_.seconds.residuals);
+  const bool usable = evaluated.ok() && IsUsable(*cost);
+  if (!usable && summary_.failed_step.empty()) {
+    summary_.failed_step = evaluated.ok() ? kNotFinite : evaluated.message;
+  }
+  return usable;
+}
+
+bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
+  if (options_.observer != nullptr) {
+    options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
+                                        new_point);
+  }
+  ++summary_.work.num_jacobian_evaluations;
+  const auto evaluation = [this, new_point](double* own) {
+    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own);
+  };
+  const Status evaluated = agreement_.Evaluate(evaluation, cost);
+  clock_.Charge(&summary_.seconds.jacobians);
+  const bool usable = evaluated.ok() && IsUsable(*cost);
+  if (!usable) {
+    summary_.detail = evaluated.ok() ? kNotFinite : evaluated.message;
+  }
+  return usable;
+}
+
+bool LoopEvaluation::IsUsable(double cost) const {
+  return loop_.rules == CeresRules::k21 || std::isfinite(cost);
+}
+
+double LoopEvaluation::StateNorm() const {
+  double sum = 0.0;
+  const FactorGraph& graph = evaluator_.graph();
+  const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    if (agreement_.CountsElsewhere(i)) {
+      continue;
+    }
+    const double* x = evaluator_.points().current().data() + graph.StateOffset(variables[i]);
+    for (int k = 0; k < graph.AmbientSize(variables[i]); ++k) {
+      sum += x[k] * x[k];
+    }
+  }
+  return std::sqrt(agreement_.Sum(sum));
+}
+
+double LoopEvaluation::CandidateDistance(double* max_norm) const {
+  double sum = 0.0;
+  double largest = 0.0;
+  const std::vector<double>& from = evaluator_.points().current();
+  const std::vector<double>& to = evaluator_.points().candidate();
+  const FactorGraph& graph = evaluator_.graph();
+  const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    if (agreement_.CountsElsewhere(i)) {
+      continue;
+    }
+    const auto offset = static_cast<std::size_t>(graph.StateOffset(variables[i]));
+    const auto size = static_cast<std::size_t>(graph.AmbientSize(variables[i]));
+    for (std::size_t k = offset; k < offset + size; ++k) {
+      const double difference = from[k] - to[k];
+      sum += difference * difference;
+      largest = std::max(largest, std::fabs(difference));
+    }
+  }
+  if (max_norm != nullptr) {
+    *max_norm = agreement_.Max(largest);
+  }
+  return std::sqrt(agreement_.Sum(sum));
+}
+
+}  // namespace inceres::internal
