@@ -3,14 +3,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
+#include "incremental/factor_contributions.h"
 #include "incremental/incremental_structure.h"
 #include "incremental/index_set.h"
 #include "incremental/landmark_blocks.h"
+#include "incremental/landmark_contributions.h"
 #include "incremental/landmark_gains.h"
-#include "incremental/padded_vectors.h"
-#include "incremental/row_changes.h"
-#include "linear/block_rows.h"
+#include "incremental/schur_sums.h"
 #include "linearize/incremental_family.h"
 
 namespace inceres::internal {
@@ -36,9 +35,12 @@ class IncrementalSchur {
 
   explicit IncrementalSchur(std::vector<IncrementalFamily>* families)
       : families_(*families),
-        kernels_(BestKernels()),
         structure_(families),
-        blocks_(families, &structure_) {}
+        blocks_(families, &structure_),
+        factors_(families, &structure_, &sums_),
+        contributions_(&structure_, &blocks_, &sums_) {}
+  IncrementalSchur(const IncrementalSchur&) = delete;
+  IncrementalSchur& operator=(const IncrementalSchur&) = delete;
 
   int AddFrame(VariableId id, std::int32_t quad, int size);
   int AddLandmark(VariableId id, std::int32_t quad, int size);
@@ -58,12 +60,12 @@ class IncrementalSchur {
 
   /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1
   /// takes out.
-  void AddFactor(FactorRef ref, double sign);
+  void AddFactor(FactorRef ref, double sign) { factors_.Add(ref, sign); }
   /// The same with Jacobians about to change: KeepFactor before, ReplaceFactor after, with what it
   /// gave. DropKept ends the lot.
-  std::ptrdiff_t KeepFactor(FactorRef ref);
-  void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept);
-  void DropKept() { num_kept_ = 0; }
+  std::ptrdiff_t KeepFactor(FactorRef ref) { return factors_.Keep(ref); }
+  void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept) { factors_.Replace(ref, kept); }
+  void DropKept() { factors_.DropKept(); }
   /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected
   /// or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
@@ -86,25 +88,27 @@ class IncrementalSchur {
   void BeginRebuild() { rebuilding_ = true; }
   void Rebuild();
 
-  const SymmetricBlockRows& S() const { return S_; }
+  const SymmetricBlockRows& S() const { return sums_.S(); }
   /// The frame's entries of diag(C).
-  const double* FrameDiagonal(int frame) const { return vectors_.diagonal(frames()[frame].quad); }
+  const double* FrameDiagonal(int frame) const {
+    return sums_.vectors().diagonal(frames()[frame].quad);
+  }
   /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
   int size() const { return offsets_.back(); }
   /// What a step under trial does to b and η, by quads: zero but for what whoever tries the step
   /// has written. TakeChange and RefreshResidual take it over and DropFrameChange or
   /// DropLandmarkChange forgets it, variable by variable.
-  double* padded_change() { return vectors_.change(); }
+  double* padded_change() { return sums_.vectors().change(); }
   void TakeChange(int frame);
   void DropFrameChange(int frame) {
-    vectors_.DropChange(frames()[frame].quad, frames()[frame].size);
+    sums_.vectors().DropChange(frames()[frame].quad, frames()[frame].size);
   }
   void DropLandmarkChange(int landmark) {
-    vectors_.DropChange(landmarks()[landmark].quad, landmarks()[landmark].size);
+    sums_.vectors().DropChange(landmarks()[landmark].quad, landmarks()[landmark].size);
   }
-  const double* b(int frame) const { return vectors_.rhs(frames()[frame].quad); }
-  const double* eta(int landmark) const { return vectors_.rhs(landmarks()[landmark].quad); }
+  const double* b(int frame) const { return sums_.vectors().rhs(frames()[frame].quad); }
+  const double* eta(int landmark) const { return sums_.vectors().rhs(landmarks()[landmark].quad); }
 
   const IncrementalStructure& structure() const { return structure_; }
   const std::vector<Frame>& frames() const { return structure_.frames(); }
@@ -118,57 +122,32 @@ class IncrementalSchur {
   void RhsNorms(double* max_norm, double* norm) const;
 
   /// What has changed of S and b, held frames included, for those who follow them.
-  RowChanges& changes() { return changes_; }
-  const RowChanges& changes() const { return changes_; }
+  RowChanges& changes() { return sums_.changes(); }
+  const RowChanges& changes() const { return sums_.changes(); }
   /// Block products of all landmark contributions in S.
   std::int64_t NumPairs() const { return num_pairs_; }
   std::int64_t Bytes() const;
 
  private:
   void UpdateOffsets(std::int32_t first);
-  void AddFactorToRow(FactorRef ref, std::int32_t only);
-  const std::int32_t* BlocksOfFactor(FactorRef ref);
-  Contribution RowsOfFactor(FactorRef ref);
-  void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
-               const std::int32_t* blocks);
   void Eliminate(std::int32_t landmark);
-  void AddContribution(std::int32_t landmark, double sign);
-  void ReplaceContribution(std::int32_t landmark, const double* Y_out, const double* z_out);
-  double* KeepRoom(std::ptrdiff_t count);
-  // As AddContribution, for the blocks and entries for which part(row)(column) and part(row)(row)
-  // hold.
-  template <typename Part>
-  void AddPart(std::int32_t landmark, double sign, const Part& part);
   bool Invert(std::int32_t landmark, double lambda);
   void LeaveOutside(std::int32_t landmark);
-  // Quad offset of a block of S, row ≥ column.
-  std::int32_t BlockOf(std::int32_t row, std::int32_t column) {
-    return static_cast<std::int32_t>(S_.FindOrAdd(row, column) / kQuad);
-  }
   void ResumFrame(std::int32_t frame);
   void RenewGain(std::int32_t landmark);
 
   std::vector<IncrementalFamily>& families_;
-  const Kernels& kernels_;
   IncrementalStructure structure_;
   LandmarkBlocks blocks_;
   LandmarkGains gains_;
-  // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first
-  // -1: not looked up yet.
-  std::vector<std::vector<std::int32_t>> factor_blocks_;
-  SymmetricBlockRows S_;
+  SchurSums sums_;
+  FactorContributions factors_;
+  LandmarkContributions contributions_;
   std::vector<int> offsets_{0};
-  PaddedVectors vectors_;
   std::int64_t num_pairs_ = 0;
   bool rebuilding_ = false;
-  RowChanges changes_;
   double drift_cost_ = 0.0;  // when all rows were looked at
   std::vector<std::int32_t> scratch_;
-  std::vector<BlockRow> rows_;         // of the contribution under way
-  AlignedVector<double> kept_;         // rows and q of factors, and Y, as they are in S
-  std::ptrdiff_t num_kept_ = 0;        // entries of it in use
-  std::vector<std::int32_t> rows_of_;  // their frames
-  std::vector<std::int32_t> targets_;  // those of some rows alone
 };
 
 }  // namespace inceres::internal

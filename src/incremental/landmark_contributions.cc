@@ -1,0 +1,70 @@
+#include "incremental/landmark_contributions.h"
+
+#include <algorithm>
+#include <cstddef>
+
+namespace inceres::internal {
+
+void LandmarkContributions::Add(std::int32_t landmark, double sign) {
+  const Contribution contribution = blocks_.Rows(landmark, &rows_);
+  sums_.AddProducts(contribution, sign, blocks_.Targets(landmark).data());
+  sums_.AddToB(contribution, blocks_.z(landmark), nullptr, sign);
+  sums_.Touch(FramesOf(landmark));
+}
+
+void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* eta) {
+  const std::ptrdiff_t size = blocks_.SizeOfY(landmark);
+  if (size > static_cast<std::ptrdiff_t>(Y_out_.size())) {
+    Y_out_.resize(static_cast<std::size_t>(2 * size));
+  }
+  std::copy_n(blocks_.Y(landmark), size, Y_out_.data());
+  double z_out[kQuad];
+  std::copy_n(blocks_.z(landmark), kQuad, z_out);
+  blocks_.Eliminate(landmark, eta);
+
+  Contribution contribution = blocks_.Rows(landmark, &rows_);
+  const double* Y = blocks_.Y(landmark);
+  for (BlockRow& row : rows_) {
+    row.out = Y_out_.data() + (row.A - Y);
+  }
+  contribution.replaces = true;
+  sums_.AddProducts(contribution, -1.0, blocks_.Targets(landmark).data());
+  sums_.AddToB(contribution, blocks_.z(landmark), z_out, -1.0);
+  sums_.Touch(FramesOf(landmark));
+}
+
+// For the blocks and entries for which part(row)(column) and part(row)(row) hold.
+template <typename Part>
+void LandmarkContributions::AddPart(std::int32_t landmark, double sign, const Part& part) {
+  const Contribution contribution = blocks_.Rows(landmark, &rows_);
+  const std::vector<std::int32_t>& frames = FramesOf(landmark);
+  targets_ = blocks_.Targets(landmark);
+  std::size_t at = 0;
+  for (int r = 0; r < contribution.count; ++r) {
+    const auto is_in = part(frames[r]);
+    for (int c = 0; c <= r; ++c, ++at) {
+      targets_[at] = is_in(frames[c]) ? targets_[at] : -1;
+    }
+    if (is_in(frames[r])) {
+      sums_.AddToB({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark), nullptr,
+                   sign);
+      sums_.changes().Touch(frames[r]);
+    }
+  }
+  sums_.AddProducts(contribution, sign, targets_.data());
+}
+
+void LandmarkContributions::AddWithin(std::int32_t landmark, double sign, const IndexSet& rows) {
+  AddPart(landmark, sign, [&rows](std::int32_t r) {
+    return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); };
+  });
+}
+
+void LandmarkContributions::AddAcross(std::int32_t landmark, double sign, std::int32_t row) {
+  AddPart(landmark, sign, [row](std::int32_t r) {
+    return [row, in = r == row](std::int32_t c) { return in || c == row; };
+  });
+  sums_.Touch(FramesOf(landmark));
+}
+
+}  // namespace inceres::internal
