@@ -33,6 +33,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       start_time_(clock_.now()),
       evaluation_(options, loop, evaluator, &clock_, summary),
       trial_(options, loop, &evaluation_, model, &memory->step, &memory->scaled_step, summary),
+      step_solve_(options, loop, &evaluation_, model, &memory->strategy, &trial_, summary),
       line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
       scale_(memory->scale),
       best_state_(memory->best_state),
@@ -56,11 +57,12 @@ void TrustRegionMinimizer::Minimize() {
   }
   while (FinalizeIterationAndContinue()) {
     BeginIteration();
-    if (!ComputeStep()) {
+    if (!step_solve_.Run(scale_, &iteration_)) {
       return;
     }
     if (!iteration_.step_is_valid) {
-      if (!HandleInvalidStep()) {
+      iteration_.cost = cost_;
+      if (!step_solve_.GoOnWithout()) {
         return;
       }
       continue;
@@ -157,7 +159,7 @@ bool TrustRegionMinimizer::Resume() {
   summary_.initial_cost = position.initial_cost;
   summary_.num_successful_steps = position.num_successful_steps - 1;
   summary_.num_unsuccessful_steps = position.num_unsuccessful_steps;
-  num_consecutive_invalid_steps_ = position.num_consecutive_invalid_steps;
+  step_solve_.set_num_invalid(position.num_consecutive_invalid_steps);
   any_step_accepted_ = position.any_step_accepted;
   state_norm_ = any_step_accepted_ ? evaluation_.StateNorm() : state_norm_;
   return true;
@@ -172,7 +174,7 @@ void TrustRegionMinimizer::KeepPosition() {
   position.iteration = iteration_.iteration;
   position.initial_cost = summary_.initial_cost;
   position.any_step_accepted = any_step_accepted_;
-  position.num_consecutive_invalid_steps = num_consecutive_invalid_steps_;
+  position.num_consecutive_invalid_steps = step_solve_.num_invalid();
   position.num_successful_steps = summary_.num_successful_steps;
   position.num_unsuccessful_steps = summary_.num_unsuccessful_steps;
   position.strategy = strategy_->Save();
@@ -229,55 +231,6 @@ ObserverAction TrustRegionMinimizer::AskObservers() {
   return action == ObserverAction::kContinue && options_.callback
              ? options_.callback(iteration_, best_state_.data())
              : action;
-}
-
-// False only on an unrecoverable failure; otherwise iteration_.step_is_valid tells.
-bool TrustRegionMinimizer::ComputeStep() {
-  const double start = clock_.now();
-  int num_solves = 0;
-  const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
-  iteration_.step_solver_time_in_seconds = clock_.Read() - start;
-  CountSolves(num_solves);
-  if (num_solves > 0) {
-    ShowSystem();
-  }
-  if (!solved.ok() && solved.code != StatusCode::kSingular) {
-    summary_.detail = solved.message;
-    return Finish(Termination::kFailure, {"Linear solver failed due to unrecoverable non-numeric "
-                                          "causes. Please see the error log for clues. "});
-  }
-  if (!solved.ok() || !model_.IsFinite(trial_.step())) {
-    summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
-    return true;
-  }
-  const double promise = trial_.FindPromise();
-  iteration_.step_is_valid = promise > 0.0;
-  if (iteration_.step_is_valid) {
-    iteration_.model_cost_change = promise;
-    num_consecutive_invalid_steps_ = 0;
-  }
-  return true;
-}
-
-void TrustRegionMinimizer::CountSolves(int num_solves) {
-  iteration_.linear_solver_iterations =
-      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
-  summary_.work.num_linear_solves += num_solves;
-  summary_.work.num_conjugate_gradients +=
-      IsIterative(options_.linear_model) ? iteration_.linear_solver_iterations : 0;
-  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
-}
-
-bool TrustRegionMinimizer::HandleInvalidStep() {
-  if (++num_consecutive_invalid_steps_ >= options_.max_num_consecutive_invalid_steps) {
-    return Finish(Termination::kFailure,
-                  {"Number of consecutive invalid steps more than "
-                   "Solver::Options::max_num_consecutive_invalid_steps: ",
-                   std::to_string(options_.max_num_consecutive_invalid_steps).c_str()});
-  }
-  strategy_->StepIsInvalid();
-  iteration_.cost = cost_;
-  return true;
 }
 
 // Ceres asks before a candidate is accepted. (CeresRules::k22 leaves the norm of the first steps 0.)

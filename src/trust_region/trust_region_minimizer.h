@@ -15,6 +15,7 @@
 #include "trust_region/loop_evaluation.h"
 #include "trust_region/loop_options.h"
 #include "trust_region/step_quality.h"
+#include "trust_region/step_solve.h"
 #include "trust_region/step_trial.h"
 #include "trust_region/strategy.h"
 
@@ -66,10 +67,6 @@ class TrustRegionMinimizer {
   bool FinalizeIterationAndContinue();
   bool CallbacksContinue();
   ObserverAction AskObservers();
-  bool ComputeStep();
-  void CountSolves(int num_solves);
-  void ShowSystem();
-  bool HandleInvalidStep();
   bool IsWorthTrying();
   bool TolerancesReached();
   bool AcceptStep();
@@ -92,6 +89,7 @@ class TrustRegionMinimizer {
   const double start_time_;
   LoopEvaluation evaluation_;
   StepTrial trial_;
+  StepSolve step_solve_;
   BoundedLineSearch line_search_;
 
   std::vector<double>& scale_;
@@ -106,7 +104,6 @@ class TrustRegionMinimizer {
   double best_cost_;
   double state_norm_ = -1.0;  // unknown until a step was accepted (CeresRules::k21)
   bool any_step_accepted_ = false;
-  int num_consecutive_invalid_steps_ = 0;
   int first_comparable_iteration_ = 0;
 };
 

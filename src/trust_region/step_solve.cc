@@ -1,0 +1,102 @@
+#include "trust_region/step_solve.h"
+
+#include <algorithm>
+#include <string>
+
+#include "trust_region/loop_ends.h"
+
+namespace inceres::internal {
+namespace {
+
+void AddBlocksOf(const Linearization& factors, const Layout& layout, StepSystem* system) {
+  for (int i = 0; i < factors.num_factors; ++i) {
+    for (int s = 0; s < factors.num_slots; ++s) {
+      const VariableId id = factors.graph->Variables(factors.id, i)[s];
+      const int position = layout.Position(id);
+      if (position >= 0) {
+        const JacobianView& view = factors.views[s];
+        system->blocks.push_back({factors.id, i, id, factors.residual_size,
+                                  layout.TangentSize(position), view.data + i * view.factor_stride,
+                                  view.row_stride});
+      }
+    }
+  }
+}
+
+}  // namespace
+
+bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteration) {
+  StageClock& clock = evaluation_.clock();
+  const double start = clock.now();
+  int num_solves = 0;
+  const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
+  iteration->step_solver_time_in_seconds = clock.Read() - start;
+  Count(num_solves, iteration);
+  if (num_solves > 0) {
+    ShowSystem(scale, iteration->iteration);
+  }
+  if (!solved.ok() && solved.code != StatusCode::kSingular) {
+    summary_.detail = solved.message;
+    return EndSolve(Termination::kFailure,
+                    {"Linear solver failed due to unrecoverable non-numeric "
+                     "causes. Please see the error log for clues. "},
+                    &summary_);
+  }
+  if (!solved.ok() || !model_.IsFinite(trial_.step())) {
+    summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
+    return true;
+  }
+  const double promise = trial_.FindPromise();
+  iteration->step_is_valid = promise > 0.0;
+  if (iteration->step_is_valid) {
+    iteration->model_cost_change = promise;
+    num_invalid_ = 0;
+  }
+  return true;
+}
+
+void StepSolve::Count(int num_solves, IterationSummary* iteration) {
+  iteration->linear_solver_iterations =
+      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
+  summary_.work.num_linear_solves += num_solves;
+  summary_.work.num_conjugate_gradients +=
+      IsIterative(options_.linear_model) ? iteration->linear_solver_iterations : 0;
+  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
+}
+
+bool StepSolve::GoOnWithout() {
+  if (++num_invalid_ >= options_.max_num_consecutive_invalid_steps) {
+    return EndSolve(Termination::kFailure,
+                    {"Number of consecutive invalid steps more than "
+                     "Solver::Options::max_num_consecutive_invalid_steps: ",
+                     std::to_string(options_.max_num_consecutive_invalid_steps).c_str()},
+                    &summary_);
+  }
+  strategy_->StepIsInvalid();
+  return true;
+}
+
+void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) const {
+  StepSystemObserver* const observer = loop_.system_observer;
+  if (observer == nullptr || !observer->Wants(iteration)) {
+    return;
+  }
+  const Evaluator& evaluator = evaluation_.evaluator();
+  const Layout& layout = evaluator.layout();
+  StepSystem system;
+  system.iteration = iteration;
+  for (const Linearization& factors : evaluator.families()) {
+    AddBlocksOf(factors, layout, &system);
+    system.residuals.push_back(factors.residuals.data());
+  }
+  system.first_entry.resize(layout.position.size());
+  std::transform(
+      layout.position.begin(), layout.position.end(), system.first_entry.begin(),
+      [&layout](int position) { return position < 0 ? -1 : layout.packed_offset[position]; });
+  system.scale = scale;
+  system.solution = trial_.step();
+  strategy_->GetLastSolve(&system.damping, &system.solution);
+  observer->See(system);
+}
+
+}  // namespace inceres::internal
