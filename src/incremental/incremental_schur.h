@@ -123,7 +123,7 @@ class IncrementalSchur {
   const LandmarkGains& gains() const { return gains_; }
   LandmarkGains& gains() { return gains_; }
   bool IsInS(std::int32_t landmark) const { return blocks_.IsInS(landmark); }
-  /// Largest entry and norm of (b, η) over what can move, bounds considered. Cost: a pass over all variables.
+  /// Largest entry and norm of (b, η) over what can move, bounds considered. Cost: a pass over all.
   void RhsNorms(double* max_norm, double* norm) const;
 
   /// What has changed of S and b, held frames included, for those who follow them.

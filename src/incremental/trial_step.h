@@ -20,8 +20,8 @@ namespace inceres::internal {
 ///     SetFrame, Visit -> Evaluate -> UpdateRhs, MoveValues, End; or Reject
 ///
 /// What is not set does not move, and no step leaves the bounds: it is cut off there, and what
-/// follows from it takes it as it then is. The cost of each verb goes with the factors that the step
-/// touches.
+/// follows from it takes it as it then is. The cost of each verb goes with the factors that the
+/// step touches.
 class TrialStep {
  public:
   TrialStep(const FactorGraph& graph, const Executor& executor, double max_stretch,

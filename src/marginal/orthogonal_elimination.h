@@ -16,8 +16,8 @@ namespace inceres::internal {
 ///     Qᵀ [J_l J_c] = [R T]
 ///                    [0 J*]
 ///
-/// so P = RᵀR, W P⁻¹ = Tᵀ R⁻ᵀ, and the J* of all landmarks with the rows of other factors are a root
-/// of S: JᵀJ = S with the condition number of J, not its square. Source: Triggs et al., "Bundle
+/// so P = RᵀR, W P⁻¹ = Tᵀ R⁻ᵀ, and the J* of all landmarks, with the rows of other factors, are a
+/// root of S, of the condition number of J, not its square. Source: Triggs et al., "Bundle
 /// adjustment: a modern synthesis", 1999, section B.3; Demmel et al., "Square root bundle
 /// adjustment for large-scale reconstruction", CVPR 2021.
 class OrthogonalElimination {

@@ -15,7 +15,8 @@ namespace inceres::internal {
 /// eliminates landmarks of up to four degrees of freedom: what Ceres's ITERATIVE_SCHUR does with a
 /// first group of, say, poses. With the eliminated ones e and the others f,
 ///
-///     S δ_f = η_f − H_fe H_ee⁻¹ η_e,   S = H_ff − H_fe H_ee⁻¹ H_ef,   δ_e = H_ee⁻¹ (η_e − H_ef δ_f),
+///     S δ_f = η_f − H_fe H_ee⁻¹ η_e,   S = H_ff − H_fe H_ee⁻¹ H_ef,
+///     δ_e = H_ee⁻¹ (η_e − H_ef δ_f),
 ///
 /// H damped, H_ee block-diagonal. A product takes H_ff, and H_ef twice. Cost: that of the blocks of
 /// H. Single-threaded but for H itself. Preconditioners: kIdentity, kJacobi, kSchurJacobi. Source:

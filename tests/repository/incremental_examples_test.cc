@@ -73,8 +73,9 @@ void BoundFocalLength(VariableId camera, inceres::IncrementalSolver* of) {
   inceres::IncrementalSolver& solver = *of;
 // [quoted in docs/incremental.md]
 inceres::GraphEdit bounds(solver.graph());
-const double least[9] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL, -HUGE_VAL, -HUGE_VAL, -HUGE_VAL, 100.0, -1.0, -1.0};
-bounds.SetBounds(camera, least, /*upper=*/nullptr);  // the focal length stays above 100 pixels
+std::vector<double> least(9, -HUGE_VAL);
+least[6] = 100.0;  // pixels, of the focal length
+bounds.SetBounds(camera, least.data(), /*upper=*/nullptr);
 const inceres::Status bounded = solver.Apply(bounds);
 // [end of quote]
   EXPECT_TRUE(bounded.ok()) << bounded.message;

@@ -19,8 +19,8 @@ namespace inceres {
 /// refused.
 ///
 /// Order within an edit: factors go, variables go, variables and factors come, then losses,
-/// measurements, constants, values, pins and bounds are set. So room that this edit frees is used by the
-/// next one.
+/// measurements, constants, values, pins and bounds are set. So room that this edit frees is used
+/// by the next one.
 ///
 /// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into
 /// the family at once, at a place no factor uses.

@@ -158,7 +158,8 @@ class INCERES_EXPORT IncrementalSolver {
   /// graph was edited since the last Update, or that failed. kSingular names a variable that its
   /// factors do not determine, and says so where the gauge is free: then there is no covariance.
   /// kUnavailable: of kPcg and a user's solver, which have no factor, only kUndamped is to be had;
-  /// conjugate gradients take too long; or values are held at their bounds. `covariance` is then empty, but for the staleness.
+  /// conjugate gradients take too long; or values are held at their bounds. `covariance` is then
+  /// empty, but for the staleness.
   ///
   /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it)
   /// to the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before
