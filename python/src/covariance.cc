@@ -42,13 +42,15 @@ CovarianceOptions ToOptions(const py::kwargs& given) {
       options.max_inflation = value.cast<double>();
     } else if (name == "algorithm") {
       options.algorithm = OneOf(name, value.cast<std::string>(), kAlgorithms);
+    } else if (name == "min_column_remainder") {
+      options.min_column_remainder = value.cast<double>();
     } else if (name == "null_space_rank") {
       options.null_space_rank = value.cast<int>();
     } else if (name == "min_reciprocal_condition_number") {
       options.min_reciprocal_condition_number = value.cast<double>();
     } else {
       throw py::type_error("unknown option '" + name +
-                           "'; there are algorithm, max_inflation, "
+                           "'; there are algorithm, max_inflation, min_column_remainder, "
                            "min_reciprocal_condition_number, null_space_rank, num_threads");
     }
   }

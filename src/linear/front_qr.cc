@@ -13,8 +13,10 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-// Rows beyond the columns that are worth a reduction.
+// Rows that a reduction is worth: so many, and as a multiple of the columns, for the triangle of
+// before goes through it again.
 constexpr Index kWorthReducing = 128;
+constexpr Index kTimesColumns = 3;
 
 // Largest first; ties keep their order.
 MatrixXd Sorted(const MatrixXd& rows, Index num_rows) {
@@ -44,20 +46,24 @@ void Reduce(MatrixXd* stack, Index* num_rows) {
 
 // Room for so many rows more.
 void MakeRoom(Index more, MatrixXd* stack, Index* num_rows) {
-  if (*num_rows >= stack->cols() + kWorthReducing) {
+  const Index enough = kTimesColumns * stack->cols() + kWorthReducing;
+  if (*num_rows >= enough) {
     Reduce(stack, num_rows);
   }
   if (*num_rows + more > stack->rows()) {
-    stack->conservativeResize(std::max(*num_rows + more, 2 * (stack->cols() + kWorthReducing)),
-                              Eigen::NoChange);
+    stack->conservativeResize(std::max(*num_rows + more, enough), Eigen::NoChange);
   }
   stack->middleRows(*num_rows, more).setZero();
 }
 
 }  // namespace
 
-FrontQr::FrontQr(const FrontTree& tree, const BlockPattern& pattern)
-    : tree_(tree), rows_(tree, pattern), added_(tree.fronts.size()), left_(tree.fronts.size()) {
+FrontQr::FrontQr(const FrontTree& tree, const BlockPattern& pattern, double least)
+    : tree_(tree),
+      least_(least),
+      rows_(tree, pattern),
+      added_(tree.fronts.size()),
+      left_(tree.fronts.size()) {
 }
 
 void FrontQr::Add(RowsOfBlocks rows) {
@@ -110,7 +116,7 @@ int FrontQr::Eliminate(int f, double* L) {
   std::fill_n(L, static_cast<std::ptrdiff_t>(front.stride()) * front.width, 0.0);
   for (int j = 0; j < front.width; ++j, L += front.stride()) {
     const double diagonal = j < num_rows ? stack(j, j) : 0.0;
-    if (!(std::fabs(diagonal) > 0.0) || !std::isfinite(diagonal)) {
+    if (!(std::fabs(diagonal) > least_) || !std::isfinite(diagonal)) {
       return j;
     }
     const double sign = diagonal < 0.0 ? -1.0 : 1.0;

@@ -23,7 +23,8 @@ struct RowsOfBlocks {
 /// SuiteSparseQR", ACM TOMS 38(1), 2011.
 class FrontQr {
  public:
-  FrontQr(const FrontTree& tree, const BlockPattern& pattern);
+  /// A diagonal entry of R that is no larger than `least` counts as zero.
+  FrontQr(const FrontTree& tree, const BlockPattern& pattern, double least);
 
   /// Blocks of the same rows are all neighbors in the pattern.
   void Add(RowsOfBlocks rows);
@@ -37,6 +38,7 @@ class FrontQr {
                  Eigen::Index* num_rows) const;
 
   const FrontTree& tree_;
+  const double least_;
   FrontRows rows_;
   std::vector<std::vector<RowsOfBlocks>> added_;  // per front
   std::vector<Eigen::MatrixXd> left_;             // per front, for its parent

@@ -1,5 +1,7 @@
 // CovarianceSystem by orthogonal transformations of the Jacobian: CovarianceAlgorithm::kQr.
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <Eigen/Dense>
@@ -21,7 +23,7 @@ void CovarianceSystem::AddSquares(const RowsOfBlocks& rows) {
 
 // The rows that all landmarks and the other factors leave for the frames. A landmark that its own
 // rows do not determine is an error.
-Status CovarianceSystem::EliminateByRows(std::vector<RowsOfBlocks>* rows) {
+Status CovarianceSystem::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
   by_rows_ = std::make_unique<OrthogonalElimination>(graph_, layout_, evaluator_);
   const auto num_landmarks = static_cast<std::size_t>(layout_.num_landmarks());
   rows->resize(num_landmarks);
@@ -29,7 +31,9 @@ Status CovarianceSystem::EliminateByRows(std::vector<RowsOfBlocks>* rows) {
   executor_.For(layout_.num_landmarks(), 16, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
       OrthogonalElimination::Landmark landmark = by_rows_->Eliminate(l);
-      open[static_cast<std::size_t>(l)] = landmark.Inflation() > options_.max_inflation ? 1 : 0;
+      const bool is_open = landmark.Inflation() > options_.max_inflation ||
+                           !(landmark.R.diagonal().cwiseAbs().minCoeff() > least);
+      open[static_cast<std::size_t>(l)] = is_open ? 1 : 0;
       (*rows)[static_cast<std::size_t>(l)] = std::move(landmark.rest);
     }
   });
@@ -49,8 +53,12 @@ Status CovarianceSystem::EliminateByRows(std::vector<RowsOfBlocks>* rows) {
 }
 
 Status CovarianceSystem::FactorizeRows() {
+  hessian_.Accumulate();
+  const std::vector<double>& squares = hessian_.diagonal();
+  const double least =
+      options_.min_column_remainder * std::sqrt(*std::max_element(squares.begin(), squares.end()));
   std::vector<RowsOfBlocks> rows;
-  Status status = EliminateByRows(&rows);
+  Status status = EliminateByRows(least, &rows);
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
@@ -60,7 +68,7 @@ Status CovarianceSystem::FactorizeRows() {
   if (!status.ok()) {
     return status;
   }
-  FrontQr qr(factor_.tree(), plans_.pattern);
+  FrontQr qr(factor_.tree(), plans_.pattern, least);
   for (RowsOfBlocks& each : rows) {
     AddSquares(each);
     qr.Add(std::move(each));

@@ -53,7 +53,7 @@ class CovarianceSystem {
   };
 
   Status FactorizeRows();
-  Status EliminateByRows(std::vector<RowsOfBlocks>* rows);
+  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
   void AddSquares(const RowsOfBlocks& rows);
   void MakeColumnByRows(int landmark, Column* column);
   Status CheckLandmarks();

@@ -254,6 +254,10 @@ TEST(Covariance, BadIdsAndOptions) {
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::null_space_rank must be at least -1");
   options.null_space_rank = 0;
+  options.min_column_remainder = 1.0;
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::min_column_remainder must be in [0, 1)");
+  options.min_column_remainder = 0.0;
   options.min_reciprocal_condition_number = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
@@ -428,6 +432,24 @@ TEST(Covariance, ByRowsTellsWhatIsNotDetermined) {
   const Status seen_once = covariance.Compute(world.graph, {{0, 0}});
   EXPECT_EQ(seen_once.code, StatusCode::kSingular);
   EXPECT_EQ(covariance.deficiency().landmarks, std::vector<VariableId>{landmark});
+}
+
+// The rule of SuiteSparseQR goes by the units: a variable in large ones has short columns.
+TEST(Covariance, ByRowsTheRemainderOfAColumnMayHaveToBeLarge) {
+  for (const Role role : {Role::kFrame, Role::kLandmark}) {
+    LinearWorld world;
+    const VariableId near = world.AddVariable(Eigen::VectorXd::Zero(2));
+    const VariableId small = world.AddVariable(Eigen::VectorXd::Zero(2), role);
+    world.AddFactor({near}, MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+    world.AddFactor({small}, 1e-6 * MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+    CovarianceOptions options;
+    options.algorithm = CovarianceAlgorithm::kQr;
+    for (const double share : {0.0, 0.9e-6, 1.1e-6}) {
+      options.min_column_remainder = share;
+      GraphCovariance covariance(options);
+      EXPECT_EQ(covariance.Compute(world.graph, {{small, small}}).ok(), share < 1e-6) << share;
+    }
+  }
 }
 
 // Of a living problem, with free places and a prior, at the values it holds.

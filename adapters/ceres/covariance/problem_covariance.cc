@@ -1,6 +1,7 @@
 #include "adapters/ceres/covariance/problem_covariance.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <set>
 #include <utility>
@@ -51,8 +52,14 @@ std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& vi
   return text;
 }
 
-GraphCovariance ByRows(CovarianceOptions options) {
+// With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL.
+GraphCovariance ByRows(CovarianceOptions options, const ProblemView& view) {
   options.algorithm = CovarianceAlgorithm::kQr;
+  options.min_column_remainder =
+      std::min(0.5, 20.0 *
+                        (static_cast<double>(view.reduced.num_residuals) +
+                         view.reduced.num_effective_parameters) *
+                        std::numeric_limits<double>::epsilon());
   return GraphCovariance(options);
 }
 
@@ -198,8 +205,12 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   }
   if (status.code == StatusCode::kSingular) {
     core.max_inflation = kHopelessInflation;
-    const GraphCovariance by_normal_equations = std::exchange(covariance, ByRows(core));
+    const GraphCovariance by_normal_equations = std::exchange(covariance, ByRows(core, *view));
     status = covariance.Compute(graph, wanted);
+    if (status.code == StatusCode::kSingular && !covariance.deficiency().landmarks.empty()) {
+      return Fail(DescribeDeficiency(covariance.deficiency(), *view, *plan) + " (" +
+                  status.message + ")");
+    }
     if (status.code == StatusCode::kSingular) {
       GraphCovariance hopeless(core);  // which says what is open
       const bool is_open = hopeless.Compute(graph, wanted).code == StatusCode::kSingular;

@@ -39,6 +39,10 @@ struct INCERES_EXPORT CovarianceOptions {
   /// > 1, of kSchur and kQr: a variance that exceeds the one with all else known by more than this
   /// factor counts as infinite. At 1e12 four digits are left of it, of kQr ten.
   double max_inflation = 1e12;
+  /// In [0, 1), of kQr: what the columns before it leave of a column of J must exceed this share of
+  /// the largest column's norm. 0: no rule. SuiteSparseQR's, which depends on the units of
+  /// variables, is 20 (m + n) ε for m residuals and n degrees of freedom.
+  double min_column_remainder = 0.0;
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;
