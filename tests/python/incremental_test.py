@@ -178,7 +178,7 @@ class IncrementalTest(unittest.TestCase):
             street.solver.covariance(pair, algorithm="dense_svd", null_space_rank=-2)
 
     def test_bounds_hold_values(self):
-        solver = inceres.IncrementalSolver()
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
         prior = solver.add_family(inceres.DiagonalPrior(2))
         with solver.edit() as edit:
             ids = edit.add_variables(np.zeros((3, 2)))
