@@ -3,10 +3,12 @@
 
     benchmarks/user_share.py [--build build] vins_window --realistic_costs --frames 40
     benchmarks/user_share.py [--build build] okvis_map --realistic_costs --scene startup --frames 20
+    benchmarks/user_share.py --baseline /tmp/old/build vins_window --realistic_costs --frames 40
 
 Everything after the program's name goes to it. Needs valgrind, and in the build directory bin/<program> and libinceres_dropin.so. Counts what
 callgrind sees within ceres::Solve, and of that the cost functions' Evaluate with all that they call; a program's own calls of
-Evaluate between two solves do not count. Exit code: 0, or 2 if a run could not be played.
+Evaluate between two solves do not count. With --baseline the same program runs with the drop-in of another build directory too, of an
+older commit for one, and what lies outside the cost functions is told as a ratio. Exit code: 0, or 2 if a run could not be played.
 """
 
 import argparse
@@ -53,19 +55,26 @@ def shares(lines):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build", help="the build directory")
+    parser.add_argument("--baseline", type=pathlib.Path, help="the build directory of another drop-in, to compare with")
     parser.add_argument("program", choices=("vins_window", "okvis_map"))
     parser.add_argument("flags", nargs=argparse.REMAINDER, help="of the program")
     arguments = parser.parse_args()
+    program = arguments.build / "bin" / arguments.program
     try:
         with tempfile.TemporaryDirectory() as folder:
-            lines = count(arguments.build / "bin" / arguments.program, arguments.flags, find_dropin(arguments.build), folder)
-        total, of_function = shares(lines)
+            total, of_function = shares(count(program, arguments.flags, find_dropin(arguments.build), folder))
+            baseline = arguments.baseline and shares(count(program, arguments.flags, find_dropin(arguments.baseline), folder))
     except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         print(error, file=sys.stderr)
         return 2
     for name, value in sorted(of_function.items(), key=lambda item: -item[1]):
         print(f"{name}: {value / total:.3f}")
     print(f"all cost functions: {sum(of_function.values()) / total:.3f} of {total} instructions")
+    outside = total - sum(of_function.values())
+    print(f"outside them: {outside}")
+    if baseline:
+        before = baseline[0] - sum(baseline[1].values())
+        print(f"outside them with the baseline's drop-in: {before}, ratio {outside / before:.3f}")
     return 0
 
 

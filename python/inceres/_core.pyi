@@ -206,6 +206,12 @@ class Edit:
         self, ids: npt.ArrayLike, constant: Union[bool, npt.ArrayLike] = True
     ) -> None: ...
     def set_values(self, ids: npt.ArrayLike, values: npt.ArrayLike) -> None: ...
+    def set_bounds(
+        self,
+        ids: npt.ArrayLike,
+        lower: Optional[npt.ArrayLike] = None,
+        upper: Optional[npt.ArrayLike] = None,
+    ) -> None: ...
     def apply(self) -> None: ...
     def restart(self) -> None: ...
     def __enter__(self) -> Edit: ...
@@ -222,6 +228,13 @@ class IncrementalSolver:
     def covariance(
         self, a: npt.ArrayLike, b: Optional[npt.ArrayLike] = None, **options: Any
     ) -> _Floats: ...
+    def live_covariance(
+        self,
+        ids: npt.ArrayLike,
+        accuracy: str = "undamped",
+        tolerance: float = 1e-10,
+        max_iterations: int = 200,
+    ) -> tuple[_Floats, dict[str, Any]]: ...
     def marginalize(
         self,
         ids: npt.ArrayLike,

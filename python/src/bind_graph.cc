@@ -65,39 +65,14 @@ void SetValues(Graph& graph, const py::object& ids, const py::object& values) {
   }
 }
 
-// A side of bounds: None is none; one row is all variables'.
-std::vector<double> ToBounds(const py::object& value, const char* name, std::size_t count,
-                             std::size_t size) {
-  if (value.is_none()) {
-    return {};
-  }
-  const auto rows = DoubleArray::ensure(value);
-  const bool one = rows && rows.ndim() == 1 && rows.size() == static_cast<py::ssize_t>(size);
-  if (!one && !(rows && rows.ndim() == 2 && rows.shape(0) == static_cast<py::ssize_t>(count) &&
-                rows.shape(1) == static_cast<py::ssize_t>(size))) {
-    PyErr_Clear();
-    throw py::value_error(std::string(name) + ": expected None, (" + std::to_string(size) +
-                          ",) or (" + std::to_string(count) + ", " + std::to_string(size) + ")");
-  }
-  std::vector<double> bounds;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double* row = rows.data() + (one ? 0 : i * size);
-    bounds.insert(bounds.end(), row, row + size);
-  }
-  return bounds;
-}
-
 void SetBounds(Graph& graph, const py::object& ids, const py::object& lower,
                const py::object& upper) {
   graph.occupation.RefuseIfBusy("set_bounds");
   const std::vector<VariableId> variables = ToVariables(graph.core, ids, "ids");
-  const auto size = static_cast<std::size_t>(CommonAmbientSize(graph.core, variables));
-  const std::vector<double> low = ToBounds(lower, "lower", variables.size(), size);
-  const std::vector<double> high = ToBounds(upper, "upper", variables.size(), size);
-  for (std::size_t i = 0; i < variables.size(); ++i) {
-    graph.core.SetBounds(variables[i], low.empty() ? nullptr : low.data() + i * size,
-                         high.empty() ? nullptr : high.data() + i * size);
-  }
+  ApplyBounds(graph.core, variables, lower, upper,
+              [&graph](VariableId id, const double* low, const double* high) {
+                graph.core.SetBounds(id, low, high);
+              });
 }
 
 void SetLoss(Graph& graph, FamilyId id, const py::object& factors, const py::object& loss) {
@@ -211,7 +186,8 @@ void BindGraph(py::module_& module) {
            "keeps the best state and raises Interrupted, which has the summary.")
       .def("covariance", &CovarianceInGraph, py::arg("a"), py::arg("b") = py::none(),
            "Covariances (n, tangent size, tangent size) of variables a, or of pairs a[i], b[i]. "
-           "Keyword arguments: num_threads, max_inflation.")
+           "Keyword arguments: num_threads, max_inflation, algorithm ('schur', 'qr', 'dense_svd'), "
+           "and of 'dense_svd' null_space_rank and min_reciprocal_condition_number.")
       .def(
           "num_factors",
           [](const Graph& graph, const py::object& family) {

@@ -125,7 +125,15 @@ void BindIncremental(py::module_& module) {
           "From any thread: the update that runs now, or else the next one, ends at its next "
           "iteration with the best state so far.")
       .def("covariance", &SolverCovariance, py::arg("a"), py::arg("b") = py::none(),
-           "As FactorGraph.covariance.")
+           "As FactorGraph.covariance: everything is linearized and factored anew.")
+      .def(
+          "live_covariance", &LiveCovarianceOf, py::arg("ids"), py::arg("accuracy") = "undamped",
+          py::arg("tolerance") = LiveCovarianceOptions().tolerance,
+          py::arg("max_iterations") = LiveCovarianceOptions().max_iterations,
+          "The joint covariance of variables, in their tangent spaces, from what the last update "
+          "has left: (n, n), in the order of ids, and a dict that tells how far its factor is from "
+          "the values held. accuracy: 'as_factored', 'undamped' or 'exact'; the other two are of "
+          "'exact'.")
       .def("marginalize", &MarginalizeVariables, py::arg("ids"), py::arg("dropped") = py::none(),
            py::arg("allow_rank_loss") = false, py::arg("first_estimate_jacobians") = false,
            "Removes variables and keeps what their factors say about others as a prior; those "

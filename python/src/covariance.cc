@@ -1,11 +1,36 @@
 #include "covariance.h"
 
+#include <algorithm>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "watch.h"
 
 namespace inceres::python {
 namespace {
+
+template <typename Enum>
+using Names = std::vector<std::pair<const char*, Enum>>;
+
+const Names<CovarianceAlgorithm> kAlgorithms = {{"schur", CovarianceAlgorithm::kSchur},
+                                                {"qr", CovarianceAlgorithm::kQr},
+                                                {"dense_svd", CovarianceAlgorithm::kDenseSvd}};
+const Names<CovarianceAccuracy> kAccuracies = {{"as_factored", CovarianceAccuracy::kAsFactored},
+                                               {"undamped", CovarianceAccuracy::kUndamped},
+                                               {"exact", CovarianceAccuracy::kExact}};
+
+template <typename Enum>
+Enum OneOf(const std::string& option, const std::string& value, const Names<Enum>& names) {
+  std::string all;
+  for (const auto& [name, choice] : names) {
+    if (value == name) {
+      return choice;
+    }
+    all += (all.empty() ? "" : ", ") + std::string(name);
+  }
+  throw py::value_error(option + ": '" + value + "' is none of " + all);
+}
 
 CovarianceOptions ToOptions(const py::kwargs& given) {
   CovarianceOptions options;
@@ -15,12 +40,37 @@ CovarianceOptions ToOptions(const py::kwargs& given) {
       options.num_threads = value.cast<int>();
     } else if (name == "max_inflation") {
       options.max_inflation = value.cast<double>();
+    } else if (name == "algorithm") {
+      options.algorithm = OneOf(name, value.cast<std::string>(), kAlgorithms);
+    } else if (name == "min_column_remainder") {
+      options.min_column_remainder = value.cast<double>();
+    } else if (name == "null_space_rank") {
+      options.null_space_rank = value.cast<int>();
+    } else if (name == "min_reciprocal_condition_number") {
+      options.min_reciprocal_condition_number = value.cast<double>();
     } else {
-      throw py::type_error("unknown option '" + name + "'; there are max_inflation, num_threads");
+      throw py::type_error("unknown option '" + name +
+                           "'; there are algorithm, max_inflation, min_column_remainder, "
+                           "min_reciprocal_condition_number, null_space_rank, num_threads");
     }
   }
   Check(options.Validate());
   return options;
+}
+
+py::dict ToDict(const FactorStaleness& staleness) {
+  py::dict result;
+  result["num_stale_factors"] = staleness.num_stale_factors;
+  result["largest_residual_error"] = staleness.largest_residual_error;
+  result["num_dirty_factors"] = staleness.num_dirty_factors;
+  result["num_changed_rows"] = staleness.num_changed_rows;
+  result["largest_pending_step"] = staleness.largest_pending_step;
+  result["frame_damping"] = staleness.frame_damping;
+  result["landmark_damping"] = staleness.landmark_damping;
+  result["damping_error"] = staleness.damping_error;
+  result["num_iterations"] = staleness.num_iterations;
+  result["num_factored_frames"] = staleness.num_factored_frames;
+  return result;
 }
 
 // The tangent size of all of them.
@@ -72,6 +122,31 @@ py::array CovarianceOf(const FactorGraph& graph, const Families& families, const
     covariance.Get(rows[i], columns[i], to);
   }
   return std::move(blocks);
+}
+
+py::tuple LiveCovarianceOf(LivingSolver& solver, const py::object& ids, const std::string& accuracy,
+                           double tolerance, int max_iterations) {
+  LiveCovarianceOptions options;
+  options.accuracy = OneOf("accuracy", accuracy, kAccuracies);
+  options.tolerance = tolerance;
+  options.max_iterations = max_iterations;
+  const std::vector<VariableId> variables = ToVariables(solver.core.graph(), ids, "ids");
+  const Occupation::Guard guard(&solver.occupation, "live_covariance");
+  LiveCovariance covariance;
+  Watch watch(py::none(), solver.families);
+  Status status;
+  {
+    const py::gil_scoped_release no_gil;
+    status = solver.core.Covariance(variables, options, &covariance);
+  }
+  if (watch.Finish()) {
+    watch.RaiseInterrupted(py::dict());
+  }
+  Check(status);
+  const auto size = static_cast<py::ssize_t>(covariance.size());
+  py::array_t<double> joint({size, size});
+  std::copy(covariance.values.begin(), covariance.values.end(), joint.mutable_data());
+  return py::make_tuple(joint, ToDict(covariance.staleness));
 }
 
 }  // namespace inceres::python

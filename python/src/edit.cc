@@ -113,6 +113,16 @@ void SetValues(Edit& edit, const py::object& ids, const py::object& values) {
   }
 }
 
+void SetBounds(Edit& edit, const py::object& ids, const py::object& lower,
+               const py::object& upper) {
+  Refuse(edit, "set_bounds");
+  const FactorGraph& graph = edit.solver->core.graph();
+  ApplyBounds(graph, ToVariables(graph, ids, "ids"), lower, upper,
+              [&edit](VariableId id, const double* low, const double* high) {
+                edit.core.SetBounds(id, low, high);
+              });
+}
+
 }  // namespace
 
 void ApplyEdit(Edit* edit) {
@@ -143,6 +153,10 @@ void BindEdit(py::module_& module) {
       .def("set_constant", &SetConstant, py::arg("ids"), py::arg("constant") = true)
       .def("set_values", &SetValues, py::arg("ids"), py::arg("values"),
            "New values for variables the solver has.")
+      .def("set_bounds", &SetBounds, py::arg("ids"), py::arg("lower") = py::none(),
+           py::arg("upper") = py::none(),
+           "Keeps variables the solver has within bounds, as FactorGraph.set_bounds; None on both "
+           "sides lifts them. Of values in R^n; what is outside goes to the nearest bound.")
       .def("apply", &ApplyEdit, "Carries the edit out; the object is then a new, empty one.")
       .def(
           "restart", [](Edit& edit) { edit.core.Restart(); }, "Forgets all changes.")

@@ -102,6 +102,23 @@ py::array_t<double> StackValues(const FactorGraph& graph, const std::vector<Vari
 /// One flag for all, or one each.
 std::vector<char> ToFlags(const py::object& value, const char* name, std::size_t count);
 
+/// A side of bounds: None is none; one row is all variables'.
+std::vector<double> ToBounds(const py::object& value, const char* name, std::size_t count,
+                             std::size_t size);
+/// set(id, lower, upper) for each of these variables, of one ambient size; null where there are
+/// none.
+template <typename Set>
+void ApplyBounds(const FactorGraph& graph, const std::vector<VariableId>& ids,
+                 const py::object& lower, const py::object& upper, const Set& set) {
+  const auto size = static_cast<std::size_t>(CommonAmbientSize(graph, ids));
+  const std::vector<double> low = ToBounds(lower, "lower", ids.size(), size);
+  const std::vector<double> high = ToBounds(upper, "upper", ids.size(), size);
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    set(ids[i], low.empty() ? nullptr : low.data() + i * size,
+        high.empty() ? nullptr : high.data() + i * size);
+  }
+}
+
 /// A row of values a variable, added to a FactorGraph or by a GraphEdit; their ids.
 template <typename Target>
 IdArray AddVariablesTo(Target* target, const py::object& values, const std::string& role,

@@ -120,4 +120,26 @@ std::vector<char> ToFlags(const py::object& value, const char* name, std::size_t
   return std::vector<char>(flags.data(), flags.data() + flags.size());
 }
 
+// A side of bounds: None is none; one row is all variables'.
+std::vector<double> ToBounds(const py::object& value, const char* name, std::size_t count,
+                             std::size_t size) {
+  if (value.is_none()) {
+    return {};
+  }
+  const auto rows = DoubleArray::ensure(value);
+  const bool one = rows && rows.ndim() == 1 && rows.size() == static_cast<py::ssize_t>(size);
+  if (!one && !(rows && rows.ndim() == 2 && rows.shape(0) == static_cast<py::ssize_t>(count) &&
+                rows.shape(1) == static_cast<py::ssize_t>(size))) {
+    PyErr_Clear();
+    throw py::value_error(std::string(name) + ": expected None, (" + std::to_string(size) +
+                          ",) or (" + std::to_string(count) + ", " + std::to_string(size) + ")");
+  }
+  std::vector<double> bounds;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double* row = rows.data() + (one ? 0 : i * size);
+    bounds.insert(bounds.end(), row, row + size);
+  }
+  return bounds;
+}
+
 }  // namespace inceres::python

@@ -65,8 +65,9 @@ void TrialStep::PrepareDogleg() {
   direction_.assign(step_.size(), 0.0);
   double squared_gradient = 0.0;
   ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
+    const char* held = bounds_.held(static_cast<std::int32_t>(first / kQuad));
     for (int k = 0; k < size; ++k) {
-      const double eta = cauchy_[first + k];
+      const double eta = held != nullptr && held[k] != 0 ? 0.0 : cauchy_[first + k];
       direction_[first + k] = eta / std::max(diagonal(k), kLeastDiagonal);
       squared_gradient += eta * direction_[first + k];
     }
@@ -116,6 +117,10 @@ void TrialStep::Shorten(double scaled_norm) {
           alpha * cauchy_[first + k] + beta * (gauss_newton_[first + k] - cauchy_[first + k]);
     }
   });
+  moved_.ForEach(
+      [this](std::int32_t i) { CutOff(schur_.frames()[i].id, schur_.frames()[i].quad); });
+  visited_.ForEach(
+      [this](std::int32_t l) { CutOff(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
 }
 
 }  // namespace inceres::internal

@@ -18,7 +18,7 @@ IncrementalMinimizer::EarlierFactor IncrementalMinimizer::AskEarlierFactor() {
   const Tuning::EarlierFactor& tuning = tuning_.earlier_factor;
   const double before = std::exchange(state_.left_before_step, 0.0);
   if (!(before > 0.0) || state_.mostly_new || control_.mu() != factored_mu_ ||
-      system_.schur().structure().num_landmarks() > 0) {
+      system_.schur().structure().num_landmarks() > 0 || system_.bounds().any()) {
     return EarlierFactor::kSaysNothing;
   }
   {
@@ -49,7 +49,8 @@ IncrementalMinimizer::EarlierFactor IncrementalMinimizer::AskEarlierFactor() {
 // come along the odometry, where f is 0.
 double IncrementalMinimizer::MostLeft() const {
   if (!system_.OnlyGrew() || !std::isfinite(left_) ||
-      system_.schur().structure().num_landmarks() > 0 || control_.mu() != factored_mu_) {
+      system_.schur().structure().num_landmarks() > 0 || system_.bounds().any() ||
+      control_.mu() != factored_mu_) {
     return HUGE_VAL;
   }
   const double come = std::max(0.0, system_.cost() - left_at_cost_);

@@ -286,6 +286,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change
   // at all, there is nothing to be had by more damping.
   const bool in_vain = !refreshed && !control_.IsDampedHard() && solved_to_the_end &&
+                       !system_.step().is_cut_off() &&
                        stop_.IsVain(remaining, trace_->row().cost_change, system_.cost());
   return in_vain && !relinearization_.RefreshAged(Tolerance()) ? Verdict::kConverged
                                                                : Retreat(refreshed);
@@ -416,8 +417,8 @@ void IncrementalMinimizer::AcceptStep() {
 
 void IncrementalMinimizer::Accept(double gain_ratio) {
   AcceptStep();
-  const bool shortened = trace_->row().shortened;
-  control_.Accept(gain_ratio, shortened);
+  control_.Accept(gain_ratio, trace_->row().shortened);
+  const bool shortened = trace_->row().shortened || system_.step().is_cut_off();
   state_.whole_step = shortened ? -1.0 : std::hypot(trace_->row().step_norm, frame_step_.Norm());
   stop_.StepTaken(shortened ? 0.0 : summary_->remaining_decrease, gain_ratio);
   relinearization_.Forgive();

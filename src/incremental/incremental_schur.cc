@@ -98,8 +98,12 @@ bool IncrementalSchur::Invert(std::int32_t landmark, double lambda) {
     // A factor of two landmarks belongs to one and writes changes to both: those to the other, held
     // one are nobody's.
     sums_.vectors().DropChange(l.quad, l.size);
+    blocks_.Sum(landmark, sums_.vectors().rhs(l.quad));
+    if (bounds_ != nullptr) {
+      bounds_->Hold(l.id, l.quad, sums_.vectors().rhs(l.quad));
+    }
   }
-  return blocks_.Invert(landmark, lambda, sums_.vectors().rhs(l.quad));
+  return blocks_.Invert(landmark, lambda, HeldAtBounds(l.quad));
 }
 
 void IncrementalSchur::LeaveOutside(std::int32_t landmark) {
@@ -236,17 +240,21 @@ void IncrementalSchur::RenewGain(std::int32_t landmark) {
 void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
   double largest = 0.0;
   double squared = 0.0;
-  const auto add = [&](const double* rhs, int size) {
+  const auto add = [&](const double* rhs, std::int32_t quad, int size) {
+    const char* held = HeldAtBounds(quad);
     for (int k = 0; k < size; ++k) {
+      if (held != nullptr && held[k] != 0) {
+        continue;
+      }
       largest = std::max(largest, std::fabs(rhs[k]));
       squared += rhs[k] * rhs[k];
     }
   };
   for (int i = 0; i < static_cast<int>(frames().size()); ++i) {
-    add(b(i), frames()[i].held ? 0 : frames()[i].size);
+    add(b(i), frames()[i].quad, frames()[i].held ? 0 : frames()[i].size);
   }
   for (int l = 0; l < static_cast<int>(landmarks().size()); ++l) {
-    add(eta(l), IsInS(l) ? landmarks()[l].size : 0);
+    add(eta(l), landmarks()[l].quad, IsInS(l) ? landmarks()[l].size : 0);
   }
   *max_norm = largest;
   *norm = std::sqrt(squared);

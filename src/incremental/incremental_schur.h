@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "incremental/active_bounds.h"
 #include "incremental/factor_contributions.h"
 #include "incremental/incremental_structure.h"
 #include "incremental/index_set.h"
@@ -33,8 +34,11 @@ class IncrementalSchur {
   using Frame = IncrementalStructure::Frame;
   using Landmark = IncrementalStructure::Landmark;
 
-  explicit IncrementalSchur(std::vector<IncrementalFamily>* families)
+  /// `bounds` may be null: there are none.
+  explicit IncrementalSchur(std::vector<IncrementalFamily>* families,
+                            ActiveBounds* bounds = nullptr)
       : families_(*families),
+        bounds_(bounds),
         structure_(families),
         blocks_(families, &structure_),
         factors_(families, &structure_, &sums_),
@@ -69,8 +73,9 @@ class IncrementalSchur {
   /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected
   /// or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, eliminates with λ diag(P), and puts the contribution in, in place of the one
-  /// that is there; leaves a landmark without information outside, and a held one too.
+  /// Re-sums P and η, decides which coordinates are held at bounds, eliminates with λ diag(P), and
+  /// puts the contribution in, in place of the one that is there; leaves a landmark without
+  /// information outside, and a held one too.
   void PutIn(std::int32_t landmark, double lambda);
   /// The same of a landmark that is not in S, but into the blocks and entries of these rows alone;
   /// and out of them again.
@@ -114,11 +119,15 @@ class IncrementalSchur {
   const std::vector<Frame>& frames() const { return structure_.frames(); }
   const std::vector<Landmark>& landmarks() const { return structure_.landmarks(); }
   const LandmarkBlocks& blocks() const { return blocks_; }
+  /// ActiveBounds::held of the variable with this quad.
+  const char* HeldAtBounds(std::int32_t quad) const {
+    return bounds_ != nullptr ? bounds_->held(quad) : nullptr;
+  }
   /// ½ ηᵀ(P + λD)⁻¹η; 0 outside S.
   const LandmarkGains& gains() const { return gains_; }
   LandmarkGains& gains() { return gains_; }
   bool IsInS(std::int32_t landmark) const { return blocks_.IsInS(landmark); }
-  /// Largest entry and norm of (b, η) over what can move. Cost: a pass over all variables.
+  /// Largest entry and norm of (b, η) over what can move, bounds considered. Cost: a pass over all.
   void RhsNorms(double* max_norm, double* norm) const;
 
   /// What has changed of S and b, held frames included, for those who follow them.
@@ -137,6 +146,7 @@ class IncrementalSchur {
   void RenewGain(std::int32_t landmark);
 
   std::vector<IncrementalFamily>& families_;
+  ActiveBounds* bounds_;
   IncrementalStructure structure_;
   LandmarkBlocks blocks_;
   LandmarkGains gains_;

@@ -1,16 +1,13 @@
-#include "inceres/solver/incremental_solver.h"
-
 #include <algorithm>
 #include <atomic>
 #include <utility>
 #include <vector>
 
 #include "base/stopwatch.h"
+#include "incremental/active_bounds.h"
 #include "incremental/batch_phase.h"
 #include "incremental/cached_rows.h"
-#include "incremental/incremental_minimizer.h"
-#include "incremental/latest_value.h"
-#include "incremental/live_covariance.h"
+#include "incremental/incremental_solver_impl.h"
 #include "incremental/shares.h"
 #include "incremental/tuning.h"
 #include "incremental/update_listeners.h"
@@ -40,94 +37,10 @@ void Clear(UpdateSummary* summary) {
 bool OnlyAdds(const GraphEdit& edit) {
   return edit.removed_variables().empty() && edit.removed_factors().empty() &&
          edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
-         edit.new_values().empty() && edit.pins().empty();
+         edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
 }
 
 }  // namespace
-
-class IncrementalSolver::Impl {
- public:
-  explicit Impl(const IncrementalOptions& options) : options_(options) {}
-
-  void SetOptions(const IncrementalOptions& options);
-  Status Apply(const GraphEdit& edit);
-  MarginalizationSummary Marginalize(const MarginalizationRequest& request,
-                                     const MarginalizationOptions& options);
-  void Update(UpdateSummary* summary, UpdateObserver* observer);
-  ReducedStructure Structure();
-  Status Covariance(const std::vector<VariableId>& ids, const LiveCovarianceOptions& options,
-                    LiveCovariance* covariance);
-  void PublishSnapshot(Termination termination);
-  bool ReadSnapshot(ValueSnapshot* snapshot);
-  double cost() const { return cost_; }
-  const double* Values(VariableId id) const {
-    return shown_state_ != nullptr ? graph.ValuesIn(shown_state_, id)
-           : live != nullptr       ? live->variables().current(id)
-                                   : graph.Values(id);
-  }
-
-  FactorGraph graph;
-  // Null until it is needed: a problem that is solved once, in batch, never needs it.
-  std::unique_ptr<IncrementalSystem> live;
-  std::atomic<bool> stop{false};
-
- private:
-  void MinimizeOrPutBack(UpdateTrace* trace);
-  void TakeValues();
-  void Form();
-  void Restart();
-  void Minimize(UpdateTrace* trace);
-  bool SolveInBatch(UpdateTrace* trace);
-  void PutBackStart();
-  Status FactorizeAnew();
-
-  IncrementalOptions options_;
-  const internal::Tuning tuning_ = internal::TuningOfNewSolvers();
-  std::unique_ptr<IncrementalMinimizer> minimizer_;
-  std::vector<std::int32_t> changed_rows_;  // of S, by the last Update
-  std::vector<double> start_state_;      // of an Update with an observer, which may ask for it back
-  const double* shown_state_ = nullptr;  // the batch solver's, while the observer is called
-  double cost_ = 0.0;
-  bool converged_ = false;  // and nothing edited since
-  // what converged was the batch solver, with a trust region so small that the next may go on
-  bool held_back_ = false;
-  bool begun_ = false;  // an Update was made
-  // since the last Update that did not fail; there is none
-  bool edited_ = true;
-  internal::WeakestDirection weakest_;
-  std::unique_ptr<internal::UndampedFactor> undamped_;  // of the system that lives
-  // the batch solver was the last to move, and there was no incremental system
-  bool in_batch_ = false;
-  int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
-  internal::LatestValue<ValueSnapshot> snapshots_;
-  std::int64_t num_snapshots_ = 0;
-};
-
-void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
-  if (!options_.publish_snapshots) {
-    return;
-  }
-  ValueSnapshot* snapshot = snapshots_.Draft();
-  snapshot->number_ = ++num_snapshots_;
-  snapshot->cost_ = cost_;
-  snapshot->termination_ = termination;
-  snapshot->offsets_.clear();
-  snapshot->values_.clear();
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    const bool exists = graph.HasVariable(id);
-    snapshot->offsets_.push_back(exists ? static_cast<std::ptrdiff_t>(snapshot->values_.size())
-                                        : -1);
-    if (exists) {
-      const double* values = Values(id);
-      snapshot->values_.insert(snapshot->values_.end(), values, values + graph.AmbientSize(id));
-    }
-  }
-  snapshots_.Publish();
-}
-
-bool IncrementalSolver::Impl::ReadSnapshot(ValueSnapshot* snapshot) {
-  return snapshots_.Read([snapshot](const ValueSnapshot& latest) { *snapshot = latest; });
-}
 
 // The graph's state follows the values held now.
 void IncrementalSolver::Impl::TakeValues() {
@@ -188,7 +101,8 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
     Form();
     status = live->Apply(edit);
   } else if (status.ok()) {
-    status = graph.Apply(edit);
+    status = internal::ActiveBounds::Check(edit);
+    status = status.ok() ? graph.Apply(edit) : status;
   }
   if (!edit.empty() && status.ok()) {
     converged_ = false;
@@ -331,6 +245,10 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   bool finished = false;
   if (batch) {
     finished = SolveInBatch(trace) || batch_only;
+    // Its steps are those of the free problem, clamped: it may creep along a bound and call that
+    // convergence.
+    finished = finished && (batch_only || !graph.HasBounds() ||
+                            trace->summary().termination != Termination::kConvergence);
   }
   // Where the batch solver fails the state is what it was: the other one gets its chance, or names
   // the culprit.
@@ -345,71 +263,6 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
     num_waiting_ = 0;
   }
-}
-
-// Where the batch solver was the last to move, or no step was asked for since S has other rows.
-Status IncrementalSolver::Impl::FactorizeAnew() {
-  Form();
-  const Status status = minimizer_->FactorizeAnew();
-  if (!status.ok() && status.code != StatusCode::kSingular) {
-    Restart();
-  }
-  num_waiting_ = live->NumDirtyFactors();
-  return status;
-}
-
-Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
-                                           const LiveCovarianceOptions& options,
-                                           LiveCovariance* covariance) {
-  *covariance = LiveCovariance();
-  Status status = options_.Validate();
-  status = status.ok() ? options.Validate() : status;
-  if (status.ok() && edited_) {
-    status = Status::Error(StatusCode::kInvalidArgument,
-                           "there is no factor to take covariances from: the graph was edited "
-                           "since the last Update that did not fail, or there was none");
-  }
-  if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
-    status = FactorizeAnew();
-  } else if (status.ok() && live->schur().changes().num_unfactored() > 0) {
-    // An Update may have ended by what the factor from before told.
-    internal::FrameStep& frames = minimizer_->frame_step();
-    status = frames.FactorizeOnly(options_.damping, frames.factored_mu(), &live->schur());
-  }
-  if (!status.ok()) {
-    return status;
-  }
-  if (undamped_ == nullptr) {
-    undamped_ = std::make_unique<internal::UndampedFactor>(live->executor());
-  }
-  return internal::ComputeLiveCovariance(
-      {graph, *live, minimizer_->frame_step(), undamped_.get(), &weakest_}, ids, options,
-      covariance);
-}
-
-ReducedStructure IncrementalSolver::Impl::Structure() {
-  ReducedStructure structure;
-  if (!options_.Validate().ok()) {
-    return structure;
-  }
-  Form();
-  const internal::IncrementalSchur& schur = live->schur();
-  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
-    structure.frames.push_back(schur.frames()[row].id);
-    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
-      if (entry.column != row) {
-        structure.blocks.push_back({row, entry.column});
-      }
-    }
-  }
-  structure.changed.assign(structure.frames.size(), false);
-  for (const std::int32_t row : changed_rows_) {
-    // A failed Update may have ended with another system.
-    if (row < static_cast<std::int32_t>(structure.changed.size())) {
-      structure.changed[row] = true;
-    }
-  }
-  return structure;
 }
 
 IncrementalSolver::IncrementalSolver(const IncrementalOptions& options)

@@ -67,7 +67,8 @@ bool IncrementalSystem::RedampHidden(double lambda, double gain) {
   list_.clear();
   schur_.blocks().ForEachHeld([&](std::int32_t landmark) {
     if (schur_.IsInS(landmark) && schur_.blocks().lambda(landmark) > lambda) {
-      hidden += schur_.blocks().HiddenGain(landmark, lambda, schur_.eta(landmark));
+      hidden += schur_.blocks().HiddenGain(landmark, lambda, schur_.eta(landmark),
+                                           schur_.HeldAtBounds(schur_.landmarks()[landmark].quad));
       list_.push_back(landmark);
     }
   });
@@ -109,6 +110,7 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
   dirty_landmarks_.Clear();
   ResumCost();
   work->num_drifted_frames = schur_.ResumDrifted(cost_);
+  HoldAtBounds();
   return Status::Ok();
 }
 
@@ -208,6 +210,14 @@ int IncrementalSystem::AcceptValues() {
   }
   const int num_updated = step_.UpdateRhs();
   step_.MoveValues();
+  if (bounds_.any()) {
+    step_.ForEachUpdated([this](std::int32_t l) {
+      const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
+      if (schur_.IsInS(l) && bounds_.IsDue(landmark.id, landmark.quad, schur_.eta(l))) {
+        Redamp(l);
+      }
+    });
+  }
   for (const IncrementalFamily& family : families_) {
     Recenter(family, step_.Touched(family.id()));
   }

@@ -7,6 +7,7 @@
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
+#include "incremental/active_bounds.h"
 #include "incremental/incremental_schur.h"
 #include "incremental/index_set.h"
 #include "incremental/trial_step.h"
@@ -47,8 +48,10 @@ class IncrementalSystem {
   IncrementalSystem(FactorGraph& graph, int num_threads, const Tuning& tuning = Tuning())
       : graph_(graph),
         executor_(num_threads),
-        schur_(&families_),
-        step_(graph_, executor_, tuning.landmarks.max_stretch, &variables_, &families_, &schur_),
+        bounds_(graph_, &variables_),
+        schur_(&families_, &bounds_),
+        step_(graph_, executor_, tuning.landmarks.max_stretch, &variables_, &families_, &schur_,
+              &bounds_),
         replace_cost_(tuning.rebuild.replace_cost) {}
   IncrementalSystem(const IncrementalSystem&) = delete;
   IncrementalSystem& operator=(const IncrementalSystem&) = delete;
@@ -74,6 +77,8 @@ class IncrementalSystem {
   /// not evaluated again.
   void UpdateConstants(const std::vector<VariableId>& ids);
   void SetValues(VariableId id, const double* values);
+  /// Bounds as the graph has them now.
+  void FollowBounds(VariableId id);
   /// All values as the graph has them now. Every factor must be dirty.
   void TakeValues();
 
@@ -144,6 +149,7 @@ class IncrementalSystem {
   /// over the frames, or over the landmarks where no frame can move.
   double RoundingOfCost() const;
   int num_factors() const { return num_factors_; }
+  const ActiveBounds& bounds() const { return bounds_; }
   const FactorGraph& graph() const { return graph_; }
   const VariableStore& variables() const { return variables_; }
   /// The variable's row of S, or its number among the landmarks, or -1.
@@ -178,6 +184,9 @@ class IncrementalSystem {
   }
   void ResumCost();
   void Hold(VariableId id, bool constant);
+  void HoldAtBounds();
+  void Confine(VariableId id);
+  void MarkMoved(VariableId id);
   void FollowPin(VariableId id);
   void Reattach();
 
@@ -185,6 +194,7 @@ class IncrementalSystem {
   Executor executor_;
   VariableStore variables_;
   std::vector<IncrementalFamily> families_;
+  ActiveBounds bounds_;
   IncrementalSchur schur_;
   TrialStep step_;
   const double replace_cost_;
@@ -199,6 +209,7 @@ class IncrementalSystem {
 
   std::vector<IndexSet> dirty_;  // per family: to be relinearized
   IndexSet dirty_landmarks_;     // to be eliminated anew
+  IndexSet bounded_frames_;      // rows of S
   std::vector<std::int32_t> list_;
   // of the listed factors: where S keeps their old contributions; -1: none
   std::vector<std::ptrdiff_t> kept_;

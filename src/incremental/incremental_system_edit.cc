@@ -7,13 +7,14 @@
 namespace inceres::internal {
 
 Status IncrementalSystem::Apply(const GraphEdit& edit) {
-  const Status status = graph_.Check(edit, &removed_);
+  Status status = ActiveBounds::Check(edit);
+  status = status.ok() ? graph_.Check(edit, &removed_) : status;
   if (!status.ok()) {
     return status;
   }
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
-               edit.new_values().empty() && edit.pins().empty();
+               edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
   for (const FactorId& id : removed_) {
     RemoveFactor({id.family, id.index});
   }
@@ -44,7 +45,49 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   for (const auto& [id, offset] : edit.pins()) {
     FollowPin(id);
   }
+  for (const GraphEdit::NewBounds& bounds : edit.bounds()) {
+    FollowBounds(bounds.id);
+  }
   return Status::Ok();
+}
+
+void IncrementalSystem::FollowBounds(VariableId id) {
+  const std::int32_t row = frame_of_[id];
+  const std::int32_t landmark = landmark_of_[id];
+  if (row >= 0 || landmark >= 0) {
+    bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
+  }
+  if (row >= 0) {
+    schur_.changes().Touch(row);
+    if (graph_.bounds(id) != nullptr) {
+      bounded_frames_.Add(row);
+    } else {
+      bounded_frames_.Remove(row);
+    }
+  } else if (landmark >= 0) {
+    Redamp(landmark);
+  }
+  Confine(id);
+}
+
+// Values outside their bounds go there, but for those of a constant.
+void IncrementalSystem::Confine(VariableId id) {
+  if (!graph_.IsConstant(id) && bounds_.Confine(id)) {
+    MarkMoved(id);
+  }
+}
+
+// Of frames; landmarks are looked at when they are eliminated, and when a step has changed what
+// they are held by.
+void IncrementalSystem::HoldAtBounds() {
+  bounded_frames_.ForEach([this](std::int32_t row) {
+    const IncrementalSchur::Frame& frame = schur_.frames()[row];
+    const bool changed = frame.held ? bounds_.Release(frame.quad, frame.size)
+                                    : bounds_.Hold(frame.id, frame.quad, schur_.b(row));
+    if (changed) {
+      schur_.changes().Touch(row);
+    }
+  });
 }
 
 // Its factors are linearized at the graph's pin from now on, or no longer.
@@ -66,6 +109,7 @@ void IncrementalSystem::AddVariable(VariableId id) {
   }
   variables_.Add(graph_, id);
   if (!graph_.IsConstant(id)) {
+    bounds_.Confine(id);  // its factors come later
     Enter(id);
   }
 }
@@ -77,6 +121,10 @@ void IncrementalSystem::Enter(VariableId id) {
   } else {
     frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
     entered_.push_back(id);
+    bounded_frames_.Grow(schur_.frames().size());
+    if (graph_.bounds(id) != nullptr) {
+      bounded_frames_.Add(frame_of_[id]);
+    }
   }
   dirty_landmarks_.Grow(schur_.landmarks().size());
   step_.GrowVariables();
@@ -86,10 +134,14 @@ void IncrementalSystem::Enter(VariableId id) {
 }
 
 void IncrementalSystem::RemoveVariable(VariableId id) {
+  if (landmark_of_[id] >= 0 || frame_of_[id] >= 0) {
+    bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
+  }
   if (landmark_of_[id] >= 0) {
     dirty_landmarks_.Remove(landmark_of_[id]);
     schur_.RemoveLandmark(landmark_of_[id]);
   } else if (frame_of_[id] >= 0) {
+    bounded_frames_.Remove(frame_of_[id]);
     schur_.RemoveFrame(frame_of_[id]);
   }
   frame_of_[id] = landmark_of_[id] = -1;
@@ -158,6 +210,7 @@ void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {
   graph_.TrackFactors();
   for (const VariableId id : ids) {
     const bool constant = graph_.IsConstant(id);
+    Confine(id);
     if (frame_of_[id] >= 0 || landmark_of_[id] >= 0) {
       Hold(id, constant);
     } else if (!constant) {
@@ -235,6 +288,14 @@ void IncrementalSystem::TakeValues() {
 
 void IncrementalSystem::SetValues(VariableId id, const double* values) {
   variables_.Set(id, values);
+  if (!graph_.IsConstant(id)) {
+    bounds_.Confine(id);
+  }
+  MarkMoved(id);
+}
+
+// Nothing that was known of its factors holds from here.
+void IncrementalSystem::MarkMoved(VariableId id) {
   if (landmark_of_[id] >= 0) {
     step_.ForgetLandmark(landmark_of_[id]);
   }

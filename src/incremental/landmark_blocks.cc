@@ -14,6 +14,26 @@ constexpr double kNoInformation = 1e-12;
 // Times the damping: a pivot below this is mostly damping.
 constexpr double kHeld = 10.0;
 
+// As InvertCholeskyFactor, without what is held: rows and columns of zeros.
+bool InvertWhatMoves(int size, const double* P, const double* damping, const char* held,
+                     double* U_inv) {
+  if (held == nullptr) {
+    return InvertCholeskyFactor(size, P, damping, U_inv);
+  }
+  double moving[4 * kQuad] = {};
+  for (int i = 0; i < size; ++i) {
+    for (int k = 0; k < size; ++k) {
+      const bool out = held[i] != 0 || held[k] != 0;
+      moving[i * kQuad + k] = !out ? P[i * kQuad + k] : i == k ? 1.0 : 0.0;
+    }
+  }
+  const bool inverted = InvertCholeskyFactor(size, moving, damping, U_inv);
+  for (int k = 0; k < size; ++k) {
+    U_inv[k * kQuad + k] *= held[k] != 0 ? 0.0 : 1.0;
+  }
+  return inverted;
+}
+
 }  // namespace
 
 void LandmarkBlocks::Grow() {
@@ -58,7 +78,17 @@ LandmarkFactors LandmarkBlocks::FactorsOf(const FactorRef& ref) const {
   return factors;
 }
 
-bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
+void LandmarkBlocks::Sum(std::int32_t l, double* eta) {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  double* P = P_.data() + l * kBlock;
+  std::fill_n(P, kBlock, 0.0);
+  std::fill_n(eta, kQuad, 0.0);
+  for (const FactorRef& ref : landmark.factors) {
+    kernels_.landmark_gram(landmark.size, FactorsOf(ref), P, eta);
+  }
+}
+
+bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   lambda_[l] = lambda;
   if (lambda > kMildDamping) {
     heavily_damped_.Add(l);
@@ -69,12 +99,7 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
   if (landmark.held) {
     return false;
   }
-  double* P = P_.data() + l * kBlock;
-  std::fill_n(P, kBlock, 0.0);
-  std::fill_n(eta, kQuad, 0.0);
-  for (const FactorRef& ref : landmark.factors) {
-    kernels_.landmark_gram(landmark.size, FactorsOf(ref), P, eta);
-  }
+  const double* P = P_.data() + l * kBlock;
   double damping[kQuad];
   double largest = 0.0;
   for (int k = 0; k < landmark.size; ++k) {
@@ -82,7 +107,8 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
     largest = std::max(largest, P[k * kQuad + k]);
   }
   held_by_damping_.Remove(l);
-  const bool inverted = largest > 0.0 && InvertCholeskyFactor(landmark.size, P, damping, UInv(l)) &&
+  const bool inverted = largest > 0.0 &&
+                        InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
                         HasInformation(l);
   if (inverted && IsHeldByDamping(l)) {
     held_by_damping_.Add(l);
@@ -93,14 +119,16 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, double* eta) {
 bool LandmarkBlocks::IsHeldByDamping(std::int32_t l) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
     const double inverse_root = UInv(l)[k * kQuad + k];
-    if (1.0 / (inverse_root * inverse_root) < kHeld * lambda_[l] * P(l)[k * kQuad + k]) {
+    if (inverse_root > 0.0 &&
+        1.0 / (inverse_root * inverse_root) < kHeld * lambda_[l] * P(l)[k * kQuad + k]) {
       return true;
     }
   }
   return false;
 }
 
-double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* eta) const {
+double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* eta,
+                                  const char* held) const {
   const int size = structure_.landmarks()[l].size;
   double damping[kQuad] = {};
   for (int k = 0; k < size; ++k) {
@@ -109,7 +137,7 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
   double inverse[kBlock];
   double freely[kQuad];
   double now[kQuad];
-  if (!InvertCholeskyFactor(size, P(l), damping, inverse)) {
+  if (!InvertWhatMoves(size, P(l), damping, held, inverse)) {
     return 0.0;
   }
   MultiplyLower(size, inverse, eta, freely);
@@ -125,7 +153,8 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
 bool LandmarkBlocks::HasInformation(std::int32_t l) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
     const double inverse_root = UInv(l)[k * kQuad + k];
-    if (1.0 / (inverse_root * inverse_root) < kNoInformation * P(l)[k * kQuad + k]) {
+    if (inverse_root > 0.0 &&
+        1.0 / (inverse_root * inverse_root) < kNoInformation * P(l)[k * kQuad + k]) {
       return false;
     }
   }

@@ -39,8 +39,12 @@ class LandmarkBlocks {
   /// Its factors or frames have changed: the blocks will have other places.
   void Displace(std::int32_t l) { placed_[l] = 0; }
 
-  /// P and η anew, and U_inv with λ diag(P). False if there is no information.
-  bool Invert(std::int32_t l, double lambda, double* eta);
+  /// P and η anew.
+  void Sum(std::int32_t l, double* eta);
+  /// U_inv with λ diag(P). False if there is no information. `held`, which may be null, says per
+  /// coordinate whether it takes part: if not, its row and column of U_inv are zero, and with them
+  /// those of Y and z.
+  bool Invert(std::int32_t l, double lambda, const char* held);
   /// Finds places in Y and S; block_of(row, column) is the quad offset of a block of S.
   template <typename BlockOf>
   void Place(std::int32_t l, const BlockOf& block_of);
@@ -81,8 +85,8 @@ class LandmarkBlocks {
   }
 
   /// What a landmark could gain by itself with less damping, of what its own hides: ½ ηᵀ(P + λD)⁻¹η
-  /// with this λ less that with its own; 0 where there is no information.
-  double HiddenGain(std::int32_t l, double lambda, const double* eta) const;
+  /// with this λ less that with its own; 0 where there is no information. `held` as for Invert.
+  double HiddenGain(std::int32_t l, double lambda, const double* eta, const char* held) const;
   /// Calls visit(landmark) for those of which a pivot is mostly damping, ascending.
   template <typename Visit>
   void ForEachHeld(Visit&& visit) const {

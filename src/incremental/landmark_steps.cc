@@ -13,6 +13,7 @@ void TrialStep::Stretch(std::int32_t landmark) {
   for (int k = 0; k < l.size; ++k) {
     step[k] *= landmark_steps_[landmark].stretch;
   }
+  CutOff(l.id, l.quad);
 }
 
 bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "incremental/exact_covariance.h"
+#include "incremental/factor_staleness.h"
 #include "incremental/live_columns.h"
 #include "linear/live_factor.h"
 #include "problem/find_fault.h"
@@ -70,70 +71,6 @@ Status CheckId(const LiveSource& source, VariableId id) {
   }
   return frame >= 0 || schur.IsInS(landmark) ? Status::Ok() : NotDetermined(id, kFewViews);
 }
-
-// What the staleness counts of the factors of one variable.
-class StalenessOf {
- public:
-  StalenessOf(const LiveSource& source, FactorStaleness* staleness)
-      : source_(source), schur_(source.system.schur()), staleness_(*staleness) {}
-
-  void AddVariable(VariableId id) {
-    const int frame = source_.system.FrameOf(id);
-    if (frame < 0) {
-      AddLandmark(source_.system.LandmarkOf(id));
-      AddStep(schur_.landmarks()[source_.system.LandmarkOf(id)]);
-      return;
-    }
-    AddFactors(schur_.frames()[frame].factors);
-    for (const std::int32_t landmark : schur_.frames()[frame].landmarks) {
-      AddLandmark(landmark);
-    }
-    for (int k = schur_.FrameOffset(frame); k < schur_.FrameOffset(frame + 1); ++k) {
-      AddStep(source_.frames.values()[k]);
-    }
-  }
-
- private:
-  void AddLandmark(std::int32_t l) {
-    AddFactors(schur_.landmarks()[l].factors);
-    if (schur_.IsInS(l)) {
-      staleness_.landmark_damping =
-          std::max(staleness_.landmark_damping, schur_.blocks().lambda(l));
-    }
-  }
-  void AddFactors(const std::vector<FactorRef>& factors) {
-    for (const FactorRef& ref : factors) {
-      const IncrementalFamily& family = source_.system.families()[ref.family];
-      const double error = family.SquaredError(ref.factor);
-      if (error > 0.0 || source_.system.IsDirty(ref)) {
-        ++staleness_.num_stale_factors;
-        staleness_.largest_residual_error =
-            std::max(staleness_.largest_residual_error, std::sqrt(error));
-      }
-    }
-  }
-  // δ_l = U_invᵀ (z − Yᵀ δ_c) of the step of the frames that is still to take.
-  void AddStep(const IncrementalSchur::Landmark& landmark) {
-    std::vector<double> padded(std::size_t(source_.system.variables().num_quads()) * kQuad, 0.0);
-    for (const std::int32_t frame : landmark.frames) {
-      const int size = schur_.frames()[frame].held ? 0 : schur_.frames()[frame].size;
-      std::copy_n(source_.frames.values().begin() + schur_.FrameOffset(frame), size,
-                  padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
-    }
-    const auto l = static_cast<std::int32_t>(&landmark - schur_.landmarks().data());
-    schur_.blocks().BackSubstitute(l, padded.data());
-    for (int k = 0; k < landmark.size; ++k) {
-      AddStep(padded[std::ptrdiff_t{landmark.quad} * kQuad + k]);
-    }
-  }
-  void AddStep(double step) {
-    staleness_.largest_pending_step = std::max(staleness_.largest_pending_step, std::fabs(step));
-  }
-
-  const LiveSource& source_;
-  const IncrementalSchur& schur_;
-  FactorStaleness& staleness_;
-};
 
 // The factor of S + μD that is used.
 struct Inverse {
@@ -335,9 +272,8 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
   FactorStaleness staleness;
   if (status.ok() && !moving.empty()) {
     staleness.num_dirty_factors = source.system.NumDirtyFactors();
-    StalenessOf of_factors(source, &staleness);
     for (const VariableId id : moving) {
-      of_factors.AddVariable(id);
+      CountStaleness(source.system, source.frames.values(), id, &staleness);
     }
     Eigen::MatrixXd joint;
     status = options.accuracy == CovarianceAccuracy::kUndamped

@@ -8,6 +8,9 @@ namespace {
 // Damps an entry that no factor touches, so that S has a factor.
 constexpr double kTinyDiagonal = 1e-12;
 
+// Times the diagonal of S: what it leaves of a step is far below what the step is exact to.
+constexpr double kHoldingDamping = 1e12;
+
 }  // namespace
 
 bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schur) {
@@ -48,6 +51,10 @@ void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
   } else {
     std::copy_n(schur.b(row), frame.size, b_.begin() + offset);
   }
+  const char* held = schur.HeldAtBounds(frame.quad);
+  for (int k = 0; held != nullptr && k < frame.size; ++k) {
+    b_[offset + k] = held[k] != 0 ? 0.0 : b_[offset + k];
+  }
   const double* S = schur.S().values(schur.S().row(row).back().offset);
   for (int k = 0; k < frame.size; ++k) {
     diagonal_[offset + k] = S[k * (PadToQuad(frame.size) + 1)];
@@ -57,8 +64,12 @@ void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
 void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
   const std::vector<double>& scale = form_ == DampingForm::kThesis ? diagonal_ : weights_;
   const int offset = schur.FrameOffset(row);
+  const char* held = schur.HeldAtBounds(schur.frames()[row].quad);
   for (int k = offset; k < schur.FrameOffset(row + 1); ++k) {
-    damping_[k] = constant_[row] != 0 ? 1.0 : mu_ * std::max(scale[k], kTinyDiagonal);
+    damping_[k] = constant_[row] != 0 ? 1.0
+                  : held != nullptr && held[k - offset] != 0
+                      ? kHoldingDamping * std::max(diagonal_[k], kTinyDiagonal)
+                      : mu_ * std::max(scale[k], kTinyDiagonal);
   }
   pulls_[row] = Pull(schur, row, b_.data() + offset);
 }

@@ -19,7 +19,7 @@ class ReducedVectors {
   double mu() const { return mu_; }
   const std::vector<double>& weights() const { return weights_; }  ///< diag(C)
   /// μ diag(C), the thesis's form μ diag(S); of a row that is held 1, as ReducedMatrix has it, and
-  /// its b is 0.
+  /// its b is 0. Of an entry that is held at a bound so much that it stays, and its b is 0 too.
   const std::vector<double>& damping() const { return damping_; }
   const std::vector<double>& b() const { return b_; }
   const std::vector<char>& constant() const { return constant_; }  ///< per row: it is held

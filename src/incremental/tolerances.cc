@@ -6,16 +6,18 @@
 
 #include "base/formatted.h"
 #include "incremental/incremental_minimizer.h"
+#include "linearize/tangent.h"
 
 namespace inceres::internal {
 namespace {
 
-// max |x − (x ⊞ −g)| of one variable, in its ambient space.
+// max |x − (x ⊞ −g)| of one variable, in its ambient space, clamped to its bounds.
 double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x, const double* g) {
   const int tangent = graph.TangentSize(id), ambient = graph.AmbientSize(id);
   double largest = 0.0;
   const Manifold* manifold = graph.manifold(id);
-  if (manifold == nullptr) {
+  const VariableBounds* bounds = graph.HasBounds() ? graph.bounds(id) : nullptr;
+  if (manifold == nullptr && bounds == nullptr) {
     for (int k = 0; k < tangent; ++k) {
       largest = std::max(largest, std::fabs(g[k]));
     }
@@ -23,10 +25,13 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
   }
   std::vector<double> downhill(tangent), moved(ambient);
   std::transform(g, g + tangent, downhill.begin(), [](double entry) { return -entry; });
-  if (!manifold->Plus(x, downhill.data(), moved.data())) {
+  if (!MoveVariable(graph, id, x, downhill.data(), moved.data())) {
     return HUGE_VAL;
   }
   for (int k = 0; k < ambient; ++k) {
+    if (bounds != nullptr) {
+      moved[k] = std::clamp(moved[k], bounds->lower[k], bounds->upper[k]);
+    }
     largest = std::max(largest, std::fabs(x[k] - moved[k]));
   }
   return largest;

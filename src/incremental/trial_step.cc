@@ -25,15 +25,23 @@ void TrialStep::GrowFactors(FamilyId family) {
   touched_[family].Grow(families_[family].num_places());
 }
 
+void TrialStep::CutOff(VariableId id, std::int32_t quad) {
+  is_cut_off_ |= bounds_.CutOff(id, quad, step_.data() + std::ptrdiff_t{quad} * kQuad);
+}
+
 void TrialStep::SetFrame(std::int32_t frame, const double* step) {
   const IncrementalSchur::Frame& moved = schur_.frames()[frame];
+  Begin();
   moved_.Add(frame);
   std::copy_n(step, moved.size, step_.data() + std::ptrdiff_t{moved.quad} * kQuad);
+  CutOff(moved.id, moved.quad);
 }
 
 void TrialStep::Visit(std::int32_t landmark) {
+  Begin();
   if (visited_.Add(landmark)) {
     schur_.blocks().BackSubstitute(landmark, step_.data());
+    CutOff(schur_.landmarks()[landmark].id, schur_.landmarks()[landmark].quad);
   }
 }
 
@@ -43,6 +51,7 @@ void TrialStep::Move(VariableId id, std::int32_t quad) {
   if (!MoveVariable(graph_, id, variables_.current(id), step, moved)) {
     moved[0] = std::nan("");  // the factors will refuse it
   }
+  bounds_.Land(id, step);
 }
 
 void TrialStep::Touch(const std::vector<FactorRef>& factors) {

@@ -6,6 +6,7 @@
 #include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
+#include "incremental/active_bounds.h"
 #include "incremental/incremental_schur.h"
 #include "incremental/index_set.h"
 #include "linearize/incremental_family.h"
@@ -18,19 +19,21 @@ namespace inceres::internal {
 ///
 ///     SetFrame, Visit -> Evaluate -> UpdateRhs, MoveValues, End; or Reject
 ///
-/// What is not set does not move. The cost of each verb goes with the factors that the step
-/// touches.
+/// What is not set does not move, and no step leaves the bounds: it is cut off there, and what
+/// follows from it takes it as it then is. The cost of each verb goes with the factors that the
+/// step touches.
 class TrialStep {
  public:
   TrialStep(const FactorGraph& graph, const Executor& executor, double max_stretch,
             VariableStore* variables, std::vector<IncrementalFamily>* families,
-            IncrementalSchur* schur)
+            IncrementalSchur* schur, ActiveBounds* bounds)
       : graph_(graph),
         executor_(executor),
         max_stretch_(max_stretch),
         variables_(*variables),
         families_(*families),
-        schur_(*schur) {}
+        schur_(*schur),
+        bounds_(*bounds) {}
   TrialStep(const TrialStep&) = delete;
   TrialStep& operator=(const TrialStep&) = delete;
 
@@ -46,6 +49,9 @@ class TrialStep {
   /// Back-substitutes a landmark from the frame steps set so far.
   void Visit(std::int32_t landmark);
   bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
+
+  /// Whether bounds have shortened this step, or the last one if it has ended.
+  bool is_cut_off() const { return is_cut_off_; }
 
   /// Change of the cost, and the decrease the linearizations predict, over the factors the step
   /// touches.
@@ -76,6 +82,12 @@ class TrialStep {
   /// Accepted: gradient shares and b follow, once residuals have. Returns how many landmarks'
   /// right-hand sides did.
   int UpdateRhs();
+  /// Calls visit(landmark) for these landmarks; before End.
+  template <typename Visit>
+  void ForEachUpdated(Visit&& visit) const {
+    visited_.ForEach(visit);
+    stale_landmarks_.ForEach(visit);
+  }
   void MoveValues();
   /// Nothing moves.
   void Reject();
@@ -97,6 +109,8 @@ class TrialStep {
   template <typename Function>
   void ForEachActive(Function&& visit) const;
   void PrepareDogleg();
+  void Begin() { is_cut_off_ = is_cut_off_ && !(moved_.empty() && visited_.empty()); }
+  void CutOff(VariableId id, std::int32_t quad);
   void Move(VariableId id, std::int32_t quad);
   void Touch(const std::vector<FactorRef>& factors);
   void NameTouched();
@@ -112,7 +126,9 @@ class TrialStep {
   VariableStore& variables_;
   std::vector<IncrementalFamily>& families_;
   IncrementalSchur& schur_;
+  ActiveBounds& bounds_;
 
+  bool is_cut_off_ = false;
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
   bool touched_named_ = false;  // the two above and the two below are those of the step

@@ -22,8 +22,7 @@ constexpr double kParallelFlops = 2e6;
 
 SelectedInverse::SelectedInverse(const SparseCholesky& factor, const BlockPattern& pattern,
                                  const Executor& executor)
-    : tree_(factor.tree()) {
-  NumberRows(pattern);
+    : tree_(factor.tree()), rows_(factor.tree(), pattern) {
   const int num_fronts = static_cast<int>(tree_.fronts.size());
   begin_.assign(static_cast<std::size_t>(num_fronts) + 1, 0);
   for (int f = 0; f < num_fronts; ++f) {
@@ -45,42 +44,6 @@ double SelectedInverse::PredictedFlops(const FrontTree& tree) {
     flops += w * (w * (w + 2.0 * h) + 2.0 * h * h) + h * h;
   }
   return flops;
-}
-
-void SelectedInverse::NumberRows(const BlockPattern& pattern) {
-  const auto num_blocks = static_cast<std::size_t>(pattern.num_blocks());
-  position_.resize(num_blocks);
-  size_.resize(num_blocks);
-  front_of_.resize(num_blocks);
-  first_pivot_.resize(tree_.fronts.size());
-  int scalar = 0;
-  for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
-    first_pivot_[f] = scalar;
-    for (int at = tree_.fronts[f].position_begin; at < tree_.fronts[f].position_end; ++at) {
-      const int block = tree_.order[at];
-      position_[block] = scalar;
-      size_[block] = pattern.block_size(block);
-      front_of_[block] = static_cast<int>(f);
-      scalar += size_[block];
-    }
-  }
-  rows_begin_.assign(tree_.fronts.size() + 1, 0);
-  for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
-    rows_begin_[f + 1] = rows_begin_[f] + static_cast<std::size_t>(tree_.fronts[f].height);
-  }
-  rows_.resize(rows_begin_.back());
-  for (int f = static_cast<int>(tree_.fronts.size()) - 1; f >= 0; --f) {
-    const Front& front = tree_.fronts[f];
-    for (int run = front.run_begin; run < front.run_end; ++run) {
-      const Front& parent = tree_.fronts[front.parent];
-      for (int k = 0; k < tree_.runs[run].length; ++k) {
-        const int to = tree_.runs[run].to + k;
-        rows_[rows_begin_[f] + tree_.runs[run].from + k] =
-            to < parent.width ? first_pivot_[front.parent] + to
-                              : rows_[rows_begin_[front.parent] + to - parent.below()];
-      }
-    }
-  }
 }
 
 void SelectedInverse::Invert(const SparseCholesky& factor, int f, const Executor& executor) {
@@ -166,47 +129,34 @@ void SelectedInverse::Eliminate(int f, const Executor& executor) {
                                Transposed(f), below);
 }
 
-int SelectedInverse::RowIn(int front, int position) const {
-  const int pivot = position - first_pivot_[front];
-  if (pivot < tree_.fronts[front].width) {
-    return pivot;
-  }
-  const auto begin = rows_.begin() + static_cast<std::ptrdiff_t>(rows_begin_[front]);
-  const auto end = rows_.begin() + static_cast<std::ptrdiff_t>(rows_begin_[front + 1]);
-  const auto found = std::lower_bound(begin, end, position);
-  return found == end || *found != position
-             ? -1
-             : tree_.fronts[front].width + static_cast<int>(found - begin);
-}
-
 bool SelectedInverse::Has(int i, int j) const {
-  const int first = position_[i] < position_[j] ? i : j;
-  return RowIn(front_of_[first], position_[i + j - first]) >= 0;
+  const int first = rows_.position(i) < rows_.position(j) ? i : j;
+  return rows_.RowIn(rows_.front_of(first), rows_.position(i + j - first)) >= 0;
 }
 
 double SelectedInverse::Entry(int front, int pivot, int position) const {
-  return Transposed(
-      front)[static_cast<std::ptrdiff_t>(RowIn(front, position)) * tree_.fronts[front].below() +
-             pivot];
+  return Transposed(front)[static_cast<std::ptrdiff_t>(rows_.RowIn(front, position)) *
+                               tree_.fronts[front].below() +
+                           pivot];
 }
 
 double SelectedInverse::Diagonal(int block, int k) const {
-  const int front = front_of_[block];
-  const int position = position_[block] + k;
-  return Entry(front, position - first_pivot_[front], position);
+  const int front = rows_.front_of(block);
+  const int position = rows_.position(block) + k;
+  return Entry(front, position - rows_.first_pivot(front), position);
 }
 
 void SelectedInverse::Block(int i, int j, double* block) const {
-  const bool turned = position_[j] < position_[i];  // the block of Σ₂₁ᵀ is that of (j, i)
+  const bool turned = rows_.position(j) < rows_.position(i);  // the block of Σ₂₁ᵀ is that of (j, i)
   const int first = turned ? j : i, second = turned ? i : j;
-  const int front = front_of_[first];
-  const double* from =
-      Transposed(front) +
-      static_cast<std::ptrdiff_t>(RowIn(front, position_[second])) * tree_.fronts[front].below() +
-      position_[first] - first_pivot_[front];
-  for (int c = 0; c < size_[second]; ++c, from += tree_.fronts[front].below()) {
-    for (int r = 0; r < size_[first]; ++r) {
-      block[turned ? c * size_[first] + r : r * size_[second] + c] = from[r];
+  const int front = rows_.front_of(first);
+  const double* from = Transposed(front) +
+                       static_cast<std::ptrdiff_t>(rows_.RowIn(front, rows_.position(second))) *
+                           tree_.fronts[front].below() +
+                       rows_.position(first) - rows_.first_pivot(front);
+  for (int c = 0; c < rows_.size(second); ++c, from += tree_.fronts[front].below()) {
+    for (int r = 0; r < rows_.size(first); ++r) {
+      block[turned ? c * rows_.size(first) + r : r * rows_.size(second) + c] = from[r];
     }
   }
 }

@@ -5,6 +5,7 @@
 
 #include "base/aligned_vector.h"
 #include "base/executor.h"
+#include "linear/front_rows.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
@@ -44,7 +45,6 @@ class SelectedInverse {
     int stride = 0;
   };
 
-  void NumberRows(const BlockPattern& pattern);
   void Invert(const SparseCholesky& factor, int f, const Executor& executor);
   void GatherRest(int f);
   void InvertPivots(const SparseCholesky& factor, int f);
@@ -52,16 +52,10 @@ class SelectedInverse {
   double* Transposed(int f) { return values_.data() + begin_[f]; }
   const double* Transposed(int f) const { return values_.data() + begin_[f]; }
   double Entry(int front, int pivot, int position) const;
-  int RowIn(int front, int position) const;
   double FromParent(int parent, int row, int column) const;
 
   const FrontTree& tree_;
-  std::vector<int> position_;     // first scalar of each block of A, in the order of elimination
-  std::vector<int> size_;         // of each block of A
-  std::vector<int> front_of_;     // per block of A
-  std::vector<int> first_pivot_;  // per front: the position of its first pivot
-  std::vector<int> rows_;         // per front: the positions of its other rows
-  std::vector<std::size_t> rows_begin_;
+  FrontRows rows_;
   // Per front [Σ₁₁ Σ₂₁ᵀ], width × (width + height), column-major, columns padded to quads.
   ZeroedArray values_;
   std::vector<std::size_t> begin_;

@@ -42,7 +42,11 @@ double SparseCholesky::PredictedBytes() const {
 
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = tree_.flops;
-  const int failed = FactorSegment(0, A);
+  return End(FactorSegment(0, A));
+}
+
+// `failed`: the block of S at which there is no factor; or none.
+Status SparseCholesky::End(int failed) {
   factored_ = failed == FrontTree::kNone
                   ? Status::Ok()
                   : Status::Error(StatusCode::kSingular,

@@ -31,6 +31,17 @@ class SparseCholesky final : public ReducedSolver {
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                double* x) override;
   std::size_t Bytes() const override;
+  /// A factor from elsewhere, of what was analyzed: fill(f, L), front by front, children first,
+  /// writes the columns of the front's pivots, and returns the pivot that it fails at, or −1.
+  template <typename Fill>
+  Status FactorizeBy(const Fill& fill) {
+    int failed = FrontTree::kNone;
+    for (int f = 0; f < static_cast<int>(tree_.fronts.size()) && failed == FrontTree::kNone; ++f) {
+      const int pivot = fill(f, Column(f, 0));
+      failed = pivot < 0 ? FrontTree::kNone : BlockAtPivot(tree_.fronts[f], pivot);
+    }
+    return End(failed);
+  }
 
   /// Flops of one factorization.
   double PredictedFlops() const { return tree_.flops; }
@@ -48,6 +59,7 @@ class SparseCholesky final : public ReducedSolver {
   }
 
  private:
+  Status End(int failed);
   /// The block of S at which it fails; -1: it does not.
   int FactorSegment(int index, const ReducedMatrix& A);
   void SolveForward(const FrontSegment& segment, const double* b);

@@ -24,6 +24,9 @@ Status CovarianceOptions::Validate() const {
   if (!(min_reciprocal_condition_number >= 0.0 && min_reciprocal_condition_number < 1.0)) {
     return Invalid("CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
   }
+  if (!(min_column_remainder >= 0.0 && min_column_remainder < 1.0)) {
+    return Invalid("CovarianceOptions::min_column_remainder must be in [0, 1)");
+  }
   return max_inflation > 1.0 ? Status::Ok()
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }

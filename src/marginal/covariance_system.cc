@@ -45,7 +45,8 @@ Status CovarianceSystem::NotDetermined(VariableId id, const char* why) {
 }
 
 void CovarianceSystem::FindDirections() {
-  if (diagonal_.size() == 0 || !deficiency_.directions.empty()) {
+  // by rows S is not formed
+  if (diagonal_.size() == 0 || !deficiency_.directions.empty() || by_rows_ != nullptr) {
     return;
   }
   const Eigen::MatrixXd directions =
@@ -76,6 +77,9 @@ Status CovarianceSystem::Factorize() {
   Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
   if (!status.ok()) {
     return status;
+  }
+  if (options_.algorithm == CovarianceAlgorithm::kQr) {
+    return FactorizeRows();
   }
   hessian_.Accumulate();
   status = CheckLandmarks();
@@ -181,6 +185,9 @@ void CovarianceSystem::MakeColumn(VariableId id) {
   Column& column = columns_[id];
   const int size = graph_.TangentSize(id);
   const int landmark = layout_.LandmarkOf(id);
+  if (landmark >= 0 && by_rows_ != nullptr) {
+    return MakeColumnByRows(landmark, &column);
+  }
   if (landmark < 0) {
     column.frames = {layout_.FrameOf(id)};
   } else {
@@ -309,7 +316,7 @@ Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
       }
     }
   }
-  if (wants_landmarks) {
+  if (wants_landmarks && by_rows_ == nullptr) {
     SubtractW();
   }
   if (layout_.num_frames == 0) {

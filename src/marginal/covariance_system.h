@@ -13,11 +13,13 @@
 #include "linear/sparse_cholesky.h"
 #include "linearize/evaluator.h"
 #include "linearize/hessian.h"
+#include "marginal/orthogonal_elimination.h"
 #include "schur/elimination.h"
 
 namespace inceres::internal {
 
-/// The undamped normal equations of a graph at a state, factored, and blocks of their inverse. With
+/// The undamped normal equations of a graph at a state, factored, and blocks of their inverse; of
+/// kQr the same from the Jacobian, which is never squared. With
 /// V of a variable as GraphCovariance defines it, which touches few frames, a block is a sum over
 /// these:
 ///
@@ -50,6 +52,10 @@ class CovarianceSystem {
     Eigen::MatrixXd X;      // S⁻¹ V, where it was solved for
   };
 
+  Status FactorizeRows();
+  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
+  void AddSquares(const RowsOfBlocks& rows);
+  void MakeColumnByRows(int landmark, Column* column);
   Status CheckLandmarks();
   Status CheckGauge();
   Status CheckVariance(int frame, int k, double variance);
@@ -76,7 +82,8 @@ class CovarianceSystem {
   Hessian hessian_;
   Elimination elimination_;
   SparseCholesky factor_;
-  Eigen::VectorXd diagonal_;  // of S
+  Eigen::VectorXd diagonal_;                        // of S
+  std::unique_ptr<OrthogonalElimination> by_rows_;  // of kQr
   std::unique_ptr<SelectedInverse> inverse_;
   std::map<VariableId, Column> columns_;
   RankDeficiency deficiency_;

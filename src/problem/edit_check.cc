@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <new>
 
 #include "problem/find_fault.h"
@@ -66,6 +67,7 @@ Status EditCheck::Run() {
   then(&EditCheck::CheckFactorSettings);
   then(&EditCheck::CheckNewValues);
   then(&EditCheck::CheckPins);
+  then(&EditCheck::CheckBounds);
   if (status.ok()) {
     ReserveVariables();
     ReserveFactors();
@@ -197,6 +199,30 @@ Status EditCheck::CheckPins() const {
     }
   }
   return status;
+}
+
+Status EditCheck::CheckBounds() const {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
+    Status status = CheckVariableId("SetBounds", bounds.id, /*may_come=*/true);
+    if (!status.ok()) {
+      return status;
+    }
+    const auto entry = [this](std::size_t offset, int k, double none) {
+      return offset == GraphEdit::kNoValues ? none
+                                            : edit_.values()[offset + static_cast<std::size_t>(k)];
+    };
+    for (int k = 0; k < See(bounds.id).record->ambient_size; ++k) {
+      const double lower = entry(bounds.lower, k, -kNone);
+      const double upper = entry(bounds.upper, k, kNone);
+      if (!(lower < upper)) {
+        return Invalid("SetBounds: value " + std::to_string(k) + " of " + VariableName(bounds.id) +
+                       " has the lower bound " + std::to_string(lower) +
+                       ", which is not below its upper bound " + std::to_string(upper));
+      }
+    }
+  }
+  return Status::Ok();
 }
 
 }  // namespace internal

@@ -39,6 +39,7 @@ class EditCheck {
   Status CheckFactorSettings() const;
   Status CheckNewValues() const;
   Status CheckPins() const;
+  Status CheckBounds() const;
   void ReserveVariables() const;
   void ReserveFactors() const;
 

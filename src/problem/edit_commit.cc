@@ -177,6 +177,12 @@ class EditCommit {
       graph_.PinLinearization(
           id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
     }
+    for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
+      const auto values = [this](std::size_t offset) {
+        return offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset;
+      };
+      graph_.SetBounds(bounds.id, values(bounds.lower), values(bounds.upper));
+    }
   }
 
   void Free() {

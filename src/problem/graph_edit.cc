@@ -30,6 +30,7 @@ void GraphEdit::Restart() {
   constants_.clear();
   new_values_.clear();
   pins_.clear();
+  bounds_.clear();
 }
 
 bool GraphEdit::Knows(const char* call, FamilyId id, const FactorFamily* given) {
@@ -123,10 +124,16 @@ void GraphEdit::PinLinearization(VariableId id, const double* values) {
   pins_.emplace_back(id, Store(id, values));
 }
 
+void GraphEdit::SetBounds(VariableId id, const double* lower, const double* upper) {
+  const std::size_t low = Store(id, lower);
+  bounds_.push_back({id, low, Store(id, upper)});
+}
+
 bool GraphEdit::empty() const {
   return misuse_.ok() && new_variables_.empty() && new_factors_.empty() &&
          removed_variables_.empty() && removed_factors_.empty() && losses_.empty() &&
-         measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty();
+         measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty() &&
+         bounds_.empty();
 }
 
 }  // namespace inceres

@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "schur/visibility_clusters.h"
+#include "trust_region/cg_step.h"
 #include "trust_region/schur_model.h"
 #include "trust_region/two_level_preconditioner.h"
 
 namespace inceres::internal {
 namespace {
 
-constexpr int kResidualResetPeriod = 10;  // Ceres's
 // Eisenstat and Walker's γ, when their safeguard holds, and what a step is worth at most.
 constexpr double kEtaShare = 0.9;
 constexpr double kLargeEta = 0.1;
@@ -186,7 +186,6 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   return status;
 }
 
-// A step that took too many iterations, or met a direction without curvature, is as good as any.
 Status IterativeModel::SolveReduced(double* step) {
   const std::vector<int>& packed = product_.packed_offsets();
   const std::vector<int>& padded = product_.padded_offsets();
@@ -195,16 +194,14 @@ Status IterativeModel::SolveReduced(double* step) {
                                   iteration_.b() + padded[i]);
     std::fill(end, iteration_.b() + padded[i + 1], 0.0);
   }
-  iteration_.StartFromZero();
-  const End end = iteration_.Iterate(this, options_.max_iterations, kResidualResetPeriod);
-  num_iterations_ = static_cast<int>(iteration_.gains().size());
-  converged_ = end == End::kConverged && (num_iterations_ == 0 || IsGoodEnough(iteration_));
-  if (end == End::kBreakdown || (end == End::kConverged && !converged_)) {
-    ++num_iterations_;  // the one that cannot be
-    return Status::Error(StatusCode::kSingular,
-                         "conjugate gradients: the residual or a curvature is zero or no number");
+  CgOutcome outcome;
+  const Status iterated = IterateAsCeres(this, options_.max_iterations, options_.min_iterations,
+                                         eta_, &iteration_, &outcome);
+  num_iterations_ = outcome.num_iterations;
+  converged_ = outcome.converged;
+  if (!iterated.ok()) {
+    return iterated;
   }
-  num_iterations_ += end == End::kNotPositiveDefinite ? 1 : 0;
   for (int i = 0; i < product_.num_rows(); ++i) {
     const double* const x = iteration_.x() + padded[i];
     std::copy(x, x + product_.block_size(i), step + packed[i]);
@@ -237,11 +234,8 @@ bool IterativeModel::Precondition(const double* r, double* z) {
   return true;
 }
 
-// ζ_k = k (Q_k − Q_{k−1}) / Q_k < η for the quadratic model Q = xᵀAx/2 − bᵀx.
 bool IterativeModel::IsGoodEnough(const ConjugateGradients& iteration) const {
-  const std::vector<double>& gains = iteration.gains();
-  const auto count = static_cast<int>(gains.size());
-  return count >= options_.min_iterations && count * gains.back() / iteration.decrease() < eta_;
+  return IsGoodEnoughForCeres(iteration, options_.min_iterations, eta_);
 }
 
 void IterativeModel::Describe(WorkCounts* work) const {

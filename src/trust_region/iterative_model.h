@@ -36,8 +36,6 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   int num_iterations() const override { return num_iterations_; }
 
  private:
-  using End = ConjugateGradients::End;
-
   bool is_formed() const { return options_.explicit_schur_complement; }
   void MakePreconditioner(Status* status);
   const FrameClusters* FindClusters();

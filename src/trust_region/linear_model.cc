@@ -4,13 +4,19 @@
 #include "trust_region/dense_qr_model.h"
 #include "trust_region/dynamic_model.h"
 #include "trust_region/iterative_model.h"
+#include "trust_region/large_block_schur_model.h"
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
 
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
-                                             const Evaluator& evaluator, Status* status) {
+                                             const Evaluator& evaluator,
+                                             const std::vector<VariableId>* eliminated,
+                                             Status* status) {
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
+  if (eliminated != nullptr) {
+    return std::make_unique<LargeBlockSchurModel>(options, evaluator, *eliminated, status);
+  }
   if (IsIterative(options.linear_model)) {
     return std::make_unique<IterativeModel>(options, evaluator, status);
   }

@@ -89,8 +89,11 @@ class LinearModel {
 };
 
 /// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are
-/// landmarks. It wants TimeInto before its first use. Fails if the reduced solver cannot be set up.
+/// landmarks. `eliminated` is LoopOptions::eliminated, null mostly. It wants TimeInto before its
+/// first use. Fails if the reduced solver cannot be set up.
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
-                                             const Evaluator& evaluator, Status* status);
+                                             const Evaluator& evaluator,
+                                             const std::vector<VariableId>* eliminated,
+                                             Status* status);
 
 }  // namespace inceres::internal

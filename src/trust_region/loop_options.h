@@ -119,8 +119,11 @@ struct LoopOptions {
   double seconds_spent_before = 0.0;
   /// of the cost, what no variable moves: the function tolerance is relative to the rest
   double fixed_cost = 0.0;
-  StepJudge* judge = nullptr;                     ///< not owned; may be null
-  InnerDescent* inner_descent = nullptr;          ///< not owned; null: none
+  StepJudge* judge = nullptr;             ///< not owned; may be null
+  InnerDescent* inner_descent = nullptr;  ///< not owned; null: none
+  /// Of kIterativeSchur: these variables are eliminated, of any size and none in a factor with
+  /// another, and not the graph's landmarks (LargeBlockSchurModel). Not owned; null: the landmarks.
+  const std::vector<VariableId>* eliminated = nullptr;
   StepSystemObserver* system_observer = nullptr;  ///< not owned; may be null
   const Agreement* agreement = nullptr;           ///< not owned; null: one process
   PositionKeeper* keeper = nullptr;               ///< not owned; may be null

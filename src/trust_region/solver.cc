@@ -79,23 +79,28 @@ std::int64_t VectorBytes(const Layout& layout) {
 
 // What a structure is set up with.
 struct Workspace {
-  Workspace(const SolverOptions& options, const FactorGraph& graph)
-      : layout(graph, EliminatesLandmarks(options)),
+  Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph)
+      : layout(graph, EliminatesLandmarks(options, loop)),
         executor(options.num_threads),
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
         dynamic_sparsity(options.dynamic_sparsity),
         conjugate_gradients(options.conjugate_gradients),
+        eliminated(EliminatedBy(loop)),
         evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
     evaluator.set_leaves_out_zero_blocks(dynamic_sparsity &&
                                          evaluator.storage() == JacobianStorage::kBySlot);
   }
 
-  static bool EliminatesLandmarks(const SolverOptions& options) {
+  static std::vector<VariableId> EliminatedBy(const LoopOptions& loop) {
+    return loop.eliminated != nullptr ? *loop.eliminated : std::vector<VariableId>();
+  }
+
+  static bool EliminatesLandmarks(const SolverOptions& options, const LoopOptions& loop) {
     const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic ||
                            options.linear_model == LinearModelKind::kSchur ||
                            options.linear_model == LinearModelKind::kIterativeSchur;
-    return by_blocks && !options.dynamic_sparsity;
+    return by_blocks && !options.dynamic_sparsity && loop.eliminated == nullptr;
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
@@ -127,6 +132,7 @@ struct Workspace {
   ReducedSolverKind reduced_solver;
   bool dynamic_sparsity;
   ConjugateGradientsOptions conjugate_gradients;
+  std::vector<VariableId> eliminated;  // LoopOptions::eliminated
   Evaluator evaluator;
   std::unique_ptr<LinearModel> model;
   TrustRegionMemory memory;
@@ -147,8 +153,8 @@ class Solver::Impl {
   std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
 
  private:
-  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const FactorGraph& graph,
-                                     Summary* summary);
+  std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const LoopOptions& loop,
+                                     const FactorGraph& graph, Summary* summary);
   void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
                   Summary* summary, double start);
 
@@ -159,24 +165,26 @@ class Solver::Impl {
 // The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if
 // there is nothing to solve with.
 std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
-                                                 const FactorGraph& graph, Summary* summary) {
+                                                 const LoopOptions& loop, const FactorGraph& graph,
+                                                 Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
-  summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph);
+  summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph) &&
+                              workspace->eliminated == Workspace::EliminatedBy(loop);
   if (summary->structure_reused) {
     workspace->evaluator.Rebind(graph);
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
   MemoryBudget budget(options.max_memory_bytes);
-  TakeForGraph(graph, Workspace::EliminatesLandmarks(options), &budget);
-  workspace = std::make_unique<Workspace>(options, graph);
+  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop), &budget);
+  workspace = std::make_unique<Workspace>(options, loop, graph);
   workspace->evaluator.set_memory_budget(&budget);
   if (workspace->layout.variables.empty()) {
     SummarizeStandstill(&workspace->evaluator, summary);
     return nullptr;
   }
   Status status;
-  workspace->model = MakeLinearModel(options, workspace->evaluator, &status);
+  workspace->model = MakeLinearModel(options, workspace->evaluator, loop.eliminated, &status);
   if (!status.ok()) {
     summary->message = status.message;
     return nullptr;
@@ -188,7 +196,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
 
 void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
                               Summary* summary, double start) {
-  std::unique_ptr<Workspace> workspace = Prepare(options, *graph, summary);
+  std::unique_ptr<Workspace> workspace = Prepare(options, loop, *graph, summary);
   if (workspace == nullptr) {
     return;
   }

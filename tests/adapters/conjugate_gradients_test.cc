@@ -87,6 +87,21 @@ TEST_P(ConjugateGradientsTrace, IsStocksInAWindowWithManifoldsLossesAndConstants
   ExpectStocksIterations(testing::SolveBoth(Window, Options(), InverseDepthsFirst), AtLeast(3));
 }
 
+// Cameras first: blocks of nine are eliminated, and the points are what is left.
+TEST_P(ConjugateGradientsTrace, IsStocksWithCamerasEliminated) {
+  const auto cameras_first = [](TestProblem* test, ceres::Solver::Options* options) {
+    options->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (std::vector<double>& block : test->blocks) {
+      options->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 1 : 0);
+    }
+  };
+  for (const int max_iterations : {500, 6}) {
+    ceres::Solver::Options options = Options();
+    options.max_linear_solver_iterations = max_iterations;
+    ExpectStocksIterations(testing::SolveBoth(Bundle, options, cameras_first), AtLeast(3));
+  }
+}
+
 TEST_P(ConjugateGradientsTrace, IsStocksWithOtherLimits) {
   ceres::Solver::Options options = Options();
   options.eta = 1e-3;
@@ -115,16 +130,15 @@ std::string NameOf(const ::testing::TestParamInfo<Way>& info) {
          (std::get<2>(info.param) ? "_explicit" : "");
 }
 
-// Where Ceres eliminates blocks that ours cannot, poses that share no residual block, it solves.
-TEST(ConjugateGradients, LargeBlocksToEliminateAreStocks) {
-  const auto test = Window();
-  ceres::Solver::Summary summary;
-  SolveReport report;
-  inceres::Solve(Iterative(ceres::ITERATIVE_SCHUR, ceres::JACOBI), &test->problem, &summary,
-                 SolveOptions(), &report);
-  EXPECT_TRUE(report.used_stock);
-  EXPECT_NE(report.fallback_reason.find("tangent size"), std::string::npos)
-      << report.fallback_reason;
+// The independent set of most blocks has poses in it, which share no residual block.
+TEST(ConjugateGradients, LargeBlocksAreEliminatedWhereNobodySaysWhich) {
+  const BothSolved both =
+      testing::SolveBoth(Window, Iterative(ceres::ITERATIVE_SCHUR, ceres::JACOBI));
+  ASSERT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+  EXPECT_NE(std::string(both.report.core.reduced_solver).find("large blocks"), std::string::npos)
+      << both.report.core.reduced_solver;
+  EXPECT_NEAR(both.ours.final_cost, both.stock.final_cost, 1e-3 * both.stock.final_cost);
+  EXPECT_EQ(both.ours.linear_solver_ordering_used, both.stock.linear_solver_ordering_used);
 }
 
 // A first group of constants only leaves nothing to eliminate: Ceres takes CGNR with JACOBI.

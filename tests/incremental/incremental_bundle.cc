@@ -22,7 +22,7 @@ IncrementalBundle::IncrementalBundle(const IncrementalOptions& options, unsigned
 VariableId IncrementalBundle::AddVariable(Role role, int size) {
   std::vector<double> start = random_.Vector(size);
   const VariableId id = edit_.AddVariable(start.data(), size, role);
-  variables_[id] = {role, false, std::move(start)};
+  variables_[id] = {role, false, std::move(start), {}, {}};
   return id;
 }
 
@@ -120,6 +120,14 @@ void IncrementalBundle::SetValues(VariableId id, const std::vector<double>& valu
   variables_[id].start = values;
 }
 
+void IncrementalBundle::SetBounds(VariableId id, const std::vector<double>& lower,
+                                  const std::vector<double>& upper) {
+  edit_.SetBounds(id, lower.empty() ? nullptr : lower.data(),
+                  upper.empty() ? nullptr : upper.data());
+  variables_[id].lower = lower;
+  variables_[id].upper = upper;
+}
+
 void IncrementalBundle::Apply() {
   const Status status = solver.Apply(edit_);
   EXPECT_TRUE(status.ok()) << status.message;
@@ -151,6 +159,10 @@ void IncrementalBundle::Rebuild(bool from_values_held, FactorGraph* graph) const
     renamed[id] =
         graph->AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
     graph->SetConstant(renamed[id], variable.constant);
+    if (!variable.constant) {
+      graph->SetBounds(renamed[id], variable.lower.empty() ? nullptr : variable.lower.data(),
+                       variable.upper.empty() ? nullptr : variable.upper.data());
+    }
   }
   const auto priors = graph->AddFamily(std::make_shared<DiagonalPriorFamily>(6));
   const auto ties = graph->AddFamily(std::make_shared<SmoothFamily>(6, Slots{{6, 6}, {6, 6}}));
@@ -180,14 +192,19 @@ Summary IncrementalBundle::SolveInBatch(bool from_values_held) const {
   return summary;
 }
 
-double IncrementalBundle::FreshMinimum(const IncrementalOptions& options) const {
+double IncrementalBundle::FreshMinimum(const IncrementalOptions& options,
+                                       bool from_values_held) const {
   IncrementalBundle fresh(options);
   std::map<VariableId, VariableId> renamed;
   for (const auto& [id, variable] : variables_) {
-    const double* values = variable.constant ? solver.Values(id) : variable.start.data();
+    const double* values =
+        from_values_held || variable.constant ? solver.Values(id) : variable.start.data();
     renamed[id] =
         fresh.edit_.AddVariable(values, static_cast<int>(variable.start.size()), variable.role);
     fresh.edit_.SetConstant(renamed[id], variable.constant);
+    if (!variable.lower.empty() || !variable.upper.empty()) {
+      fresh.SetBounds(renamed[id], variable.lower, variable.upper);
+    }
   }
   for (const auto& [key, factor] : factors_) {
     Factor copy = factor;

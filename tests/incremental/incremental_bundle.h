@@ -34,6 +34,8 @@ class IncrementalBundle {
   /// Another random measurement.
   void ChangeMeasurement(FactorId id);
   void SetValues(VariableId id, const std::vector<double>& values);
+  /// Empty: none on that side.
+  void SetBounds(VariableId id, const std::vector<double>& lower, const std::vector<double>& upper);
   GraphEdit& edit() { return edit_; }
 
   /// Carries the edit out and begins the next.
@@ -45,8 +47,15 @@ class IncrementalBundle {
   /// A batch solve of the problem as recorded, from the values held now, or from those the
   /// variables came with.
   Summary SolveInBatch(bool from_values_held) const;
-  /// The cost another IncrementalSolver finds, which never knew what was removed.
-  double FreshMinimum(const IncrementalOptions& options) const;
+  /// The recorded problem at the values held.
+  FactorGraph Graph() const {
+    FactorGraph graph;
+    Rebuild(/*from_values_held=*/true, &graph);
+    return graph;
+  }
+  /// The cost another IncrementalSolver finds, which never knew what was removed; from the values
+  /// that the variables came with, or from those held now.
+  double FreshMinimum(const IncrementalOptions& options, bool from_values_held = false) const;
 
   const std::vector<VariableId>& frames() const { return frames_; }
   const std::vector<VariableId>& landmarks() const { return landmarks_; }
@@ -65,6 +74,8 @@ class IncrementalBundle {
     Role role;
     bool constant = false;
     std::vector<double> start;
+    std::vector<double> lower;
+    std::vector<double> upper;
   };
   struct Factor {
     Kind kind;

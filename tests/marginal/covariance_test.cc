@@ -254,6 +254,10 @@ TEST(Covariance, BadIdsAndOptions) {
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::null_space_rank must be at least -1");
   options.null_space_rank = 0;
+  options.min_column_remainder = 1.0;
+  EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
+            "CovarianceOptions::min_column_remainder must be in [0, 1)");
+  options.min_column_remainder = 0.0;
   options.min_reciprocal_condition_number = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
             "CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
@@ -299,6 +303,155 @@ TEST(Covariance, ByDenseSingularValues) {
   }
 }
 
+// The same blocks from the Jacobian, which is never squared: of everything there is in a graph.
+TEST(Covariance, ByOrthogonalTransformations) {
+  CovarianceOptions by_rows;
+  by_rows.algorithm = CovarianceAlgorithm::kQr;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    BundleOptions options;
+    options.seed = seed;
+    options.num_frames = 5;
+    options.num_landmarks = 12;
+    options.frame_sizes = {6, 3};
+    options.landmark_sizes = {3, 1, 2};
+    options.manifolds = seed % 2 == 0;
+    options.losses = seed % 3 == 0;
+    options.constants = seed > 3;
+    options.hosted = seed == 5;
+    const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+    const std::vector<VariableId> moving = Moving(bundle->graph());
+    GraphCovariance covariance(by_rows);
+    const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
+    ASSERT_TRUE(status.ok()) << status.message;
+    SCOPED_TRACE(seed);
+    ExpectInverse(bundle->graph(), moving, covariance);
+  }
+  Path path(30, 11);
+  const std::vector<VariableId> moving = Moving(path.random.graph());
+  GraphCovariance covariance(by_rows);
+  const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
+  ASSERT_TRUE(status.ok()) << status.message;
+  ExpectInverse(path.random.graph(), moving, covariance);
+}
+
+// A chain of which second differences are measured, held at its beginning, with landmarks: what
+// bends it at the beginning moves its end by its length squared. Against singular values.
+struct OpenPath {
+  explicit OpenPath(int length) {
+    Random random(5);
+    for (int i = 0; i < length; ++i) {
+      frames.push_back(world.AddVariable(RandomMatrix(&random, 2, 1)));
+      if (i < 2) {
+        world.AddFactor({frames.back()}, MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+        continue;
+      }
+      MatrixXd A(2, 6);
+      A << MatrixXd::Identity(2, 2), -2.0 * MatrixXd::Identity(2, 2), MatrixXd::Identity(2, 2);
+      world.AddFactor({frames[frames.size() - 3], frames[frames.size() - 2], frames.back()},
+                      3e4 * A, Eigen::VectorXd::Zero(2));
+      landmarks.push_back(world.AddVariable(RandomMatrix(&random, 2, 1), Role::kLandmark));
+      for (const VariableId frame : {frames[frames.size() - 2], frames.back()}) {
+        MatrixXd B(2, 4);
+        B << RandomMatrix(&random, 2, 2), MatrixXd::Identity(2, 2);
+        world.AddFactor({frame, landmarks.back()}, B, Eigen::VectorXd::Zero(2));
+      }
+    }
+  }
+  LinearWorld world;
+  std::vector<VariableId> frames, landmarks;
+};
+
+// The largest difference of blocks, in units of √(Σ_ii Σ_jj).
+double LargestDifference(const FactorGraph& graph, const std::vector<VariableId>& ids,
+                         const GraphCovariance& a, const GraphCovariance& b) {
+  double largest = 0.0;
+  for (const auto& [i, j] : AllPairs(ids)) {
+    const int rows = graph.TangentSize(i), columns = graph.TangentSize(j);
+    RowMajor of_a(rows, columns), of_b(rows, columns), of_i(rows, rows), of_j(columns, columns);
+    EXPECT_TRUE(a.Get(i, j, of_a.data()) && b.Get(i, j, of_b.data()));
+    EXPECT_TRUE(b.Get(i, i, of_i.data()) && b.Get(j, j, of_j.data()));
+    largest = std::max(largest, ((of_a - of_b).array() /
+                                 (of_i.diagonal() * of_j.diagonal().transpose()).array().sqrt())
+                                    .abs()
+                                    .maxCoeff());
+  }
+  return largest;
+}
+
+TEST(Covariance, OfAnOpenPathHasItsDigitsByRows) {
+  const OpenPath path(100);
+  const FactorGraph& graph = path.world.graph;
+  const std::vector<VariableId> moving = Moving(graph);
+  CovarianceOptions options;
+  options.algorithm = CovarianceAlgorithm::kDenseSvd;
+  options.min_reciprocal_condition_number = 0.0;
+  GraphCovariance dense(options);
+  ASSERT_TRUE(dense.Compute(graph, AllPairs(moving)).ok());
+  options.algorithm = CovarianceAlgorithm::kSchur;
+  options.max_inflation = 1e8;
+  GraphCovariance doubtful(options);
+  EXPECT_EQ(doubtful.Compute(graph, AllPairs(moving)).code, StatusCode::kSingular)
+      << "it is as ill-conditioned as this test is about";
+  options.max_inflation = 1e14;
+  GraphCovariance normal(options);
+  ASSERT_TRUE(normal.Compute(graph, AllPairs(moving)).ok());
+  options.algorithm = CovarianceAlgorithm::kQr;
+  GraphCovariance by_rows(options);
+  const Status status = by_rows.Compute(graph, AllPairs(moving));
+  ASSERT_TRUE(status.ok()) << status.message;
+  const double difference = LargestDifference(graph, moving, by_rows, dense);
+  EXPECT_LT(difference, 1e-9);
+  EXPECT_GT(LargestDifference(graph, moving, normal, dense), 10.0 * difference);
+}
+
+TEST(Covariance, ByRowsTellsWhatIsNotDetermined) {
+  CovarianceOptions options;
+  options.algorithm = CovarianceAlgorithm::kQr;
+  LinearWorld world;
+  Random random(8);
+  for (int i = 0; i < 10; ++i) {
+    world.AddVariable(RandomMatrix(&random, 3, 1));
+    if (i > 0) {
+      MatrixXd A(3, 6);
+      const MatrixXd weight = RandomMatrix(&random, 3, 3);
+      A << -weight, weight;
+      world.AddFactor({i - 1, i}, A, RandomMatrix(&random, 3, 1));
+    }
+  }
+  GraphCovariance covariance(options);
+  const Status open = covariance.Compute(world.graph, {{0, 0}});
+  EXPECT_EQ(open.code, StatusCode::kSingular);
+  EXPECT_NE(open.message.find("gauge"), std::string::npos) << open.message;
+  double block[9];
+  EXPECT_FALSE(covariance.Get(0, 0, block));
+  world.AddFactor({4}, MatrixXd::Identity(3, 3), Eigen::VectorXd::Zero(3));
+  ASSERT_TRUE(covariance.Compute(world.graph, AllPairs(Moving(world.graph))).ok());
+  ExpectInverse(world.graph, Moving(world.graph), covariance);
+  const VariableId landmark = world.AddVariable(Eigen::VectorXd::Zero(2), Role::kLandmark);
+  world.AddFactor({0, landmark}, RandomMatrix(&random, 1, 5), Eigen::VectorXd::Zero(1));
+  const Status seen_once = covariance.Compute(world.graph, {{0, 0}});
+  EXPECT_EQ(seen_once.code, StatusCode::kSingular);
+  EXPECT_EQ(covariance.deficiency().landmarks, std::vector<VariableId>{landmark});
+}
+
+// The rule of SuiteSparseQR goes by the units: a variable in large ones has short columns.
+TEST(Covariance, ByRowsTheRemainderOfAColumnMayHaveToBeLarge) {
+  for (const Role role : {Role::kFrame, Role::kLandmark}) {
+    LinearWorld world;
+    const VariableId near = world.AddVariable(Eigen::VectorXd::Zero(2));
+    const VariableId small = world.AddVariable(Eigen::VectorXd::Zero(2), role);
+    world.AddFactor({near}, MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+    world.AddFactor({small}, 1e-6 * MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+    CovarianceOptions options;
+    options.algorithm = CovarianceAlgorithm::kQr;
+    for (const double share : {0.0, 0.9e-6, 1.1e-6}) {
+      options.min_column_remainder = share;
+      GraphCovariance covariance(options);
+      EXPECT_EQ(covariance.Compute(world.graph, {{small, small}}).ok(), share < 1e-6) << share;
+    }
+  }
+}
+
 // Of a living problem, with free places and a prior, at the values it holds.
 TEST(Covariance, OfALivingProblem) {
   IncrementalOptions options;
@@ -329,16 +482,19 @@ TEST(Covariance, IsTheSameForAnyNumberOfThreads) {
   BundleOptions bundle_options;
   bundle_options.num_landmarks = 600;
   const std::unique_ptr<RandomGraph> bundle = MakeBundle(bundle_options);
-  double blocks[2][36];
-  for (const int num_threads : {1, 4}) {
-    CovarianceOptions options;
-    options.num_threads = num_threads;
-    GraphCovariance covariance(options);
-    const Status status = covariance.Compute(bundle->graph(), {{0, 1}});
-    ASSERT_TRUE(status.ok()) << status.message;
-    ASSERT_TRUE(covariance.Get(0, 1, blocks[num_threads / 4]));
+  for (const auto algorithm : {CovarianceAlgorithm::kSchur, CovarianceAlgorithm::kQr}) {
+    double blocks[2][36];
+    for (const int num_threads : {1, 4}) {
+      CovarianceOptions options;
+      options.algorithm = algorithm;
+      options.num_threads = num_threads;
+      GraphCovariance covariance(options);
+      const Status status = covariance.Compute(bundle->graph(), {{0, 1}});
+      ASSERT_TRUE(status.ok()) << status.message;
+      ASSERT_TRUE(covariance.Get(0, 1, blocks[num_threads / 4]));
+    }
+    EXPECT_TRUE(std::equal(blocks[0], blocks[0] + 36, blocks[1]));
   }
-  EXPECT_TRUE(std::equal(blocks[0], blocks[0] + 36, blocks[1]));
 }
 
 }  // namespace

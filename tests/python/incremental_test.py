@@ -152,6 +152,49 @@ class IncrementalTest(unittest.TestCase):
                 traces.append(np.trace(street.solver.covariance(street.cameras[:1])[0]))
         self.assertLess(traces[-1], traces[0])
 
+    def test_live_covariances_are_those_of_all_linearized_anew(self):
+        street = Growing()
+        for i in range(4):
+            street.add_camera(i)
+        street.solver.update()
+        views = np.bincount(street.bal.point_indices[street.bal.camera_indices <= 3],
+                            minlength=len(street.points))
+        with street.solver.edit() as edit:
+            edit.set_constant(street.points[views == 1])
+        street.solver.update()
+        pair = street.cameras[:2]
+        joint, staleness = street.solver.live_covariance(pair, accuracy="exact")
+        self.assertEqual(joint.shape, (18, 18))
+        self.assertIn("num_stale_factors", staleness)
+        for algorithm in ("schur", "qr"):
+            own = street.solver.covariance(pair, algorithm=algorithm)
+            np.testing.assert_allclose(joint[:9, :9], own[0], rtol=0, atol=1e-6 * own[0].max())
+            np.testing.assert_allclose(joint[9:, 9:], own[1], rtol=0, atol=1e-6 * own[1].max())
+        with self.assertRaisesRegex(ValueError, "accuracy: 'rough' is none of as_factored"):
+            street.solver.live_covariance(pair, accuracy="rough")
+        with self.assertRaisesRegex(ValueError, "algorithm: 'lu' is none of schur, qr, dense_svd"):
+            street.solver.covariance(pair, algorithm="lu")
+        with self.assertRaisesRegex(ValueError, "null_space_rank"):
+            street.solver.covariance(pair, algorithm="dense_svd", null_space_rank=-2)
+
+    def test_bounds_hold_values(self):
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
+        prior = solver.add_family(inceres.DiagonalPrior(2))
+        with solver.edit() as edit:
+            ids = edit.add_variables(np.zeros((3, 2)))
+            edit.add_factors(prior, ids[:, None], np.tile([3.0, -3.0, 1.0, 1.0], (3, 1)))
+        with solver.edit() as edit:
+            edit.set_bounds(ids[:2], lower=[-1.0, -2.0], upper=np.full((2, 2), 2.5))
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids), [[2.5, -2.0], [2.5, -2.0], [3.0, -3.0]])
+        with self.assertRaisesRegex(ValueError, "not below"):
+            with solver.edit() as edit:
+                edit.set_bounds(ids, lower=[1.0, 1.0], upper=[0.0, 0.0])
+        with solver.edit() as edit:
+            edit.set_bounds(ids)
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids), np.tile([3.0, -3.0], (3, 1)))
+
     def test_callbacks_read_values_and_stop(self):
         street = Growing(batch_share=1.0)
         for i in range(4):

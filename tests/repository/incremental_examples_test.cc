@@ -69,6 +69,18 @@ edit.SetConstant(camera, true);   // a mask: nothing is evaluated again for it
 // [end of quote]
 }
 
+void BoundFocalLength(VariableId camera, inceres::IncrementalSolver* of) {
+  inceres::IncrementalSolver& solver = *of;
+// [quoted in docs/incremental.md]
+inceres::GraphEdit bounds(solver.graph());
+std::vector<double> least(9, -HUGE_VAL);
+least[6] = 100.0;  // pixels, of the focal length
+bounds.SetBounds(camera, least.data(), /*upper=*/nullptr);
+const inceres::Status bounded = solver.Apply(bounds);
+// [end of quote]
+  EXPECT_TRUE(bounded.ok()) << bounded.message;
+}
+
 inceres::UpdateSummary Update(inceres::IncrementalSolver* updated, VariableId camera,
                               double* focal_length) {
   inceres::IncrementalSolver& solver = *updated;
@@ -121,6 +133,7 @@ const auto reprojections = solver.AddFamily(std::make_shared<inceres::BalReproje
     ASSERT_TRUE(solver.Apply(edit).ok());
     summary = Update(&solver, cameras.back(), &focal_length);
     EXPECT_NE(summary.termination, inceres::Termination::kFailure) << summary.message;
+    BoundFocalLength(cameras.back(), &solver);
   }
   EXPECT_LT(summary.final_cost, 1e-3);
   EXPECT_NEAR(focal_length, 500.0, 5.0);

@@ -1,8 +1,10 @@
 #include "adapters/ceres/covariance/problem_covariance.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include <Eigen/Core>
 #include <glog/logging.h>
@@ -19,8 +21,8 @@ namespace {
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using ConstRowMajor = Eigen::Map<const RowMajor>;
 
-// Variances inflated by more than this have lost half of their digits in the normal equations:
-// stock's QR of the Jacobian has the word. Beyond the second nothing of them is left.
+// Variances inflated by more than this have lost half of their digits in the normal equations: the
+// QR of the Jacobian has the word. Beyond the second they count as infinite.
 constexpr double kTrustedInflation = 1e8;
 constexpr double kHopelessInflation = 1e12;
 
@@ -48,6 +50,17 @@ std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& vi
     }
   }
   return text;
+}
+
+// With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL.
+GraphCovariance ByRows(CovarianceOptions options, const ProblemView& view) {
+  options.algorithm = CovarianceAlgorithm::kQr;
+  options.min_column_remainder =
+      std::min(0.5, 20.0 *
+                        (static_cast<double>(view.reduced.num_residuals) +
+                         view.reduced.num_effective_parameters) *
+                        std::numeric_limits<double>::epsilon());
+  return GraphCovariance(options);
 }
 
 }  // namespace
@@ -192,13 +205,19 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   }
   if (status.code == StatusCode::kSingular) {
     core.max_inflation = kHopelessInflation;
-    GraphCovariance doubtful(core);
-    status = doubtful.Compute(graph, wanted);
-    return status.ok() ? Decline("variances that the normal equations lose too many digits of: " +
-                                 DescribeDeficiency(covariance.deficiency(), *view, *plan) +
-                                 " to 1e-8 of what else determines them")
-                       : Fail(DescribeDeficiency(doubtful.deficiency(), *view, *plan) + " (" +
-                              status.message + ")");
+    const GraphCovariance by_normal_equations = std::exchange(covariance, ByRows(core, *view));
+    status = covariance.Compute(graph, wanted);
+    if (status.code == StatusCode::kSingular && !covariance.deficiency().landmarks.empty()) {
+      return Fail(DescribeDeficiency(covariance.deficiency(), *view, *plan) + " (" +
+                  status.message + ")");
+    }
+    if (status.code == StatusCode::kSingular) {
+      GraphCovariance hopeless(core);  // which says what is open
+      const bool is_open = hopeless.Compute(graph, wanted).code == StatusCode::kSingular;
+      return Fail(DescribeDeficiency((is_open ? hopeless : by_normal_equations).deficiency(), *view,
+                                     *plan) +
+                  " (" + status.message + ")");
+    }
   }
   if (!status.ok()) {
     return status.code == StatusCode::kEvaluationFailed ? Fail(status.message)

@@ -1,9 +1,11 @@
 #include "adapters/ceres/exact/exact_solve.h"
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <glog/logging.h>
 
@@ -56,6 +58,16 @@ void WriteDescent(const InnerDescent& descent, ceres::Solver::Summary* summary) 
   summary->num_inner_iteration_steps += descent.num_rounds;  // Ceres counts from -1
 }
 
+std::vector<VariableId> VariablesOf(const std::vector<int>& blocks, const GraphPlan& plan) {
+  std::vector<VariableId> variables;
+  for (std::size_t id = 0; !blocks.empty() && id < plan.blocks.size(); ++id) {
+    if (std::find(blocks.begin(), blocks.end(), plan.blocks[id]) != blocks.end()) {
+      variables.push_back(static_cast<VariableId>(id));
+    }
+  }
+  return variables;
+}
+
 void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
               SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
@@ -79,6 +91,9 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
   loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   loop.system_observer = dump ? &*dump : nullptr;
+  const std::vector<VariableId> eliminated = VariablesOf(input.plan->landmarks.large, *input.plan);
+  loop.eliminated = eliminated.empty() ? nullptr : &eliminated;
+  landmarks.num_landmarks += static_cast<int>(eliminated.size());
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core;
   SolveWith(options, loop, &graph, solver.get(), &core);

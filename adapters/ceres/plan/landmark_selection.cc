@@ -269,8 +269,9 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
   }
   LandmarkSelection selection = LandmarksOfFirstGroup(view, eliminated);
   if (selection.num_too_large > 0) {
-    selection.obstacle = "ITERATIVE_SCHUR eliminates " + std::to_string(selection.num_too_large) +
-                         " blocks of a tangent size above " + std::to_string(kMaxLandmarkSize);
+    selection = LandmarkSelection();
+    selection.is_landmark.assign(view.blocks.size(), 0);
+    selection.large.assign(eliminated.first_group.begin(), eliminated.first_group.end());
   }
   return selection;
 }

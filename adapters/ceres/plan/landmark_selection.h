@@ -27,6 +27,9 @@ struct LandmarkCounts {
 /// block.
 struct LandmarkSelection : LandmarkCounts {
   std::vector<char> is_landmark;  ///< per parameter block
+  /// Of ITERATIVE_SCHUR, where some are too large for landmarks: the blocks that are eliminated,
+  /// none of which is a landmark. Else empty.
+  std::vector<int> large;
   std::string obstacle;  ///< why no choice can be solved with: too little memory; empty if one can
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }

@@ -203,9 +203,24 @@ void WriteReduced(const ProblemView& view, ceres::Solver::Summary* summary) {
   summary->num_residuals_reduced = view.reduced.num_residuals;
 }
 
+namespace {
+
+// What is eliminated, of whatever size.
+LandmarkSelection Eliminated(const LandmarkSelection& landmarks) {
+  LandmarkSelection eliminated = landmarks;
+  for (const int block : landmarks.large) {
+    eliminated.is_landmark[static_cast<std::size_t>(block)] = 1;
+    ++eliminated.num_landmarks;
+  }
+  return eliminated;
+}
+
+}  // namespace
+
 void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
-                       const LandmarkSelection& landmarks, ceres::LinearSolverType type,
+                       const LandmarkSelection& selection, ceres::LinearSolverType type,
                        ceres::Solver::Summary* summary) {
+  const LandmarkSelection landmarks = Eliminated(selection);
   summary->linear_solver_type_used = type;
   summary->preconditioner_type_used = PreconditionerFor(summary->preconditioner_type_given,
                                                         summary->linear_solver_type_given, type);

@@ -19,8 +19,8 @@ namespace inceres {
 /// refused.
 ///
 /// Order within an edit: factors go, variables go, variables and factors come, then losses,
-/// measurements, constants, values and pins are set. So room that this edit frees is used by the
-/// next one.
+/// measurements, constants, values, pins and bounds are set. So room that this edit frees is used
+/// by the next one.
 ///
 /// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into
 /// the family at once, at a place no factor uses.
@@ -89,6 +89,11 @@ class INCERES_EXPORT GraphEdit {
   /// As FactorGraph::PinLinearization; the variable's factors are linearized anew. A null pointer
   /// lets go of it.
   void PinLinearization(VariableId id, const double* values);
+  /// As FactorGraph::SetBounds: ambient size each, copied; a null pointer means none on that side,
+  /// both lift them. Lower bounds must lie below upper ones. An IncrementalSolver moves values that
+  /// are outside to the nearest bound, unless they are constant, and takes bounds of values in Rⁿ
+  /// only: without a manifold, or with an EuclideanManifold or a SubsetManifold.
+  void SetBounds(VariableId id, const double* lower, const double* upper);
 
   /// Whether nothing has been asked for since it began.
   bool empty() const;
@@ -112,6 +117,13 @@ class INCERES_EXPORT GraphEdit {
     std::size_t variables;             ///< offset into factor_variables()
     std::size_t num_variables;         ///< given by the caller
     std::shared_ptr<const Loss> loss;  ///< null: ½‖f‖²
+  };
+  /// Bounds to set: offsets into values(), kNoValues where there is none on that side or the id is
+  /// not there.
+  struct NewBounds {
+    VariableId id;      ///< the variable
+    std::size_t lower;  ///< offset of its lower bounds
+    std::size_t upper;  ///< offset of its upper bounds
   };
   /// In the order of the calls; so are all lists below.
   const std::vector<NewVariable>& new_variables() const { return new_variables_; }
@@ -139,6 +151,8 @@ class INCERES_EXPORT GraphEdit {
   const std::vector<std::pair<VariableId, std::size_t>>& new_values() const { return new_values_; }
   /// The same; kNoValues lets go.
   const std::vector<std::pair<VariableId, std::size_t>>& pins() const { return pins_; }
+  /// Bounds to set or to lift.
+  const std::vector<NewBounds>& bounds() const { return bounds_; }
   /// an offset that points to no values
   static constexpr std::size_t kNoValues = static_cast<std::size_t>(-1);
   /// The graph it was begun on.
@@ -175,6 +189,7 @@ class INCERES_EXPORT GraphEdit {
   std::vector<std::pair<VariableId, bool>> constants_;
   std::vector<std::pair<VariableId, std::size_t>> new_values_;
   std::vector<std::pair<VariableId, std::size_t>> pins_;
+  std::vector<NewBounds> bounds_;
 };
 
 }  // namespace inceres

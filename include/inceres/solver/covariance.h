@@ -16,6 +16,11 @@ class IncrementalSolver;
 /// How GraphCovariance inverts.
 enum class CovarianceAlgorithm {
   kSchur,  ///< normal equations, landmarks eliminated, a sparse factor: large problems
+  /// The Jacobian itself, landmarks and frames eliminated by orthogonal transformations, a sparse
+  /// factor: where kSchur loses too many digits, as far along a path that is held at its beginning.
+  /// What Ceres calls SPARSE_QR. Takes several times as long, and the memory of the rows; does not
+  /// say what is open but for landmarks.
+  kQr,
   /// Singular values of the whole Jacobian, dense: small problems, with a pseudo-inverse where it
   /// is rank deficient. What Ceres calls DENSE_SVD.
   kDenseSvd,
@@ -31,9 +36,13 @@ struct INCERES_EXPORT CovarianceOptions {
   /// In [0, 1), of kDenseSvd: a singular value is small if its square is less than this share of
   /// that of the largest. One that is small and not left out is kSingular.
   double min_reciprocal_condition_number = 1e-14;
-  /// > 1, of kSchur: a variance that exceeds the one with all else known by more than this factor
-  /// counts as infinite. At 1e12 four digits are left of it.
+  /// > 1, of kSchur and kQr: a variance that exceeds the one with all else known by more than this
+  /// factor counts as infinite. At 1e12 four digits are left of it, of kQr ten.
   double max_inflation = 1e12;
+  /// In [0, 1), of kQr: what the columns before it leave of a column of J must exceed this share of
+  /// the largest column's norm. 0: no rule. SuiteSparseQR's, which depends on the units of
+  /// variables, is 20 (m + n) ε for m residuals and n degrees of freedom.
+  double min_column_remainder = 0.0;
 
   /// What is wrong with these options, the first culprit named.
   Status Validate() const;
@@ -68,8 +77,9 @@ struct INCERES_EXPORT RankDeficiency {
 /// whitened; otherwise it is a multiple.
 ///
 /// What is not determined has no covariance: a free gauge, or a landmark without enough views
-/// anywhere in the problem, is kSingular with the variable, not a large number. Through H, not J: a
-/// stiff factor of 1e14 beside weak ones of 1e-2 that it ties together exceeds max_inflation.
+/// anywhere in the problem, is kSingular with the variable, not a large number. Through H, not J
+/// (kQr: through J): a stiff factor of 1e14 beside weak ones of 1e-2 that it ties together exceeds
+/// max_inflation.
 ///
 /// Cost: one linearization, elimination and factorization of the whole problem, and then whichever
 /// is predicted to take less: a solve with the factor of S for each degree of freedom of what is
@@ -96,7 +106,8 @@ class INCERES_EXPORT GraphCovariance {
   /// Writes cov(a, b), row-major, tangent sizes of a × b. False if it was not computed.
   bool Get(VariableId a, VariableId b, double* covariance) const;
 
-  /// What was found open when the last Compute returned kSingular; else empty. Its cost is a
+  /// What was found open when the last Compute returned kSingular; else empty. kQr names landmarks
+  /// only. Its cost is a
   /// factorization and some two hundred solves, then only.
   const RankDeficiency& deficiency() const { return deficiency_; }
 

@@ -64,6 +64,10 @@ struct ReducedStructure {
 /// more damping; convergence is declared on fresh Jacobians only: old ones defer it, they do not
 /// replace it. docs/incremental.md explains, and how to choose the thresholds.
 ///
+/// Values keep within bounds that an edit sets (GraphEdit::SetBounds): a coordinate at a bound out
+/// of which its gradient pushes it is held there, and steps are cut off at bounds (Bertsekas,
+/// "Projected Newton methods for optimization problems with simple constraints", 1982).
+///
 /// Threads: one writer, and readers by ReadSnapshot; Update works on options.num_threads, and calls
 /// no factor concurrently when that is 1. Source: algorithms 2 to 4 of the thesis "A General
 /// Incremental Bundle Adjustment Framework for Visual-Inertial SLAM" (Zhejiang University), with
@@ -154,7 +158,8 @@ class INCERES_EXPORT IncrementalSolver {
   /// graph was edited since the last Update, or that failed. kSingular names a variable that its
   /// factors do not determine, and says so where the gauge is free: then there is no covariance.
   /// kUnavailable: of kPcg and a user's solver, which have no factor, only kUndamped is to be had;
-  /// or conjugate gradients take too long. `covariance` is then empty, but for the staleness.
+  /// conjugate gradients take too long; or values are held at their bounds. `covariance` is then
+  /// empty, but for the staleness.
   ///
   /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it)
   /// to the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before

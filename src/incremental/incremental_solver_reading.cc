@@ -1,0 +1,103 @@
+// What IncrementalSolver tells between Updates: snapshots, covariances, the pattern of S.
+
+#include "incremental/incremental_solver_impl.h"
+
+namespace inceres {
+
+void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
+  if (!options_.publish_snapshots) {
+    return;
+  }
+  ValueSnapshot* snapshot = snapshots_.Draft();
+  snapshot->number_ = ++num_snapshots_;
+  snapshot->cost_ = cost_;
+  snapshot->termination_ = termination;
+  snapshot->offsets_.clear();
+  snapshot->values_.clear();
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    const bool exists = graph.HasVariable(id);
+    snapshot->offsets_.push_back(exists ? static_cast<std::ptrdiff_t>(snapshot->values_.size())
+                                        : -1);
+    if (exists) {
+      const double* values = Values(id);
+      snapshot->values_.insert(snapshot->values_.end(), values, values + graph.AmbientSize(id));
+    }
+  }
+  snapshots_.Publish();
+}
+
+bool IncrementalSolver::Impl::ReadSnapshot(ValueSnapshot* snapshot) {
+  return snapshots_.Read([snapshot](const ValueSnapshot& latest) { *snapshot = latest; });
+}
+
+// Where the batch solver was the last to move, or no step was asked for since S has other rows.
+Status IncrementalSolver::Impl::FactorizeAnew() {
+  Form();
+  const Status status = minimizer_->FactorizeAnew();
+  if (!status.ok() && status.code != StatusCode::kSingular) {
+    Restart();
+  }
+  num_waiting_ = live->NumDirtyFactors();
+  return status;
+}
+
+Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
+                                           const LiveCovarianceOptions& options,
+                                           LiveCovariance* covariance) {
+  *covariance = LiveCovariance();
+  Status status = options_.Validate();
+  status = status.ok() ? options.Validate() : status;
+  if (status.ok() && edited_) {
+    status = Status::Error(StatusCode::kInvalidArgument,
+                           "there is no factor to take covariances from: the graph was edited "
+                           "since the last Update that did not fail, or there was none");
+  }
+  if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
+    status = FactorizeAnew();
+  } else if (status.ok() && live->schur().changes().num_unfactored() > 0) {
+    // An Update may have ended by what the factor from before told.
+    internal::FrameStep& frames = minimizer_->frame_step();
+    status = frames.FactorizeOnly(options_.damping, frames.factored_mu(), &live->schur());
+  }
+  if (!status.ok()) {
+    return status;
+  }
+  if (live->bounds().num_held() > 0) {
+    return Status::Error(StatusCode::kUnavailable,
+                         "values are held at their bounds; GraphCovariance, which leaves bounds "
+                         "out, has a covariance");
+  }
+  if (undamped_ == nullptr) {
+    undamped_ = std::make_unique<internal::UndampedFactor>(live->executor());
+  }
+  return internal::ComputeLiveCovariance(
+      {graph, *live, minimizer_->frame_step(), undamped_.get(), &weakest_}, ids, options,
+      covariance);
+}
+
+ReducedStructure IncrementalSolver::Impl::Structure() {
+  ReducedStructure structure;
+  if (!options_.Validate().ok()) {
+    return structure;
+  }
+  Form();
+  const internal::IncrementalSchur& schur = live->schur();
+  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
+    structure.frames.push_back(schur.frames()[row].id);
+    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
+      if (entry.column != row) {
+        structure.blocks.push_back({row, entry.column});
+      }
+    }
+  }
+  structure.changed.assign(structure.frames.size(), false);
+  for (const std::int32_t row : changed_rows_) {
+    // A failed Update may have ended with another system.
+    if (row < static_cast<std::int32_t>(structure.changed.size())) {
+      structure.changed[row] = true;
+    }
+  }
+  return structure;
+}
+
+}  // namespace inceres

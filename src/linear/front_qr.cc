@@ -1,0 +1,132 @@
+#include "linear/front_qr.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/QR>
+
+namespace inceres::internal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// Rows that a reduction is worth: so many, and as a multiple of the columns, for the triangle of
+// before goes through it again.
+constexpr Index kWorthReducing = 128;
+constexpr Index kTimesColumns = 3;
+
+// Largest first; ties keep their order.
+MatrixXd Sorted(const MatrixXd& rows, Index num_rows) {
+  const Eigen::VectorXd sizes = rows.topRows(num_rows).cwiseAbs().rowwise().maxCoeff();
+  std::vector<Index> order(static_cast<std::size_t>(num_rows));
+  std::iota(order.begin(), order.end(), Index{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  MatrixXd sorted(num_rows, rows.cols());
+  for (Index row = 0; row < num_rows; ++row) {
+    sorted.row(row) = rows.row(order[static_cast<std::size_t>(row)]);
+  }
+  return sorted;
+}
+
+// Reduces the rows of the stack to a triangle.
+void Reduce(MatrixXd* stack, Index* num_rows) {
+  if (*num_rows == 0) {
+    return;
+  }
+  MatrixXd sorted = Sorted(*stack, *num_rows);
+  const Eigen::HouseholderQR<Eigen::Ref<MatrixXd>> qr(sorted);
+  *num_rows = std::min(*num_rows, stack->cols());
+  stack->topRows(*num_rows) =
+      sorted.topRows(*num_rows).triangularView<Eigen::Upper>().toDenseMatrix();
+}
+
+// Room for so many rows more.
+void MakeRoom(Index more, MatrixXd* stack, Index* num_rows) {
+  const Index enough = kTimesColumns * stack->cols() + kWorthReducing;
+  if (*num_rows >= enough) {
+    Reduce(stack, num_rows);
+  }
+  if (*num_rows + more > stack->rows()) {
+    stack->conservativeResize(std::max(*num_rows + more, enough), Eigen::NoChange);
+  }
+  stack->middleRows(*num_rows, more).setZero();
+}
+
+}  // namespace
+
+FrontQr::FrontQr(const FrontTree& tree, const BlockPattern& pattern, double least)
+    : tree_(tree),
+      least_(least),
+      rows_(tree, pattern),
+      added_(tree.fronts.size()),
+      left_(tree.fronts.size()) {
+}
+
+void FrontQr::Add(RowsOfBlocks rows) {
+  if (rows.values.size() == 0) {
+    return;
+  }
+  const auto first = std::min_element(rows.blocks.begin(), rows.blocks.end(), [this](int a, int b) {
+    return rows_.position(a) < rows_.position(b);
+  });
+  added_[static_cast<std::size_t>(rows_.front_of(*first))].push_back(std::move(rows));
+}
+
+void FrontQr::StackChild(int child, MatrixXd* stack, Index* num_rows) const {
+  const Front& from = tree_.fronts[child];
+  const Front& front = tree_.fronts[from.parent];
+  const MatrixXd& left = left_[static_cast<std::size_t>(child)];
+  MakeRoom(left.rows(), stack, num_rows);
+  for (int run = from.run_begin; run < from.run_end; ++run) {
+    const auto [first, to, length] = tree_.runs[run];
+    const int column = to < front.width ? to : to - front.below() + front.width;
+    stack->block(*num_rows, column, left.rows(), length) = left.middleCols(first, length);
+  }
+  *num_rows += left.rows();
+}
+
+void FrontQr::StackRows(const RowsOfBlocks& rows, int f, MatrixXd* stack, Index* num_rows) const {
+  MakeRoom(rows.values.rows(), stack, num_rows);
+  Index from = 0;
+  for (const int block : rows.blocks) {
+    stack->block(*num_rows, rows_.RowIn(f, rows_.position(block)), rows.values.rows(),
+                 rows_.size(block)) = rows.values.middleCols(from, rows_.size(block));
+    from += rows_.size(block);
+  }
+  *num_rows += rows.values.rows();
+}
+
+int FrontQr::Eliminate(int f, double* L) {
+  const Front& front = tree_.fronts[f];
+  const int columns = front.width + front.height;
+  MatrixXd stack(0, columns);
+  Index num_rows = 0;
+  for (int k = front.child_begin; k < front.child_end; ++k) {
+    StackChild(tree_.children[k], &stack, &num_rows);
+    left_[static_cast<std::size_t>(tree_.children[k])] = MatrixXd();
+  }
+  for (const RowsOfBlocks& rows : std::exchange(added_[static_cast<std::size_t>(f)], {})) {
+    StackRows(rows, f, &stack, &num_rows);
+  }
+  Reduce(&stack, &num_rows);
+  std::fill_n(L, static_cast<std::ptrdiff_t>(front.stride()) * front.width, 0.0);
+  for (int j = 0; j < front.width; ++j, L += front.stride()) {
+    const double diagonal = j < num_rows ? stack(j, j) : 0.0;
+    if (!(std::fabs(diagonal) > least_) || !std::isfinite(diagonal)) {
+      return j;
+    }
+    const double sign = diagonal < 0.0 ? -1.0 : 1.0;
+    for (int k = j; k < columns; ++k) {
+      L[k < front.width ? k : front.below() + k - front.width] = sign * stack(j, k);
+    }
+  }
+  left_[static_cast<std::size_t>(f)] = stack.block(
+      front.width, front.width, std::max<Index>(0, num_rows - front.width), front.height);
+  return -1;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,157 @@
+#include "marginal/orthogonal_elimination.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/Dense>
+
+namespace inceres::internal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+// Largest first, so that a row keeps its digits beside a much larger one; ties keep their order.
+MatrixXd SortedBySize(const MatrixXd& A) {
+  const Eigen::VectorXd sizes = A.cwiseAbs().rowwise().maxCoeff();
+  std::vector<Index> order(static_cast<std::size_t>(A.rows()));
+  std::iota(order.begin(), order.end(), Index{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  MatrixXd sorted(A.rows(), A.cols());
+  for (Index row = 0; row < A.rows(); ++row) {
+    sorted.row(row) = A.row(order[static_cast<std::size_t>(row)]);
+  }
+  return sorted;
+}
+
+}  // namespace
+
+MatrixXd OrthogonalElimination::Landmark::InverseOfR() const {
+  return R.triangularView<Eigen::Upper>().solve(MatrixXd::Identity(R.rows(), R.cols()));
+}
+
+double OrthogonalElimination::Landmark::Inflation() const {
+  if (!(R.diagonal().cwiseAbs().minCoeff() > 0.0) || !R.allFinite()) {
+    return HUGE_VAL;
+  }
+  const double inflation =
+      (InverseOfR().rowwise().squaredNorm().array() * squares.array()).maxCoeff();
+  return std::isfinite(inflation) ? inflation : HUGE_VAL;
+}
+
+OrthogonalElimination::OrthogonalElimination(const FactorGraph& graph, const Layout& layout,
+                                             const Evaluator& evaluator)
+    : graph_(graph),
+      layout_(layout),
+      evaluator_(evaluator),
+      factors_of_(static_cast<std::size_t>(layout.num_landmarks())) {
+  for (std::size_t f = 0; f < evaluator.families().size(); ++f) {
+    const Linearization& family = evaluator.families()[f];
+    for (int i = 0; i < family.num_factors; ++i) {
+      const VariableId* ids = graph.Variables(family.id, i);
+      const VariableId* end = ids + family.num_slots;
+      const VariableId* landmark =
+          std::find_if(ids, end, [&](VariableId id) { return layout.LandmarkOf(id) >= 0; });
+      std::vector<Ref>& list =
+          landmark == end ? others_
+                          : factors_of_[static_cast<std::size_t>(layout.LandmarkOf(*landmark))];
+      list.push_back({static_cast<int>(f), i});
+    }
+  }
+}
+
+// Rows of zeros for these factors, with the frames they touch.
+RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) const {
+  RowsOfBlocks rows;
+  Index count = 0;
+  for (const Ref& ref : factors) {
+    const Linearization& family = evaluator_.families()[static_cast<std::size_t>(ref.family)];
+    count += family.residual_size;
+    const VariableId* ids = graph_.Variables(family.id, ref.factor);
+    for (int s = 0; s < family.num_slots; ++s) {
+      if (layout_.FrameOf(ids[s]) >= 0) {
+        rows.blocks.push_back(layout_.FrameOf(ids[s]));
+      }
+    }
+  }
+  std::sort(rows.blocks.begin(), rows.blocks.end());
+  rows.blocks.erase(std::unique(rows.blocks.begin(), rows.blocks.end()), rows.blocks.end());
+  const Index columns =
+      std::accumulate(rows.blocks.begin(), rows.blocks.end(), Index{0},
+                      [this](Index sum, int frame) { return sum + layout_.TangentSize(frame); });
+  rows.values = MatrixXd::Zero(count, columns);
+  return rows;
+}
+
+// The Jacobians, of the landmark's into J_l.
+void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, RowsOfBlocks* rows,
+                                 MatrixXd* J_l) const {
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<Index> column = {0};
+  for (const int frame : rows->blocks) {
+    column.push_back(column.back() + layout_.TangentSize(frame));
+  }
+  Index row = 0;
+  for (const Ref& ref : factors) {
+    const Linearization& family = evaluator_.families()[static_cast<std::size_t>(ref.family)];
+    const VariableId* ids = graph_.Variables(family.id, ref.factor);
+    for (int s = 0; s < family.num_slots; ++s) {
+      const int frame = layout_.FrameOf(ids[s]);
+      const bool of_landmark = landmark >= 0 && layout_.LandmarkOf(ids[s]) == landmark;
+      if (frame < 0 && !of_landmark) {
+        continue;
+      }
+      const SlotJacobians& slot = family.slots[s];
+      const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(
+          slot.data + std::ptrdiff_t{ref.factor} * slot.factor_stride, family.residual_size,
+          slot.columns, Eigen::OuterStride<>(slot.row_stride));
+      if (of_landmark) {
+        J_l->middleRows(row, family.residual_size) += J;
+      } else {
+        const auto at = std::lower_bound(rows->blocks.begin(), rows->blocks.end(), frame);
+        rows->values.block(row, column[static_cast<std::size_t>(at - rows->blocks.begin())],
+                           family.residual_size, slot.columns) += J;
+      }
+    }
+    row += family.residual_size;
+  }
+}
+
+OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) const {
+  const std::vector<Ref>& factors = factors_of_[static_cast<std::size_t>(landmark)];
+  const Index size = layout_.TangentSize(layout_.num_frames + landmark);
+  Landmark result;
+  result.rest = Frames(factors);
+  const Index num_rows = result.rest.values.rows();
+  MatrixXd J_l = MatrixXd::Zero(num_rows, size);
+  Fill(factors, landmark, &result.rest, &J_l);
+  result.squares = J_l.colwise().squaredNorm();
+  MatrixXd A(std::max(num_rows, size), size + result.rest.values.cols());
+  A.setZero();
+  A.topLeftCorner(num_rows, size) = J_l;
+  A.topRightCorner(num_rows, result.rest.values.cols()) = result.rest.values;
+  A = SortedBySize(A);
+  const Eigen::HouseholderQR<MatrixXd> qr(A.leftCols(size));
+  MatrixXd turned = A.rightCols(result.rest.values.cols());
+  turned.applyOnTheLeft(qr.householderQ().adjoint());
+  result.R = qr.matrixQR().topRows(size).triangularView<Eigen::Upper>().toDenseMatrix();
+  result.T = turned.topRows(size);
+  result.rest.values = turned.bottomRows(A.rows() - size);
+  return result;
+}
+
+std::vector<RowsOfBlocks> OrthogonalElimination::OtherRows() const {
+  std::vector<RowsOfBlocks> all;
+  for (const Ref& ref : others_) {
+    RowsOfBlocks rows = Frames({ref});
+    MatrixXd none;
+    Fill({ref}, -1, &rows, &none);
+    all.push_back(std::move(rows));
+  }
+  return all;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,298 @@
+#include "trust_region/large_block_schur_model.h"
+
+#include <algorithm>
+#include <string>
+
+#include "trust_region/cg_step.h"
+#include "trust_region/schur_model.h"
+
+namespace inceres::internal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const Evaluator& evaluator,
+                                           const std::vector<VariableId>& eliminated,
+                                           Status* status)
+    : LinearModel(evaluator),
+      options_(options.conjugate_gradients),
+      incidences_(evaluator),
+      plans_(evaluator, incidences_),
+      hessian_(evaluator, incidences_, plans_),
+      place_(static_cast<std::size_t>(plans_.pattern.num_blocks()), 0),
+      is_eliminated_(static_cast<std::size_t>(plans_.pattern.num_blocks()), 0) {
+  *status = CheckBlockOffsets(evaluator, incidences_);
+  for (const VariableId id : eliminated) {
+    if (evaluator.layout().FrameOf(id) >= 0) {  // else it does not move
+      is_eliminated_[evaluator.layout().FrameOf(id)] = 1;
+    }
+  }
+  int entries = 0;
+  for (int v = 0; v < plans_.pattern.num_blocks(); ++v) {
+    std::vector<int>& kind = is_eliminated_[v] != 0 ? eliminated_ : kept_;
+    place_[v] = static_cast<int>(kind.size());
+    kind.push_back(v);
+    if (is_eliminated_[v] == 0) {
+      padded_.push_back(entries);
+      entries += PadToQuad(Size(v));
+    }
+  }
+  padded_.push_back(entries);
+  iteration_.Resize(static_cast<std::size_t>(entries));
+  if (status->ok()) {
+    SortBlocks(status);
+  }
+  const PreconditionerKind kind = options_.preconditioner;
+  if (status->ok() && kind != PreconditionerKind::kIdentity &&
+      kind != PreconditionerKind::kJacobi && kind != PreconditionerKind::kSchurJacobi) {
+    *status = Status::Error(StatusCode::kInvalidArgument,
+                            "large blocks are eliminated with the preconditioners kIdentity, "
+                            "kJacobi and kSchurJacobi only");
+  }
+}
+
+void LargeBlockSchurModel::SortBlocks(Status* status) {
+  of_.resize(eliminated_.size());
+  const BlockPattern& pattern = plans_.pattern;
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      const int j = pattern.columns[k];
+      if (i == j) {
+        continue;
+      }
+      const Entry entry{k, i, j};
+      if (is_eliminated_[i] != 0 && is_eliminated_[j] != 0) {
+        *status = Status::Error(StatusCode::kInvalidArgument,
+                                "two variables to be eliminated share a factor: " +
+                                    std::to_string(evaluator_.layout().variables[j]) + " and " +
+                                    std::to_string(evaluator_.layout().variables[i]));
+        return;
+      }
+      if (is_eliminated_[i] == 0 && is_eliminated_[j] == 0) {
+        between_kept_.push_back(entry);
+      } else {
+        of_[place_[is_eliminated_[i] != 0 ? i : j]].push_back(entry);
+      }
+    }
+  }
+}
+
+void LargeBlockSchurModel::Refresh() {
+  hessian_.Accumulate();
+  clock_->Charge(&seconds_->hessian);
+}
+
+// H_vv + Λ_v.
+MatrixXd LargeBlockSchurModel::Diagonal(int variable) const {
+  const int block = plans_.pattern.row_begin[variable + 1] - 1;
+  const int size = Size(variable);
+  const BlockMap lower(hessian_.FrameBlock(block), size, size,
+                       Eigen::OuterStride<>(plans_.pattern.row_stride(variable)));
+  MatrixXd H = lower.selfadjointView<Eigen::Lower>();
+  H.diagonal() += Eigen::Map<const VectorXd>(damping_ + Offset(variable), size);
+  return H;
+}
+
+// The block with the rows of `row`, one of its two.
+MatrixXd LargeBlockSchurModel::Off(const Entry& entry, int row) const {
+  const double* values = hessian_.FrameBlock(entry.block);
+  if (values == nullptr) {
+    return MatrixXd::Zero(Size(row), Size(row == entry.i ? entry.j : entry.i));
+  }
+  const BlockMap H(values, Size(entry.i), Size(entry.j),
+                   Eigen::OuterStride<>(plans_.pattern.row_stride(entry.j)));
+  return row == entry.i ? MatrixXd(H) : MatrixXd(H.transpose());
+}
+
+// y_row += sign H v, of the other one's entries.
+bool LargeBlockSchurModel::Multiply(const Entry& entry, int row, const double* v, double sign,
+                                    double* y) const {
+  const double* values = hessian_.FrameBlock(entry.block);
+  if (values == nullptr) {
+    return false;
+  }
+  const BlockMap H(values, Size(entry.i), Size(entry.j),
+                   Eigen::OuterStride<>(plans_.pattern.row_stride(entry.j)));
+  Eigen::Map<VectorXd> to(y, Size(row));
+  const Eigen::Map<const VectorXd> from(v, Size(row == entry.i ? entry.j : entry.i));
+  if (row == entry.i) {
+    to.noalias() += sign * (H * from);
+  } else {
+    to.noalias() += sign * (H.transpose() * from);
+  }
+  return true;
+}
+
+Status LargeBlockSchurModel::FactorEliminated() {
+  eliminated_factor_.resize(eliminated_.size());
+  for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    eliminated_factor_[e].compute(Diagonal(eliminated_[e]));
+    if (eliminated_factor_[e].info() != Eigen::Success) {
+      return Status::Error(StatusCode::kSingular,
+                           "variable " +
+                               std::to_string(evaluator_.layout().variables[eliminated_[e]]) +
+                               ", to be eliminated, has a block that is not positive definite");
+    }
+  }
+  return Status::Ok();
+}
+
+Status LargeBlockSchurModel::FactorPreconditioner() {
+  if (options_.preconditioner == PreconditionerKind::kIdentity) {
+    return Status::Ok();
+  }
+  std::vector<MatrixXd> blocks;
+  blocks.reserve(kept_.size());
+  for (const int variable : kept_) {
+    blocks.push_back(Diagonal(variable));
+  }
+  for (std::size_t e = 0;
+       options_.preconditioner == PreconditionerKind::kSchurJacobi && e < eliminated_.size(); ++e) {
+    for (const Entry& entry : of_[e]) {
+      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
+      const MatrixXd H_fe = Off(entry, variable);
+      blocks[place_[variable]] -= H_fe * eliminated_factor_[e].solve(H_fe.transpose());
+    }
+  }
+  preconditioner_.resize(kept_.size());
+  for (std::size_t f = 0; f < kept_.size(); ++f) {
+    preconditioner_[f].compute(blocks[f]);
+    if (preconditioner_[f].info() != Eigen::Success) {
+      return Status::Error(StatusCode::kSingular,
+                           "a block of the preconditioner is not positive definite");
+    }
+  }
+  return Status::Ok();
+}
+
+Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
+  damping_ = damping;
+  num_iterations_ = 0;
+  converged_ = true;
+  Status status = FactorEliminated();
+  clock_->Charge(&seconds_->elimination);
+  if (status.ok() && !kept_.empty()) {
+    status = FactorPreconditioner();
+    status = status.ok() ? SolveKept(step) : status;
+    clock_->Charge(&seconds_->factorization);
+  }
+  if (status.ok()) {
+    BackSubstitute(step);
+    clock_->Charge(&seconds_->back_substitution);
+  }
+  return status;
+}
+
+Status LargeBlockSchurModel::SolveKept(double* step) {
+  std::fill_n(iteration_.b(), padded_.back(), 0.0);
+  for (std::size_t f = 0; f < kept_.size(); ++f) {
+    for (int k = 0; k < Size(kept_[f]); ++k) {
+      iteration_.b()[padded_[f] + k] = -Gradient()[Offset(kept_[f]) + k];
+    }
+  }
+  for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    const VectorXd x = eliminated_factor_[e].solve(Eigen::Map<const VectorXd>(
+        Gradient().data() + Offset(eliminated_[e]), Size(eliminated_[e])));
+    for (const Entry& entry : of_[e]) {
+      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
+      Multiply(entry, variable, x.data(), 1.0, iteration_.b() + padded_[place_[variable]]);
+    }
+  }
+  CgOutcome outcome;
+  const Status iterated = IterateAsCeres(this, options_.max_iterations, options_.min_iterations,
+                                         options_.eta, &iteration_, &outcome);
+  num_iterations_ = outcome.num_iterations;
+  converged_ = outcome.converged;
+  for (std::size_t f = 0; iterated.ok() && f < kept_.size(); ++f) {
+    std::copy_n(iteration_.x() + padded_[f], Size(kept_[f]), step + Offset(kept_[f]));
+  }
+  return iterated;
+}
+
+// y += H_fe H_ee⁻¹ H_ef v.
+void LargeBlockSchurModel::AddCoupled(const double* v, double* y) const {
+  for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    VectorXd x = VectorXd::Zero(Size(eliminated_[e]));
+    for (const Entry& entry : of_[e]) {
+      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
+      Multiply(entry, eliminated_[e], v + padded_[place_[variable]], 1.0, x.data());
+    }
+    x = eliminated_factor_[e].solve(x).eval();
+    for (const Entry& entry : of_[e]) {
+      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
+      Multiply(entry, variable, x.data(), 1.0, y + padded_[place_[variable]]);
+    }
+  }
+}
+
+// y −= S v.
+void LargeBlockSchurModel::SubtractProduct(const double* v, double* y) const {
+  for (std::size_t f = 0; f < kept_.size(); ++f) {
+    const int variable = kept_[f];
+    const int size = Size(variable);
+    const BlockMap H(hessian_.FrameBlock(plans_.pattern.row_begin[variable + 1] - 1), size, size,
+                     Eigen::OuterStride<>(plans_.pattern.row_stride(variable)));
+    const Eigen::Map<const VectorXd> from(v + padded_[f], size);
+    Eigen::Map<VectorXd> to(y + padded_[f], size);
+    to.noalias() -= H.selfadjointView<Eigen::Lower>() * from;
+    to -= Eigen::Map<const VectorXd>(damping_ + Offset(variable), size).cwiseProduct(from);
+  }
+  for (const Entry& entry : between_kept_) {
+    Multiply(entry, entry.i, v + padded_[place_[entry.j]], -1.0, y + padded_[place_[entry.i]]);
+    Multiply(entry, entry.j, v + padded_[place_[entry.i]], -1.0, y + padded_[place_[entry.j]]);
+  }
+  AddCoupled(v, y);
+}
+
+bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
+  std::fill_n(z, padded_.back(), 0.0);
+  for (std::size_t f = 0; f < kept_.size(); ++f) {
+    const int size = Size(kept_[f]);
+    const Eigen::Map<const VectorXd> from(r + padded_[f], size);
+    Eigen::Map<VectorXd> to(z + padded_[f], size);
+    if (options_.preconditioner == PreconditionerKind::kIdentity) {
+      // Ceres's identity is that of the scaled system.
+      to = Eigen::Map<const VectorXd>(scale_ + Offset(kept_[f]), size)
+               .cwiseAbs2()
+               .cwiseProduct(from);
+    } else {
+      to = preconditioner_[f].solve(from);
+    }
+  }
+  return true;
+}
+
+bool LargeBlockSchurModel::IsGoodEnough(const ConjugateGradients& iteration) const {
+  return IsGoodEnoughForCeres(iteration, options_.min_iterations, options_.eta);
+}
+
+// δ_e; with a Schur complement that Ceres would form nothing where it did not converge, as there.
+void LargeBlockSchurModel::BackSubstitute(double* step) const {
+  for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    const int variable = eliminated_[e];
+    VectorXd x = -Eigen::Map<const VectorXd>(Gradient().data() + Offset(variable), Size(variable));
+    for (const Entry& entry : of_[e]) {
+      const int other = entry.i == variable ? entry.j : entry.i;
+      Multiply(entry, variable, step + Offset(other), -1.0, x.data());
+    }
+    Eigen::Map<VectorXd> to(step + Offset(variable), Size(variable));
+    to = eliminated_factor_[e].solve(x);
+    if (left_out_landmarks()) {
+      to.setZero();
+    }
+  }
+}
+
+void LargeBlockSchurModel::Describe(WorkCounts* work) const {
+  work->num_frames = static_cast<int>(kept_.size());
+  work->num_landmarks = static_cast<int>(eliminated_.size());
+  for (const int variable : kept_) {
+    work->reduced_size += Size(variable);
+  }
+  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
+                 static_cast<std::int64_t>(sizeof(ProductTerm) * plans_.hessian.terms.size()) +
+                 static_cast<std::int64_t>(iteration_.Bytes());
+  CountDynamicSizes(evaluator_, work);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+
+#include "linear/conjugate_gradients.h"
+#include "linearize/hessian.h"
+#include "trust_region/linear_model.h"
+
+namespace inceres::internal {
+
+/// Steps by conjugate gradients on S with variables of any size eliminated, where IterativeModel
+/// eliminates landmarks of up to four degrees of freedom: what Ceres's ITERATIVE_SCHUR does with a
+/// first group of, say, poses. With the eliminated ones e and the others f,
+///
+///     S δ_f = η_f − H_fe H_ee⁻¹ η_e,   S = H_ff − H_fe H_ee⁻¹ H_ef,
+///     δ_e = H_ee⁻¹ (η_e − H_ef δ_f),
+///
+/// H damped, H_ee block-diagonal. A product takes H_ff, and H_ef twice. Cost: that of the blocks of
+/// H. Single-threaded but for H itself. Preconditioners: kIdentity, kJacobi, kSchurJacobi. Source:
+/// Ceres's implicit_schur_complement.cc; docs/ceres_contract.md, "Conjugate gradients".
+class LargeBlockSchurModel final : public LinearModel, private ConjugateGradients::System {
+ public:
+  /// Of an evaluator whose layout eliminates nothing.
+  LargeBlockSchurModel(const SolverOptions& options, const Evaluator& evaluator,
+                       const std::vector<VariableId>& eliminated, Status* status);
+
+  void Refresh() override;
+  const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
+  const std::vector<double>& Diagonal() const override { return hessian_.diagonal(); }
+  Status Solve(const double* damping, double* step) override;
+  const char* SolverName() const override {
+    return "conjugate gradients on the reduced system, by products, large blocks eliminated";
+  }
+  void Describe(WorkCounts* work) const override;
+  void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
+  bool left_out_landmarks() const override {
+    return options_.explicit_schur_complement && !converged_;
+  }
+  int num_iterations() const override { return num_iterations_; }
+
+ private:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  using BlockMap = Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>;
+  using Factor = Eigen::LLT<Eigen::MatrixXd>;
+  // An off-diagonal block of H between two variables: H_ij for i > j.
+  struct Entry {
+    int block;
+    int i;
+    int j;
+  };
+
+  void SortBlocks(Status* status);
+  Eigen::MatrixXd Diagonal(int variable) const;
+  Eigen::MatrixXd Off(const Entry& entry, int row) const;
+  bool Multiply(const Entry& entry, int row, const double* v, double sign, double* y) const;
+  Status FactorEliminated();
+  Status FactorPreconditioner();
+  Status SolveKept(double* step);
+  void AddCoupled(const double* v, double* y) const;
+  void SubtractProduct(const double* v, double* y) const override;
+  bool Precondition(const double* r, double* z) override;
+  bool IsGoodEnough(const ConjugateGradients& iteration) const override;
+  void BackSubstitute(double* step) const;
+  int Size(int variable) const { return plans_.pattern.block_size(variable); }
+  int Offset(int variable) const { return plans_.pattern.offsets[variable]; }
+
+  const ConjugateGradientsOptions options_;
+  LandmarkIncidences incidences_;
+  FramePlans plans_;
+  Hessian hessian_;
+  std::vector<int> eliminated_;            // variables of the layout
+  std::vector<int> kept_;                  // the others
+  std::vector<int> place_;                 // per variable: among its own kind
+  std::vector<char> is_eliminated_;        // per variable
+  std::vector<int> padded_;                // per kept one: its first entry in padded vectors
+  std::vector<Entry> between_kept_;        // blocks of H_ff
+  std::vector<std::vector<Entry>> of_;     // per eliminated one: blocks of H_ef
+  std::vector<Factor> eliminated_factor_;  // of H_ee
+  std::vector<Factor> preconditioner_;     // of each kept one's block; empty: the identity
+  ConjugateGradients iteration_;
+  const double* damping_ = nullptr;
+  const double* scale_ = nullptr;
+  int num_iterations_ = 0;
+  bool converged_ = false;
+};
+
+}  // namespace inceres::internal
