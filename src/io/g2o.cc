@@ -14,6 +14,15 @@
 #include "io/read_file.h"
 #include "io/text_scanner.h"
 
+// The reader of pose graphs in g2o's text format (docs/file_formats.md, "g2o"). Lines may come in
+// any order, and edges and FIX lines may name vertices that follow: so edges are kept with their
+// ids and their lines while the file is read, and ids become dense indices at the end (ResolveIds),
+// where a vertex that never came is reported with the line that named it. Vertices are numbered by
+// their order in the file, edges by theirs.
+//
+// The first pose record decides between plane and space; everything after it has to be of that
+// kind.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -35,6 +44,8 @@ class G2oReader {
     if (graph_->ids.empty() && pending_edges_.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
     }
+    // Some data sets have measurements only: vertices are then those that edges name, and get start
+    // values along the edges, for which indices have to be resolved first.
     const bool edges_only = graph_->ids.empty();
     if (edges_only) {
       NameVerticesOfEdges();
@@ -52,11 +63,14 @@ class G2oReader {
     std::int64_t id, line;
   };
 
+  // The rest of a line whose tag has been read.
   Status ReadFields() {
     if (tag_ == "FIX") {
       return ReadFix();
     }
     const bool vertex = tag_ == "VERTEX_SE2" || tag_ == "VERTEX_SE3:QUAT";
+    // Unknown tags are refused and not skipped: landmarks or parameters left out would give another
+    // problem.
     if (!vertex && tag_ != "EDGE_SE2" && tag_ != "EDGE_SE3:QUAT") {
       return FailField(
           "tag",
@@ -70,6 +84,7 @@ class G2oReader {
     return vertex ? ReadVertex() : ReadEdge();
   }
 
+  // One id or several in a line.
   Status ReadFix() {
     do {
       std::int64_t id = 0;
@@ -86,6 +101,7 @@ class G2oReader {
     if (Status status = ReadId("id", &id); !status.ok()) {
       return status;
     }
+    // The index it will have; ids need not be dense, nor in order.
     if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
       return FailField("id", "vertex " + std::to_string(id) + " is in the file twice");
     }
@@ -98,6 +114,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // ids in PendingEdge, the rest in the graph: both lists have edge i at i.
   Status ReadEdge() {
     PendingEdge pending{0, 0, scanner_.line()};
     if (Status status = ReadId("from", &pending.from); !status.ok()) {
@@ -106,6 +123,7 @@ class G2oReader {
     if (Status status = ReadId("to", &pending.to); !status.ok()) {
       return status;
     }
+    // Such an edge would have one variable in both of its slots, which no factor may.
     if (pending.from == pending.to) {
       return FailField("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
     }
@@ -128,6 +146,7 @@ class G2oReader {
     return *id >= 0 ? Status::Ok() : FailField(field, std::to_string(*id) + " is negative");
   }
 
+  // For vertices and for measurements, which look the same.
   Status ReadPose(std::array<double, 7>* pose) {
     const char* const* fields = graph_->dimension == 2 ? kPoseFields2d : kPoseFields3d;
     for (int k = 0; k < graph_->PoseSize(); ++k) {
@@ -138,6 +157,8 @@ class G2oReader {
     return graph_->dimension == 2 ? Status::Ok() : NormalizeQuaternion(pose->data() + 3);
   }
 
+  // Files print a few digits, and factors take quaternions for unit ones. Written so that a NaN is
+  // refused too.
   Status NormalizeQuaternion(double* q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(norm > 1e-12) || !std::isfinite(norm)) {
@@ -147,6 +168,9 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // The upper triangle, row by row, mirrored into the full matrix. That it is positive definite is
+  // checked where it becomes a factor, where the caller can have it projected instead; a negative
+  // diagonal is a broken file.
   Status ReadInformation(std::array<double, 36>* information) {
     const std::size_t size = static_cast<std::size_t>(graph_->TangentSize());
     for (std::size_t row = 0; row < size; ++row) {
@@ -165,6 +189,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // In the order of the ids, which is that of the odometry: PlaceAlongEdges relies on it.
   void NameVerticesOfEdges() {
     for (const PendingEdge& edge : pending_edges_) {
       graph_->ids.insert(graph_->ids.end(), {edge.from, edge.to});
@@ -176,6 +201,7 @@ class G2oReader {
     }
   }
 
+  // `lost` is the first vertex that no edges lead to from the first one.
   Status PlaceVertices() {
     const int lost = PlaceAlongEdges(graph_);
     return lost == graph_->NumVertices()
@@ -190,6 +216,7 @@ class G2oReader {
   Status ResolveIds() {
     for (std::size_t i = 0; i < pending_edges_.size(); ++i) {
       const PendingEdge& pending = pending_edges_[i];
+      // The line has long been left; its tag follows from the dimension.
       const std::string tag = graph_->dimension == 2 ? "EDGE_SE2" : "EDGE_SE3:QUAT";
       if (!Lookup(pending.from, &graph_->edges[i].from)) {
         return UnknownVertex(pending.line, tag + ": from", pending.from);
@@ -198,6 +225,7 @@ class G2oReader {
         return UnknownVertex(pending.line, tag + ": to", pending.to);
       }
     }
+    // FIX may name a vertex twice; the list has it once, at its first place.
     std::unordered_set<int> seen;
     for (const PendingFix& pending : fixed_) {
       int index = 0;
@@ -224,6 +252,7 @@ class G2oReader {
     return scanner_.FailureAt(line, field + ": the file has no vertex " + std::to_string(id));
   }
 
+  // For the line at hand: `file:line: tag: field: what`.
   Status FailField(const std::string& field, const std::string& what) const {
     return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
   }

@@ -10,6 +10,12 @@
 #include "io/byte_sink.h"
 #include "io/text_writer.h"
 
+// Writes pose graphs in g2o's format, which ReadG2o reads, and as trajectories of the TUM RGB-D
+// benchmark. Numbers have the shortest form that reads back as the same double; the reader
+// normalizes quaternions, which may change their last bits.
+//
+// A graph comes from a caller and may be anything: it is checked before the file is opened.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -18,6 +24,7 @@ Status BadPoseGraph(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "PoseGraph: " + what);
 }
 
+// Of the first `count`: planar edges leave the rest of their arrays unused.
 template <typename Values>
 bool AreFinite(const Values& values, std::size_t count) {
   return std::all_of(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(count),
@@ -28,6 +35,7 @@ bool IsVertex(const PoseGraph& graph, int index) {
   return index >= 0 && index < graph.NumVertices();
 }
 
+// The dimension first: the sizes of everything else follow from it.
 Status CheckVertices(const PoseGraph& graph) {
   if (graph.dimension != 2 && graph.dimension != 3) {
     return BadPoseGraph("dimension is " + std::to_string(graph.dimension) + ", not 2 or 3");
@@ -80,6 +88,7 @@ void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* w
     writer->Put(edge.measurement[static_cast<std::size_t>(k)], ' ');
   }
   const auto size = static_cast<std::size_t>(graph.TangentSize());
+  // The upper triangle; its last row is the single value that ends the line.
   for (std::size_t r = 0; r < size; ++r) {
     for (std::size_t c = r; c < size; ++c) {
       writer->Put(edge.information[r * size + c], r + 1 == size ? '\n' : ' ');
@@ -87,6 +96,7 @@ void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* w
   }
 }
 
+// Vertices before what names them: other readers of the format want it so.
 void PutG2o(const PoseGraph& graph, TextWriter* writer) {
   for (int i = 0; i < graph.NumVertices(); ++i) {
     writer->PutText(graph.dimension == 2 ? "VERTEX_SE2 " : "VERTEX_SE3:QUAT ");
@@ -102,6 +112,7 @@ void PutG2o(const PoseGraph& graph, TextWriter* writer) {
   }
 }
 
+// A trajectory is in the order of time, for which ids stand.
 void PutTum(const PoseGraph& graph, TextWriter* writer) {
   std::vector<int> order(graph.ids.size());
   std::iota(order.begin(), order.end(), 0);
@@ -114,6 +125,8 @@ void PutTum(const PoseGraph& graph, TextWriter* writer) {
     if (graph.dimension == 3) {
       PutValues(pose, 7, writer);
     } else {
+      // A planar pose in the plane z = 0: a turn about z by θ has the quaternion (0, 0, sin θ/2,
+      // cos θ/2).
       const double line[7] = {
           pose[0], pose[1], 0.0, 0.0, 0.0, std::sin(0.5 * pose[2]), std::cos(0.5 * pose[2])};
       PutValues(line, 7, writer);
