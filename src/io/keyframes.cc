@@ -14,10 +14,20 @@
 #include "io/record_reader.h"
 #include "io/text_scanner.h"
 
+// The reader of keyframe sequences (docs/file_formats.md, "Keyframes"). The file is a record of
+// what a visual odometry has told its back-end, in the order of arrival, and is held to that: a
+// record may name only keyframes and features that have arrived, and what belongs to a keyframe
+// stands below it. A replay can then hand over keyframe after keyframe and never needs what comes
+// later.
+//
+// Features are numbered through the file; the file names them by anchor and number there.
+
 namespace inceres {
 namespace internal {
 namespace {
 
+// Fields are read in the order of the line, and each is checked before the next one is read, so
+// that a message names the first that is wrong.
 class KeyframeReader : private RecordReader {
  public:
   KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source)
@@ -39,6 +49,7 @@ class KeyframeReader : private RecordReader {
     if (tag_ == "KEYFRAME") {
       return ReadKeyframe();
     }
+    // The tag before the place: an unknown one is told as such wherever it stands.
     if (tag_ != "DEPTH_GUESS" && tag_ != "FEATURE" && tag_ != "OBS" && tag_ != "BETWEEN") {
       return Fail("tag", "not known; known are KEYFRAME, DEPTH_GUESS, FEATURE, OBS and BETWEEN");
     }
@@ -51,6 +62,7 @@ class KeyframeReader : private RecordReader {
                                  : ReadBetween();
   }
 
+  // Numbered without gaps: the number is the index.
   Status ReadKeyframe() {
     int number = 0;
     if (Status status = ReadIndex("i", &number); !status.ok()) {
@@ -74,6 +86,8 @@ class KeyframeReader : private RecordReader {
     return Status::Ok();
   }
 
+  // For any feature that has arrived, not only for those of the current keyframe: an odometry
+  // corrects its guesses.
   Status ReadDepthGuess() {
     KeyframeDepthGuess guess;
     int anchor = 0;
@@ -86,6 +100,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadNumbers("d", 1, &guess.inverse_depth); !status.ok()) {
       return status;
     }
+    // 0 would say "not measured", which a guess need not say.
     if (!(guess.inverse_depth > 0.0)) {
       return Fail("d", "not positive");
     }
@@ -103,6 +118,7 @@ class KeyframeReader : private RecordReader {
       return status;
     }
     const int position = static_cast<int>(sequence_->features.size());
+    // Before the rest of the line is read: an error ends the file anyway.
     if (!feature_of_key_.emplace(Key(feature.anchor, feature.index), position).second) {
       return Fail("k", "feature " + std::to_string(feature.index) + " is twice in keyframe " +
                            std::to_string(feature.anchor));
@@ -125,6 +141,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadKeyframeNumber("a", &anchor); !status.ok()) {
       return status;
     }
+    // The residual needs two poses: seen from its anchor, a feature is where it is by definition.
     if (anchor == NumKeyframes() - 1) {
       return Fail("a", "the observing keyframe itself");
     }
@@ -143,6 +160,7 @@ class KeyframeReader : private RecordReader {
     }
     const std::array<double, 3>& v = observation.information;
     const double matrix[4] = {v[0], v[1], v[1], v[2]};
+    // Factored here and again when it becomes a factor, so that the line can be named.
     double ignored[4];
     if (!SqrtInformation(matrix, 2, ignored)) {
       return Fail("w", "not positive definite");
@@ -151,6 +169,8 @@ class KeyframeReader : private RecordReader {
     return Status::Ok();
   }
 
+  // Odometry and loops alike. A loop arrives with the keyframe above it, which need not be one of
+  // its two.
   Status ReadBetween() {
     KeyframeBetween between;
     if (Status status = ReadKeyframeNumber("a", &between.a); !status.ok()) {
@@ -178,6 +198,8 @@ class KeyframeReader : private RecordReader {
     return Status::Ok();
   }
 
+  // Symmetric up to the digits that files print, measured by the diagonal. SqrtInformation reads
+  // the upper triangle only and would not notice.
   Status CheckInformation(const std::array<double, 36>& w) const {
     for (std::size_t r = 0; r < 6; ++r) {
       for (std::size_t c = 0; c < r; ++c) {
@@ -193,6 +215,7 @@ class KeyframeReader : private RecordReader {
                                                  : Fail("w", "not positive definite");
   }
 
+  // Of any keyframe that has arrived, the current one included.
   Status ReadKeyframeNumber(const char* field, int* number) {
     if (Status status = ReadIndex(field, number); !status.ok()) {
       return status;
@@ -202,6 +225,7 @@ class KeyframeReader : private RecordReader {
                : Fail(field, "keyframe " + std::to_string(*number) + " has not arrived yet");
   }
 
+  // FEATURE and OBS repeat the number of their keyframe, which must be the one above.
   Status ReadCurrentKeyframe() {
     int number = 0;
     if (Status status = ReadIndex("i", &number); !status.ok()) {
@@ -213,6 +237,7 @@ class KeyframeReader : private RecordReader {
                                               std::to_string(expected));
   }
 
+  // By its key; `feature` is the index in the sequence.
   Status ReadFeatureOf(int anchor, int* feature) {
     int index = 0;
     if (Status status = ReadIndex("k", &index); !status.ok()) {
@@ -240,6 +265,9 @@ class KeyframeReader : private RecordReader {
     return *inverse_depth >= 0.0 ? Status::Ok() : Fail("d_obs", "negative");
   }
 
+  // MatrixToQuaternion takes any matrix and is exact for rotations only; back as a matrix, the
+  // quaternion shows how far the nine numbers were from one. 1e-4 leaves room for files of few
+  // digits.
   Status ReadRotation(double q[4]) {
     double R[9];
     if (Status status = ReadNumbers("R", 9, R); !status.ok()) {
@@ -249,6 +277,7 @@ class KeyframeReader : private RecordReader {
     double nearest[9];
     QuaternionToMatrix(q, nearest);
     for (int k = 0; k < 9; ++k) {
+      // In this form a NaN is refused too.
       if (!(std::fabs(R[k] - nearest[k]) < 1e-4)) {
         return Fail("R", "not a rotation matrix");
       }
@@ -258,6 +287,7 @@ class KeyframeReader : private RecordReader {
 
   int NumKeyframes() const { return static_cast<int>(sequence_->keyframes.size()); }
   Keyframe& current() { return sequence_->keyframes.back(); }
+  // Both are ints from 0 on: one in each half.
   static std::int64_t Key(int anchor, int index) {
     return (static_cast<std::int64_t>(anchor) << 32) | index;
   }

@@ -13,6 +13,11 @@
 #include "io/byte_source.h"
 #include "io/text_scanner.h"
 
+// The reader of stereo odometries (docs/file_formats.md, "Stereo odometry"): a folder with a
+// calibration, poses and sightings. The files have no tags, so each has a reader of its own, and
+// they are read in the order in which one needs the other: sightings name poses. Nothing is handed
+// out unless all three are good.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -30,6 +35,8 @@ class PlainReader {
   template <typename ReadFields>
   Status ForEachLine(ReadFields&& read_fields) {
     while (!scanner_.AtEnd()) {
+      // From here to LeaveLine a missing field is an error of this line, and does not take the next
+      // line's first number.
       scanner_.StayInLine();
       Status status = read_fields();
       if (status.ok() && !scanner_.AtEnd()) {
@@ -67,6 +74,7 @@ class CalibrationReader : private PlainReader {
       : PlainReader(path, std::move(source)) {}
 
   Status Read(StereoCamera* camera) {
+    // Counted before it is read: a second line is refused whatever it says.
     int count = 0;
     Status status = ForEachLine(
         [&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
@@ -76,6 +84,7 @@ class CalibrationReader : private PlainReader {
   }
 
  private:
+  // In the order of the line. A focal length or baseline that is not positive has no meaning.
   Status ReadCamera(StereoCamera* camera) {
     double skew = 0.0;
     const std::pair<const char*, double*> fields[] = {
@@ -91,6 +100,7 @@ class CalibrationReader : private PlainReader {
         return Fail(name, "not positive");
       }
     }
+    // The model of StereoCamera has none.
     return skew == 0.0 ? Status::Ok() : Fail("skew", "not 0: the images must be rectified");
   }
 };
@@ -108,6 +118,8 @@ class PosesReader : private PlainReader {
   }
 
  private:
+  // 4 × 4, row-major, world_from_camera, which is how PoseManifold stores poses too: the last
+  // column is the camera's center.
   Status ReadPose(std::vector<std::array<double, 7>>* poses) {
     std::int64_t number = 0;
     if (Status status = ReadId("i", &number); !status.ok()) {
@@ -130,6 +142,8 @@ class PosesReader : private PlainReader {
     double nearest[9];
     MatrixToQuaternion(R, pose.data() + 3);
     QuaternionToMatrix(pose.data() + 3, nearest);
+    // Back and forth through the quaternion, as in keyframes.cc: a matrix that is no rotation does
+    // not come back. NaN compares false and is refused.
     const bool rotation = std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) {
       return std::fabs(given - nearest_to_it) < 1e-4;
     });
@@ -151,6 +165,8 @@ class SightingsReader : private PlainReader {
     if (Status status = ForEachLine([&] { return ReadSighting(odometry); }); !status.ok()) {
       return status;
     }
+    // A file may be ordered by point; a back-end that is fed pose by pose wants all of one pose
+    // together. Stable: those of one pose stay in the order of the file.
     std::stable_sort(
         odometry->sightings.begin(), odometry->sightings.end(),
         [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
@@ -176,6 +192,7 @@ class SightingsReader : private PlainReader {
                   "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
     }
     StereoSighting sighting;
+    // One v for both images, which are rectified.
     const std::pair<const char*, double*> fields[] = {
         {"u_l", sighting.left},    {"u_r", &sighting.right_u},    {"v", sighting.left + 1},
         {"X", sighting.in_camera}, {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
@@ -187,6 +204,7 @@ class SightingsReader : private PlainReader {
     if (!(sighting.in_camera[2] > 0.0)) {
       return Fail("Z", "not positive: the point is not in front of the camera");
     }
+    // Points are numbered in the order of the file; ids may be any.
     const auto [point, fresh] =
         index_of_point_.emplace(id, static_cast<int>(odometry->point_ids.size()));
     if (fresh) {
@@ -203,13 +221,16 @@ class SightingsReader : private PlainReader {
 };
 
 // What stands for the * of the names: from the only calibration in the folder.
+// Entries of a folder come in no order, so there must be exactly one that fits.
 Status FindVariant(const std::string& folder, std::string* variant) {
   std::error_code error;
   int count = 0;
+  // By error codes: what the library throws would leave a function that returns a Status.
   for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     const std::size_t prefix = sizeof(kCalibration) - 1, suffix = sizeof(kSuffix) - 1;
+    // The length first: in a short name both could match the same letters.
     if (name.size() >= prefix + suffix && name.compare(0, prefix, kCalibration) == 0 &&
         name.compare(name.size() - suffix, suffix, kSuffix) == 0) {
       *variant = name.substr(prefix, name.size() - prefix - suffix);

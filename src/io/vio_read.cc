@@ -8,6 +8,15 @@
 #include "io/record_reader.h"
 #include "io/vio_checks.h"
 
+// The reader of visual-inertial sequences (docs/visual_inertial.md, "Simulated sequences"). The
+// file is in the order of arrival, and the reader insists on it: what it accepts,
+// VioSequence::Validate accepts too, but here with the line at hand.
+//
+// IMU samples gather in samples_ until a frame takes them. The sample at the time of a frame
+// belongs to two stretches, as the last of one and the first of the next: it stands in the file
+// once and is kept when the frame has been read, so that each stretch is ready to be integrated
+// from frame to frame.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -26,6 +35,7 @@ class VioReader : private RecordReader {
     if (sequence_->frames.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no frames");
     }
+    // One is left from the last frame; more than that belong to a frame that never comes.
     return samples_.size() > 1
                ? scanner_.FailureAt(scanner_.line(), "IMU samples after the last frame")
                : Status::Ok();
@@ -33,9 +43,11 @@ class VioReader : private RecordReader {
 
  private:
   Status ReadRecord() {
+    // Before anything else: the records of another version may mean something else.
     if (!versioned_) {
       return ReadVersion();
     }
+    // Readers by tag. The table is searched anew for each line: seven short comparisons.
     const struct {
       const char* tag;
       Status (VioReader::*read)();
@@ -114,8 +126,10 @@ class VioReader : private RecordReader {
     return FailIf(FaultOf(sequence_->pixel_noise, noise));
   }
 
+  // Any finite vector: zero is a world without weight.
   Status ReadGravity() { return ReadNumbers("g", 3, sequence_->gravity.data()); }
 
+  // Anywhere in the file, before the first observation of it.
   Status ReadPoint() {
     if (Status status = ReadNumber("k", sequence_->points.size()); !status.ok()) {
       return status;
@@ -129,6 +143,8 @@ class VioReader : private RecordReader {
   }
 
   Status ReadSample() {
+    // Camera, noise and gravity have to stand before the samples, so whoever reads along knows them
+    // from the first measurement on.
     if (!has_camera_ || !has_noise_ || !has_gravity_) {
       return Fail("tag", std::string("before ") + (!has_camera_  ? "CAMERA"
                                                    : !has_noise_ ? "NOISE"
@@ -138,6 +154,8 @@ class VioReader : private RecordReader {
     if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
       return status;
     }
+    // The last frame's sample is among samples_: times increase through the whole file, and never
+    // by zero.
     if (!samples_.empty() && !(sample.time > samples_.back().time)) {
       return Fail("t", std::to_string(sample.time) + " is not after the sample's before, " +
                            std::to_string(samples_.back().time));
@@ -157,7 +175,9 @@ class VioReader : private RecordReader {
     if (Status status = ReadNumbers("t", 1, &frame.time); !status.ok()) {
       return status;
     }
+    // At least one sample after the last frame's: a stretch of one sample has no duration.
     const bool stands_still = !sequence_->frames.empty() && samples_.size() < 2;
+    // Equal to the bit: times are printed in the shortest form that reads back as the same double.
     if (samples_.empty() || stands_still || samples_.back().time != frame.time) {
       return Fail("t", "the last IMU sample above is not one at the time of this frame, " +
                            std::to_string(frame.time));
@@ -168,11 +188,14 @@ class VioReader : private RecordReader {
     if (Status status = ReadState("truth", &frame.truth); !status.ok()) {
       return status;
     }
+    // The argument is made before the exchange: the next stretch begins with this one's last
+    // sample.
     frame.imu = std::exchange(samples_, {samples_.back()});
     sequence_->frames.push_back(std::move(frame));
     return Status::Ok();
   }
 
+  // 16 numbers, "start" or "truth".
   Status ReadState(const std::string& name, VioState* state) {
     const struct {
       const char* name;
@@ -189,6 +212,8 @@ class VioReader : private RecordReader {
         return status;
       }
     }
+    // Refused and not normalized, as it is in g2o files: this format prints all digits, and what is
+    // read is what was written, to the bit.
     return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok()
                                                     : Fail(name + " q", "not a unit quaternion");
   }
@@ -205,6 +230,7 @@ class VioReader : private RecordReader {
     if (observation.point >= static_cast<int>(sequence_->points.size())) {
       return Fail("k", "point " + std::to_string(observation.point) + " has not arrived yet");
     }
+    // Ascending, so that a point seen twice is found by its neighbor alone.
     if (!observations.empty() && observation.point <= observations.back().point) {
       return Fail("k", "point " + std::to_string(observation.point) + " after point " +
                            std::to_string(observations.back().point) +
@@ -216,6 +242,7 @@ class VioReader : private RecordReader {
     if (Status status = ReadNumbers("y", 1, &observation.y); !status.ok()) {
       return status;
     }
+    // What the simulator knows and no estimator is told.
     int outlier = 0;
     if (Status status = ReadIndex("outlier", &outlier); !status.ok()) {
       return status;

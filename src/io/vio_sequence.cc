@@ -7,6 +7,11 @@
 #include "inceres/problem/rotation.h"
 #include "io/vio_checks.h"
 
+// What a visual-inertial sequence promises (inceres/io/vio_sequence.h), checked for sequences that
+// a program has made; the reader of files checks the same line by line. And the camera's
+// projection, by which the simulator makes its observations: io is compiled without fused
+// multiply-adds (src/io/CMakeLists.txt), so that a seed gives the same bits on every platform.
+
 namespace inceres {
 namespace {
 
@@ -25,6 +30,8 @@ Status CheckHeader(const VioSequence& sequence) {
   return internal::AllFinite(sequence.gravity) ? Status::Ok() : Invalid("gravity is not finite");
 }
 
+// The stretch that leads to a frame: not empty, its times increasing, its last sample at the time
+// of the frame, and its first one the last of the frame before.
 Status CheckImu(const VioSequence& sequence, std::size_t i) {
   const VioFrame& frame = sequence.frames[i];
   const std::string name = "frames[" + std::to_string(i) + "].imu";
@@ -40,6 +47,8 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
       return Invalid(name + "[" + std::to_string(k) + "].time is not after the sample's before");
     }
   }
+  // All seven numbers of the shared sample and not its time alone: written to a file it stands
+  // there once. Requires that frame i − 1 has been checked, and so has a sample.
   if (i > 0 && !(frame.imu.size() > 1 &&
                  internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
     return Invalid(name + " does not go on from the last sample of the frame before");
@@ -59,6 +68,7 @@ Status CheckFrame(const VioSequence& sequence, std::size_t i) {
   if (Status status = CheckImu(sequence, i); !status.ok()) {
     return status;
   }
+  // Ascending and in range at once; −1 is below every index.
   int last = -1;
   for (const VioObservation& observation : frame.observations) {
     if (observation.point <= last ||
@@ -94,17 +104,20 @@ int VioSequence::NumOutliers() const {
   return static_cast<int>(count);
 }
 
+// x_c = R_bcᵀ (R_wbᵀ (x_w − p_wb) − p_bc), then pinhole and distortion.
 bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point,
                           double* x, double* y) const {
   double place[3] = {point[0], point[1], point[2]};
   for (const double* frame :
        {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
+    // The transpose, by the conjugate.
     double q[4], R[9];
     ConjugateQuaternion(frame + 3, q);
     QuaternionToMatrix(q, R);
     const double from_origin[3] = {place[0] - frame[0], place[1] - frame[1], place[2] - frame[2]};
     MultiplyMatrixVector(R, from_origin, place);
   }
+  // Nor is what the formula yields behind the camera an observation.
   if (!(place[2] > 0.0)) {
     return false;
   }
@@ -115,6 +128,7 @@ bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<do
   return true;
 }
 
+// Frames in order: each is held against the one before.
 Status VioSequence::Validate() const {
   if (Status status = CheckHeader(*this); !status.ok()) {
     return status;

@@ -4,10 +4,16 @@
 #include "io/byte_sink.h"
 #include "io/text_writer.h"
 
+// Writes visual-inertial sequences, in the order of arrival: header, then for each frame the
+// samples that lead to it, the frame, the points that it is the first to see, and its observations.
+// A reader that follows the file never meets a name that it does not know. Numbers are written so
+// that reading gives the same sequence to the last bit.
+
 namespace inceres {
 namespace internal {
 namespace {
 
+// The format explains itself: lines that start with # are skipped.
 constexpr char kComments[] =
     "# inceres visual-inertial sequence: one record a line, in the order of arrival\n"
     "# CAMERA width height  f_x f_y c_x c_y  k1 k2 p1 p2  p_bc(3) q_bc(4)   pinhole, "
@@ -25,6 +31,7 @@ constexpr char kComments[] =
     "# OBS k x y outlier                 the frame above sees point k at (x, y) pixels; outlier: 1 "
     "if known to be wrong\n";
 
+// Requires a sequence that Validate()s.
 class VioWriter {
  public:
   explicit VioWriter(ByteSink* sink) : writer_(sink) {}
@@ -40,6 +47,8 @@ class VioWriter {
         PutSample(frame.imu[k]);
       }
       PutFrame(static_cast<int>(i), frame);
+      // Points are written in the order of their numbers up to the highest one seen, which is the
+      // last since observations ascend: some may stand earlier than they must.
       const std::size_t needed =
           frame.observations.empty()
               ? 0
@@ -52,18 +61,21 @@ class VioWriter {
         writer_.Put(observation.outlier ? 1 : 0, '\n');
       }
     }
+    // Those that nothing sees.
     PutPoints(sequence, &num_points, sequence.points.size());
     return writer_.Finish();
   }
 
  private:
   template <typename Number>
+  // A tag and its first field.
   void Put(const char* tag, Number value) {
     writer_.PutText(tag);
     writer_.Put(value, ' ');
   }
 
   template <typename Values>
+  // Arrays of both kinds; the last value is told by its address.
   void PutAll(const Values& values, char end = ' ') {
     for (const double& value : values) {
       writer_.Put(value, &value + 1 == std::end(values) ? end : ' ');
@@ -98,6 +110,7 @@ class VioWriter {
     PutState(frame.truth, '\n');
   }
 
+  // p q v b_g b_a, 16 numbers.
   void PutState(const VioState& state, char end) {
     PutAll(state.pose);
     PutAll(state.velocity);
@@ -105,6 +118,7 @@ class VioWriter {
     PutAll(state.acc_bias, end);
   }
 
+  // From `num_points` on, how many have been written, up to `needed`.
   void PutPoints(const VioSequence& sequence, std::size_t* num_points, std::size_t needed) {
     for (; *num_points < needed; ++*num_points) {
       const VioPoint& point = sequence.points[*num_points];
