@@ -9,6 +9,12 @@
 
 #include "inceres/storage/graph_formats.h"
 
+// Writes the parts of a graph (print_graph.h has their order; parse_graph.cc reads them). What
+// variables and factors share is written once and named by number, so that it is shared again when
+// it is loaded. Ids and places that are free are written in the order in which they will be given
+// out: edits of the loaded graph then get the ids that edits of the saved one would, which keeps
+// the order of sums, and thereby every bit.
+
 namespace inceres::internal {
 namespace {
 
@@ -17,6 +23,8 @@ template <typename T>
 class Shared {
  public:
   /// −1 of null.
+  // Numbers follow the order of first use, not of addresses, which change from run to run: the same
+  // graph gives the same bytes.
   std::int32_t Add(const T* object) {
     if (object == nullptr) {
       return -1;
@@ -35,6 +43,7 @@ class Shared {
   }
 
  private:
+  // By identity: two equal losses are two objects.
   std::map<const T*, std::int32_t> numbers_;
   std::vector<const T*> objects_;
 };
@@ -43,6 +52,8 @@ class GraphPrinter {
  public:
   GraphPrinter(const FactorGraph& graph, GraphWriter* writer) : graph_(graph), writer_(*writer) {}
 
+  // Collects first, since the objects stand in the file before those that name them. Printing then
+  // calls Add again, which by now only looks a number up.
   void Print() {
     Collect();
     manifolds_.Print("manifold", &writer_);
@@ -88,6 +99,7 @@ void GraphPrinter::Collect() {
 void GraphPrinter::PrintVariables() {
   writer_.WriteLong(graph_.num_variables());
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Removed variables keep their ids and their room in the state.
     const bool exists = graph_.HasVariable(id);
     // IsConstant is true of a tangent space of size 0 too, which may be the manifold's.
     writer_.WriteByte(static_cast<std::uint8_t>(
@@ -97,6 +109,7 @@ void GraphPrinter::PrintVariables() {
     writer_.WriteInt(manifolds_.Add(graph_.manifold(id)));
   }
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Values, not the state: those of a borrowed constant are elsewhere.
     if (graph_.HasVariable(id)) {
       writer_.WriteDoubles(graph_.Values(id), SizeOf(id));
     } else {
@@ -105,8 +118,10 @@ void GraphPrinter::PrintVariables() {
   }
 }
 
+// Of the few variables that have any, with their ids.
 void GraphPrinter::PrintBounds() {
   std::vector<VariableId> bounded;
+  // HasBounds, HasPins and HasLosses are asked first: most graphs have none, and need no walk.
   for (VariableId id = 0; graph_.HasBounds() && id < graph_.num_variables(); ++id) {
     if (graph_.bounds(id) != nullptr) {
       bounded.push_back(id);
@@ -120,6 +135,7 @@ void GraphPrinter::PrintBounds() {
   }
 }
 
+// The values that a pinned variable is linearized at.
 void GraphPrinter::PrintPins() {
   std::vector<VariableId> pinned;
   for (VariableId id = 0; graph_.HasPins() && id < graph_.num_variables(); ++id) {
@@ -146,6 +162,8 @@ void GraphPrinter::PrintFreeVariables() {
   for (const int size : sizes) {
     for (const bool borrowed : {false, true}) {
       VariableId id = 0;
+      // The graph tells the next one to be given out first; GraphParts keeps that one last: hence
+      // written backwards.
       for (int k = 0; (id = graph_.FreeVariable(size, borrowed, k)) >= 0; ++k) {
         last_first.push_back(id);
       }
@@ -160,6 +178,7 @@ void GraphPrinter::PrintFamily(FamilyId id) {
   const FactorFamily& family = graph_.family(id);
   writer_.formats().Write(family, "family " + std::to_string(id) + " (" + family.Name() + ")",
                           &writer_);
+  // Places, free ones included, whose variables are −1.
   const int num_factors = graph_.NumFactors(id);
   writer_.WriteLong(num_factors);
   for (int factor = 0; factor < num_factors; ++factor) {
@@ -173,6 +192,7 @@ void GraphPrinter::PrintFamily(FamilyId id) {
   }
   const int num_free = graph_.NumFreePlaces(id);
   writer_.WriteLong(num_free);
+  // Backwards for the same reason.
   for (int k = num_free - 1; k >= 0; --k) {
     writer_.WriteInt(graph_.FreePlace(id, k));
   }
