@@ -191,6 +191,7 @@ Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t e
     return Wrong(std::string("cannot read its ") + kRecordNames[section] + "s: " + SystemError());
   }
   for (std::int64_t b = begin; b < end; ++b) {
+    // The last block of a section may be short: it has what is left of the bytes.
     const auto at = static_cast<std::size_t>((b - begin) * kBlock * record);
     const std::size_t size =
         std::min(static_cast<std::size_t>(kBlock * record), bytes->size() - at);

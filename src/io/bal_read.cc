@@ -23,6 +23,7 @@ namespace {
 // come.
 constexpr std::int64_t kMaxReserved = std::int64_t{1} << 20;
 
+// What messages call the numbers of a record; kCameraSize and kPointSize of them.
 constexpr const char* kCameraFields[] = {
     "angle-axis x", "angle-axis y", "angle-axis z", "t x", "t y", "t z", "f", "k1", "k2"};
 constexpr const char* kPointFields[] = {"x", "y", "z"};
@@ -34,6 +35,8 @@ class BalReader {
   BalReader(const std::string& path, std::unique_ptr<ByteSource> source)
       : scanner_(path, std::move(source)) {}
 
+  // The sections in the order of the file; what is wrong in one ends the read there, since
+  // everything behind it would be shifted.
   Status Read(BalProblem* problem) {
     if (Status status = ReadHeader(problem); !status.ok()) {
       return status;
@@ -86,6 +89,7 @@ class BalReader {
 
   // Four numbers each. Indices are checked as they come, so that the message names the line.
   Status ReadObservations(BalProblem* problem) {
+    // At most 2^20 records ahead: a header of a few bytes may ask for billions.
     problem->observations.reserve(
         static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
     for (int i = 0; i < num_observations_; ++i) {
@@ -121,6 +125,7 @@ class BalReader {
     if (!index_scanned_) {
       return scanner_.Failure(entry);
     }
+    // The token scanned well, so the message has the number rather than the text.
     return scanner_.FailureAt(scanner_.line(), entry + ": index " + std::to_string(last_index_) +
                                                    " is not between 0 and " +
                                                    std::to_string(size - 1));

@@ -122,6 +122,8 @@ class ShareReader {
   // The record that token_ is inside of has begun before and is the share's before: rounded up.
   Status SkipToRecord(std::int64_t begin, std::int64_t size, std::int64_t* first) {
     const std::int64_t at = std::max(token_, begin);
+    // If the share begins before this section, `at` is the section's begin, and the record its
+    // first.
     *first = (at - begin + size - 1) / size;
     return SkipTo(begin + *first * size);
   }
@@ -131,6 +133,7 @@ class ShareReader {
       return Status::Ok();
     }
     Status status = SkipToRecord(3, 4, &share->first_observation);
+    // Whole records, the last one beyond end_ if it must.
     for (; status.ok() && token_ < std::min(end_, section_end); token_ += 4) {
       BalObservation seen;
       status = ReadIndex("camera", counts_.num_cameras, &seen.camera);
@@ -244,6 +247,8 @@ Status ReadBalShare(const std::string& path, const BalCounts& counts, std::int64
   if (!status.ok()) {
     return status;
   }
+  // Numbers are checked as in a whole file, so a share that is read is as good as one of ReadBal;
+  // but its line numbers count from its own begin.
   BalShare read;
   status = ShareReader(path, std::move(source), counts).Read(first_token, num_tokens, &read);
   if (status.ok()) {

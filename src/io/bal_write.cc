@@ -17,6 +17,7 @@ namespace inceres {
 namespace internal {
 namespace {
 
+// "BalProblem: …": the argument at fault is a struct, and no file has a part in it yet.
 Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "BalProblem: " + what);
 }
@@ -59,6 +60,7 @@ Status BalProblem::Validate() const {
     return internal::Invalid("has " + std::to_string(observations.size()) +
                              " observations, not between 1 and " + std::to_string(INT_MAX));
   }
+  // One pass over the observations, cheap beside any use that is made of them.
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const BalObservation& observation = observations[i];
     if (Status status = internal::CheckIndex(i, "camera", observation.camera, num_cameras);
@@ -85,6 +87,7 @@ Status WriteBal(const std::string& path, const BalProblem& problem) {
   if (Status status = problem.Validate(); !status.ok()) {
     return status;
   }
+  // By the name, as ReadBal chooses.
   if (internal::IsBalBinary(path)) {
     return internal::WriteBalBinary(path, problem);
   }
@@ -95,6 +98,7 @@ Status WriteBal(const std::string& path, const BalProblem& problem) {
     return status;
   }
   internal::TextWriter writer(sink.get());
+  // The writer keeps its first error and goes on quietly: Finish returns it.
   writer.Put(problem.num_cameras, ' ');
   writer.Put(problem.num_points, ' ');
   writer.Put(problem.observations.size(), '\n');

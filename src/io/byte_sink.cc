@@ -48,6 +48,7 @@ Status FileSink::Open(const std::string& path) {
     }
     partial_ = path_ + ".partial";
   }
+  // An old .partial of a process that was killed is overwritten.
   file_ = std::fopen(direct ? path_.c_str() : partial_.c_str(), "wb");
   return file_ != nullptr ? Status::Ok() : Failure("cannot open for writing");
 }

@@ -17,6 +17,7 @@
 namespace inceres::internal {
 namespace {
 
+// Of packed bytes: small beside the 900 kB of a block, which the library holds.
 constexpr std::size_t kBufferSize = std::size_t{1} << 16;
 constexpr int kBlockSize = 9;  // x 100 kB, the default of the bzip2 command
 
@@ -71,6 +72,7 @@ class Bzip2Source : public ByteSource {
   // The library has no reset: each stream gets a fresh decoder, which keeps the place in the input
   // and output.
   Status Start() {
+    // Between the first and the last byte of a stream there is nothing to do.
     if (running_) {
       return Status::Ok();
     }
@@ -169,6 +171,7 @@ class Bzip2Sink : public ByteSink {
 
   std::unique_ptr<ByteSink> file_;
   bz_stream stream_{};
+  // A failure of the constructor.
   bool ready_ = false;
   std::array<char, kBufferSize> output_;
 };

@@ -27,6 +27,7 @@ namespace inceres {
 namespace internal {
 namespace {
 
+// What messages call the numbers of a pose.
 constexpr const char* kPoseFields2d[] = {"x", "y", "theta"};
 constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
@@ -36,11 +37,14 @@ class G2oReader {
       : scanner_(path, std::move(source)) {}
 
   Status Read(PoseGraph* graph) {
+    // ForEachTaggedLine reads the tags, skips comments and refuses what a record leaves unread in
+    // its line.
     graph_ = graph;
     if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
         !status.ok()) {
       return status;
     }
+    // FIX lines alone make no graph.
     if (graph_->ids.empty() && pending_edges_.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
     }
@@ -68,6 +72,7 @@ class G2oReader {
     if (tag_ == "FIX") {
       return ReadFix();
     }
+    // FIX is of no dimension: it may stand before the first pose.
     const bool vertex = tag_ == "VERTEX_SE2" || tag_ == "VERTEX_SE3:QUAT";
     // Unknown tags are refused and not skipped: landmarks or parameters left out would give another
     // problem.
@@ -80,12 +85,14 @@ class G2oReader {
     if (graph_->dimension != 0 && graph_->dimension != dimension) {
       return FailField("tag", "planar and spatial poses in one file");
     }
+    // Before any field is read: PoseSize and TangentSize follow from it.
     graph_->dimension = dimension;
     return vertex ? ReadVertex() : ReadEdge();
   }
 
   // One id or several in a line.
   Status ReadFix() {
+    // AtEnd tells the end of the line here, since the scanner stays in it.
     do {
       std::int64_t id = 0;
       if (Status status = ReadId("id", &id); !status.ok()) {
@@ -105,6 +112,7 @@ class G2oReader {
     if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
       return FailField("id", "vertex " + std::to_string(id) + " is in the file twice");
     }
+    // Room for either kind; the graph takes PoseSize() of it.
     std::array<double, 7> pose{};
     if (Status status = ReadPose(&pose); !status.ok()) {
       return status;
@@ -179,6 +187,7 @@ class G2oReader {
         if (!scanner_.ScanDouble(&value)) {
           return scanner_.Failure(tag_ + ": " + Cell(row, column));
         }
+        // 0 is let through: an edge may say nothing of one coordinate, for those who project.
         if (row == column && value < 0.0) {
           return FailField(Cell(row, column), "negative on the diagonal");
         }
@@ -239,6 +248,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // False for an id that no vertex of the file has.
   bool Lookup(std::int64_t id, int* index) const {
     const auto found = index_of_id_.find(id);
     if (found == index_of_id_.end()) {
@@ -264,6 +274,7 @@ class G2oReader {
   TextScanner scanner_;
   PoseGraph* graph_ = nullptr;
   std::string tag_;
+  // Looked up in only, never walked through: its order has no part in the result.
   std::unordered_map<std::int64_t, int> index_of_id_;
   std::vector<PendingEdge> pending_edges_;
   std::vector<PendingFix> fixed_;

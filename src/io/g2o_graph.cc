@@ -121,6 +121,7 @@ std::vector<int> VerticesById(const PoseGraph& poses) {
 // By position in the order of ids and not by difference of ids, which may have gaps.
 std::vector<int> LoopEdges(const PoseGraph& poses) {
   const std::vector<int> order = VerticesById(poses);
+  // The inverse of `order`: where each vertex stands among the ids.
   std::vector<int> position(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
     position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);

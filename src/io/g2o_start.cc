@@ -60,6 +60,7 @@ class Placer {
     }
     SetPlaced(0);
     while (!candidates_.empty()) {
+      // The edge leads from the neighbor, whose pose is known, to the vertex.
       const auto [vertex, minus_neighbor, edge] = candidates_.top();
       candidates_.pop();
       // Candidates of a vertex that was placed by a better one in the meantime are passed over.

@@ -31,6 +31,7 @@ bool AreFinite(const Values& values, std::size_t count) {
                      [](double value) { return std::isfinite(value); });
 }
 
+// Edges and FIX lists name vertices by index; ids, which the file has, may be anything.
 bool IsVertex(const PoseGraph& graph, int index) {
   return index >= 0 && index < graph.NumVertices();
 }
@@ -61,11 +62,15 @@ Status CheckVertices(const PoseGraph& graph) {
 Status CheckPoseGraph(const PoseGraph& graph) {
   const auto pose_size = static_cast<std::size_t>(graph.PoseSize());
   const auto size = static_cast<std::size_t>(graph.TangentSize());
+  // Vertices before edges, whose ends are held against them. The first fault is what is reported,
+  // by the name of the member and the index in it.
   Status status = CheckVertices(graph);
   for (std::size_t i = 0; i < graph.edges.size() && status.ok(); ++i) {
     const PoseGraphEdge& edge = graph.edges[i];
     if (!IsVertex(graph, edge.from) || !IsVertex(graph, edge.to)) {
       status = BadPoseGraph("edges[" + std::to_string(i) + "] has an end that is no vertex");
+      // Finite is all that is asked of an information: a file may be written of a graph that no
+      // solver would take.
     } else if (!AreFinite(edge.measurement, pose_size) ||
                !AreFinite(edge.information, size * size)) {
       status = BadPoseGraph("edges[" + std::to_string(i) + "] has a value that is not finite");
@@ -74,12 +79,14 @@ Status CheckPoseGraph(const PoseGraph& graph) {
   return status;
 }
 
+// A line's last values: the line ends behind them.
 void PutValues(const double* values, int count, TextWriter* writer) {
   for (int k = 0; k < count; ++k) {
     writer->Put(values[k], k + 1 == count ? '\n' : ' ');
   }
 }
 
+// Tag, ends, measurement, information, as ReadEdge takes them.
 void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* writer) {
   writer->PutText(graph.dimension == 2 ? "EDGE_SE2 " : "EDGE_SE3:QUAT ");
   writer->Put(graph.ids[static_cast<std::size_t>(edge.from)], ' ');
@@ -103,6 +110,8 @@ void PutG2o(const PoseGraph& graph, TextWriter* writer) {
     writer->Put(graph.ids[static_cast<std::size_t>(i)], ' ');
     PutValues(graph.PoseData(i), graph.PoseSize(), writer);
   }
+  // One line each; a file that was read with several ids in a FIX line is written with several
+  // lines.
   for (const int vertex : graph.fixed) {
     writer->PutText("FIX ");
     writer->Put(graph.ids[static_cast<std::size_t>(vertex)], '\n');
@@ -116,6 +125,7 @@ void PutG2o(const PoseGraph& graph, TextWriter* writer) {
 void PutTum(const PoseGraph& graph, TextWriter* writer) {
   std::vector<int> order(graph.ids.size());
   std::iota(order.begin(), order.end(), 0);
+  // Of the indices: the graph is const, and in the order of its file.
   std::sort(order.begin(), order.end(), [&graph](int a, int b) {
     return graph.ids[static_cast<std::size_t>(a)] < graph.ids[static_cast<std::size_t>(b)];
   });
@@ -135,6 +145,8 @@ void PutTum(const PoseGraph& graph, TextWriter* writer) {
 }
 
 template <typename PutAll>
+// The two formats differ in `put` only. A failure of the writer leaves the sink unfinished, which
+// removes its partial file.
 Status WritePoseGraph(const std::string& path, const PoseGraph& graph, const PutAll& put) {
   Status status = CheckPoseGraph(graph);
   std::unique_ptr<ByteSink> sink;

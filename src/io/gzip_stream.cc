@@ -16,6 +16,7 @@
 namespace inceres::internal {
 namespace {
 
+// Of packed bytes.
 constexpr std::size_t kBufferSize = std::size_t{1} << 16;
 constexpr int kGzipWindow = 15 + 16;  // largest window, gzip header (zlib.h)
 
@@ -106,6 +107,7 @@ class GzipSink : public ByteSink {
 
   Status Write(const char* data, std::size_t size) override {
     while (size > 0) {
+      // Larger data in several pieces.
       const unsigned piece = Clamp(size);
       stream_.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(data));
       stream_.avail_in = piece;

@@ -33,6 +33,7 @@ class KeyframeReader : private RecordReader {
   KeyframeReader(const std::string& path, std::unique_ptr<ByteSource> source)
       : RecordReader(path, std::move(source)) {}
 
+  // Into a sequence of ReadFile's, which is thrown away after a failure.
   Status Read(KeyframeSequence* sequence) {
     sequence_ = sequence;
     if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
@@ -53,6 +54,7 @@ class KeyframeReader : private RecordReader {
     if (tag_ != "DEPTH_GUESS" && tag_ != "FEATURE" && tag_ != "OBS" && tag_ != "BETWEEN") {
       return Fail("tag", "not known; known are KEYFRAME, DEPTH_GUESS, FEATURE, OBS and BETWEEN");
     }
+    // Everything but a keyframe belongs to the one above it.
     if (sequence_->keyframes.empty()) {
       return Fail("tag", "before the first KEYFRAME");
     }
@@ -73,6 +75,8 @@ class KeyframeReader : private RecordReader {
                            std::to_string(NumKeyframes()) + " comes next");
     }
     Keyframe keyframe;
+    // R of the file turns the world into the camera (x_c = R (x_w − p)); the pose is kept as the
+    // family has it, world_from_camera, with p the center in both.
     double q_cw[4];
     if (Status status = ReadRotation(q_cw); !status.ok()) {
       return status;
@@ -113,6 +117,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadCurrentKeyframe(); !status.ok()) {
       return status;
     }
+    // The line names the keyframe above it, as has been checked.
     feature.anchor = NumKeyframes() - 1;
     if (Status status = ReadIndex("k", &feature.index); !status.ok()) {
       return status;
@@ -127,6 +132,7 @@ class KeyframeReader : private RecordReader {
         !status.ok()) {
       return status;
     }
+    // Both lists grow only when the whole line is good.
     current().features.push_back(position);
     sequence_->features.push_back(feature);
     return Status::Ok();
@@ -145,6 +151,7 @@ class KeyframeReader : private RecordReader {
     if (anchor == NumKeyframes() - 1) {
       return Fail("a", "the observing keyframe itself");
     }
+    // By anchor and number there, as in the line.
     if (Status status = ReadFeatureOf(anchor, &observation.feature); !status.ok()) {
       return status;
     }
@@ -158,6 +165,7 @@ class KeyframeReader : private RecordReader {
         return status;
       }
     }
+    // The file has the upper triangle; SqrtInformation takes the full matrix.
     const std::array<double, 3>& v = observation.information;
     const double matrix[4] = {v[0], v[1], v[1], v[2]};
     // Factored here and again when it becomes a factor, so that the line can be named.
@@ -179,6 +187,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadKeyframeNumber("b", &between.b); !status.ok()) {
       return status;
     }
+    // Such a factor would have one variable in both of its slots.
     if (between.a == between.b) {
       return Fail("b", "keyframe " + std::to_string(between.b) + " with itself");
     }
@@ -188,6 +197,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadNumbers("p", 3, between.p_ab.data()); !status.ok()) {
       return status;
     }
+    // All of the matrix, unlike that of an observation: so its symmetry can be checked, and is.
     if (Status status = ReadNumbers("w", 36, between.information.data()); !status.ok()) {
       return status;
     }
@@ -203,6 +213,8 @@ class KeyframeReader : private RecordReader {
   Status CheckInformation(const std::array<double, 36>& w) const {
     for (std::size_t r = 0; r < 6; ++r) {
       for (std::size_t c = 0; c < r; ++c) {
+        // The bound √(w_rr w_cc) is the size that an entry can have at most in a definite matrix:
+        // 1e-5 of it, in any units of rotation and position.
         if (std::fabs(w[6 * r + c] - w[6 * c + r]) >
             1e-5 * std::sqrt(std::fabs(w[7 * r] * w[7 * c]))) {
           return Fail("w",
@@ -262,6 +274,7 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadNumbers("d_obs", 1, inverse_depth); !status.ok()) {
       return status;
     }
+    // Written so that 0, which says that it was not measured, passes.
     return *inverse_depth >= 0.0 ? Status::Ok() : Fail("d_obs", "negative");
   }
 
@@ -293,6 +306,7 @@ class KeyframeReader : private RecordReader {
   }
 
   KeyframeSequence* sequence_ = nullptr;
+  // Only looked up in, never walked through: its order has no part in the result.
   std::unordered_map<std::int64_t, int> feature_of_key_;
 };
 

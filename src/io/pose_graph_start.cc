@@ -98,6 +98,8 @@ class LinearChain {
 // With the determinant −1, the least singular value's axis is turned around: that is the nearest of
 // determinant 1. No matrix is refused, not even zero.
 Matrix3d NearestRotation(const Matrix3d& M) {
+  // M = U Σ Vᵀ, and the nearest rotation is U diag(1, 1, ±1) Vᵀ; singular values are sorted, so the
+  // last one is the least.
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();
   signs[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
@@ -108,6 +110,8 @@ Matrix3d NearestRotation(const Matrix3d& M) {
 
 class ChordalStart::Impl {
  public:
+  // Both chains have the vertices and edges of the graph and vectors of d values; only their
+  // measurements differ.
   Impl(const PoseGraph& graph, int num_threads)
       : graph_(graph),
         d_(graph.dimension),
@@ -126,6 +130,7 @@ class ChordalStart::Impl {
   Matrix3d Measured(const PoseGraphEdge& edge) const;
   void WritePoses(std::vector<double>* poses) const;
 
+  // A copy: the caller's may change or end between two calls.
   const PoseGraph graph_;
   const int d_;
   LinearChain rotations_;
@@ -206,6 +211,7 @@ void ChordalStart::Impl::MeasureRotations() {
     LinearDifferenceFamily::Measurement& m = rotations_.at(static_cast<int>(i));
     for (int r = 0; r < d_; ++r) {
       for (int c = 0; c < d_; ++c) {
+        // U = √(w κ) I, since κ is isotropic.
         m.A[d_ * r + c] = d_ == 2 ? R(r, c) : R(c, r);
         m.U[d_ * r + c] = r == c ? root : 0.0;
       }
@@ -223,6 +229,7 @@ bool ChordalStart::Impl::SolveRotations() {
     QuaternionToMatrix(graph_.PoseData(0) + 3, first.data());
   }
   const double z[2] = {std::cos(graph_.PoseData(0)[2]), std::sin(graph_.PoseData(0)[2])};
+  // One matrix for all rows: the structure is analyzed once.
   for (int row = 0; row < (d_ == 2 ? 1 : 3); ++row) {
     if (!rotations_.Solve(d_ == 2 ? z : first.data() + 3 * row, mostly_zero_)) {
       return false;
@@ -340,6 +347,8 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
                                std::to_string(suspects.size()) + " suspected edges");
     }
     for (std::size_t k = 0; k < suspects.size(); ++k) {
+      // of_edges lives on between calls, which is what makes the closure mutable; all suspects are
+      // set each time.
       of_edges[static_cast<std::size_t>(suspects[k])] = weights[k];
     }
     std::vector<double> values;

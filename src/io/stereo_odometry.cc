@@ -22,6 +22,7 @@ namespace inceres {
 namespace internal {
 namespace {
 
+// The name whose * decides which files belong together.
 constexpr char kCalibration[] = "VO_calibration";
 constexpr char kSuffix[] = ".txt";
 
@@ -50,6 +51,7 @@ class PlainReader {
     return Status::Ok();
   }
 
+  // 64-bit integers from 0 on: the ids of points need not be dense.
   Status ReadId(const char* field, std::int64_t* id) {
     if (!scanner_.ScanInteger(id)) {
       return scanner_.Failure(field);
@@ -61,6 +63,7 @@ class PlainReader {
     return scanner_.ScanDouble(value) ? Status::Ok() : scanner_.Failure(field);
   }
 
+  // For a token that scanned well and is not acceptable.
   Status Fail(const std::string& field, const std::string& what) const {
     return scanner_.FailureAt(scanner_.line(), field + ": " + what);
   }
@@ -86,6 +89,7 @@ class CalibrationReader : private PlainReader {
  private:
   // In the order of the line. A focal length or baseline that is not positive has no meaning.
   Status ReadCamera(StereoCamera* camera) {
+    // Not kept: it has to be 0.
     double skew = 0.0;
     const std::pair<const char*, double*> fields[] = {
         {"f_x", &camera->f_x}, {"f_y", &camera->f_y}, {"skew", &skew},
@@ -94,6 +98,7 @@ class CalibrationReader : private PlainReader {
       if (Status status = ReadNumber(name, value); !status.ok()) {
         return status;
       }
+      // By address: the table has no column for it. The principal point may be anywhere.
       const bool positive =
           value == &camera->f_x || value == &camera->f_y || value == &camera->baseline;
       if (positive && !(*value > 0.0)) {
@@ -125,6 +130,7 @@ class PosesReader : private PlainReader {
     if (Status status = ReadId("i", &number); !status.ok()) {
       return status;
     }
+    // The number is the index: without gaps, and in order.
     if (number != static_cast<std::int64_t>(poses->size())) {
       return Fail("i", "pose " + std::to_string(number) + " where " +
                            std::to_string(poses->size()) + " comes next");
@@ -137,6 +143,7 @@ class PosesReader : private PlainReader {
         return status;
       }
     }
+    // Rotation by rows; the quaternion is filled in below.
     std::array<double, 7> pose{T[3], T[7], T[11], 0.0, 0.0, 0.0, 1.0};
     const double R[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
     double nearest[9];
@@ -147,6 +154,7 @@ class PosesReader : private PlainReader {
     const bool rotation = std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) {
       return std::fabs(given - nearest_to_it) < 1e-4;
     });
+    // The last row is compared exactly: 0 and 1 lose nothing when they are printed.
     if (!rotation || T[12] != 0.0 || T[13] != 0.0 || T[14] != 0.0 || T[15] != 1.0) {
       return Fail("T", rotation ? "the last row is not 0 0 0 1" : "not a rotation matrix");
     }
@@ -177,6 +185,7 @@ class SightingsReader : private PlainReader {
 
  private:
   Status ReadSighting(StereoOdometry* odometry) {
+    // Pose and point, before anything is stored.
     std::int64_t pose = 0, id = 0;
     if (Status status = ReadId("i", &pose); !status.ok()) {
       return status;
@@ -187,6 +196,8 @@ class SightingsReader : private PlainReader {
     if (Status status = ReadId("p", &id); !status.ok()) {
       return status;
     }
+    // Two sightings of one point from one pose would be two factors on the same two variables, one
+    // of which is most likely a mistake.
     if (!seen_.emplace(pose, id).second) {
       return Fail("p",
                   "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
@@ -210,6 +221,7 @@ class SightingsReader : private PlainReader {
     if (fresh) {
       odometry->point_ids.push_back(id);
     }
+    // In range: it was held against the number of poses.
     sighting.pose = static_cast<int>(pose);
     sighting.point = point->second;
     odometry->sightings.push_back(sighting);
@@ -229,6 +241,7 @@ Status FindVariant(const std::string& folder, std::string* variant) {
   for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
+    // Without the zeros at the ends of the literals.
     const std::size_t prefix = sizeof(kCalibration) - 1, suffix = sizeof(kSuffix) - 1;
     // The length first: in a short name both could match the same letters.
     if (name.size() >= prefix + suffix && name.compare(0, prefix, kCalibration) == 0 &&
@@ -248,6 +261,7 @@ Status FindVariant(const std::string& folder, std::string* variant) {
 }
 
 template <typename Reader, typename Part>
+// A file of the folder with its reader. Names end in .txt: nothing is decoded.
 Status ReadPart(const std::string& path, Part* part) {
   std::unique_ptr<ByteSource> source;
   if (Status status = OpenByteSource(path, &source); !status.ok()) {
@@ -256,6 +270,8 @@ Status ReadPart(const std::string& path, Part* part) {
   return Reader(path, std::move(source)).Read(part);
 }
 
+// The variant is found first and put into all three names; a file that is missing is told by its
+// own full name.
 Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
   std::string variant;
   if (Status status = FindVariant(folder, &variant); !status.ok()) {

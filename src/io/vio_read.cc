@@ -63,6 +63,7 @@ class VioReader : private RecordReader {
       if (tag_ != kind.tag) {
         continue;
       }
+      // What stands in the header holds for the whole file and may be given once.
       if (kind.seen != nullptr && std::exchange(*kind.seen, true)) {
         return Fail("tag", "in the file twice");
       }
@@ -84,6 +85,7 @@ class VioReader : private RecordReader {
                         : Fail("version", std::to_string(version) + " is not known, only 1");
   }
 
+  // Into the sequence at once, then checked: after a failure nobody sees it.
   Status ReadCamera() {
     VioCamera& camera = sequence_->camera;
     if (Status status = ReadIndex("width", &camera.width); !status.ok()) {
@@ -108,6 +110,7 @@ class VioReader : private RecordReader {
     return FailIf(FaultOf(camera));
   }
 
+  // The deviation of pixels, then the four densities of ImuNoise.
   Status ReadNoise() {
     ImuNoise& noise = sequence_->imu_noise;
     const struct {
@@ -134,6 +137,7 @@ class VioReader : private RecordReader {
     if (Status status = ReadNumber("k", sequence_->points.size()); !status.ok()) {
       return status;
     }
+    // Start and truth stand side by side: an estimator takes the one, whoever judges it the other.
     VioPoint point;
     if (Status status = ReadNumbers("start", 3, point.start.data()); !status.ok()) {
       return status;
@@ -150,6 +154,8 @@ class VioReader : private RecordReader {
                                                    : !has_noise_ ? "NOISE"
                                                                  : "GRAVITY"));
     }
+    // t, then rates and forces, each three. The sample is stored before its last field is read;
+    // after a failure nobody sees it.
     ImuSample sample;
     if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
       return status;
@@ -182,6 +188,7 @@ class VioReader : private RecordReader {
       return Fail("t", "the last IMU sample above is not one at the time of this frame, " +
                            std::to_string(frame.time));
     }
+    // Values are the same 16 numbers twice, told apart in messages by the word before.
     if (Status status = ReadState("start", &frame.start); !status.ok()) {
       return status;
     }
@@ -222,11 +229,13 @@ class VioReader : private RecordReader {
     if (sequence_->frames.empty()) {
       return Fail("tag", "before the first FRAME");
     }
+    // Those of the frame above, whose observations end where the next FRAME begins.
     std::vector<VioObservation>& observations = sequence_->frames.back().observations;
     VioObservation observation;
     if (Status status = ReadIndex("k", &observation.point); !status.ok()) {
       return status;
     }
+    // Not an index into what will be: the POINT has to stand above.
     if (observation.point >= static_cast<int>(sequence_->points.size())) {
       return Fail("k", "point " + std::to_string(observation.point) + " has not arrived yet");
     }
@@ -236,6 +245,7 @@ class VioReader : private RecordReader {
                            std::to_string(observations.back().point) +
                            "; a frame sees points once, in ascending order");
     }
+    // Pixels, which may lie outside of the image: only the estimator knows whether to mind.
     if (Status status = ReadNumbers("x", 1, &observation.x); !status.ok()) {
       return status;
     }
@@ -247,6 +257,7 @@ class VioReader : private RecordReader {
     if (Status status = ReadIndex("outlier", &outlier); !status.ok()) {
       return status;
     }
+    // ReadIndex has refused what is negative.
     if (outlier > 1) {
       return Fail("outlier", std::to_string(outlier) + " is neither 0 nor 1");
     }

@@ -20,6 +20,7 @@ Status Invalid(const std::string& what) {
 }
 
 Status CheckHeader(const VioSequence& sequence) {
+  // FaultOf begins with the field: "camera.f_x: not positive".
   if (std::string fault = internal::FaultOf(sequence.camera); !fault.empty()) {
     return Invalid("camera." + fault);
   }
@@ -43,6 +44,7 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
     if (!internal::IsFinite(sample)) {
       return Invalid(name + "[" + std::to_string(k) + "] is not finite");
     }
+    // Finite already, so that the comparison means what it says.
     if (k > 0 && !(sample.time > frame.imu[k - 1].time)) {
       return Invalid(name + "[" + std::to_string(k) + "].time is not after the sample's before");
     }
@@ -107,6 +109,7 @@ int VioSequence::NumOutliers() const {
 // x_c = R_bcᵀ (R_wbᵀ (x_w − p_wb) − p_bc), then pinhole and distortion.
 bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point,
                           double* x, double* y) const {
+  // In the world, then in the IMU, then in the camera; x ↦ Rᵀ (x − p) each time.
   double place[3] = {point[0], point[1], point[2]};
   for (const double* frame :
        {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
@@ -121,6 +124,8 @@ bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<do
   if (!(place[2] > 0.0)) {
     return false;
   }
+  // On the plane z = 1, whose coordinates the distortion is a polynomial of. No matter whether the
+  // pixel is inside of the image: callers know its size.
   double pixel[2];
   camera.Pinhole().Project(place[0] / place[2], place[1] / place[2], pixel);
   *x = pixel[0];
@@ -133,9 +138,11 @@ Status VioSequence::Validate() const {
   if (Status status = CheckHeader(*this); !status.ok()) {
     return status;
   }
+  // Points may be missing altogether: a sequence may be one of the IMU alone.
   if (frames.empty()) {
     return Invalid("no frames");
   }
+  // Before the frames, whose observations are held against their number.
   for (std::size_t k = 0; k < points.size(); ++k) {
     if (!internal::AllFinite(points[k].start) || !internal::AllFinite(points[k].truth)) {
       return Invalid("points[" + std::to_string(k) + "] is not finite");

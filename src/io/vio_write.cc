@@ -37,6 +37,7 @@ class VioWriter {
   explicit VioWriter(ByteSink* sink) : writer_(sink) {}
 
   Status Write(const VioSequence& sequence) {
+    // Before the version, which is the first record: comments are none.
     writer_.PutText(kComments);
     PutHeader(sequence);
     std::size_t num_points = 0;
@@ -54,6 +55,7 @@ class VioWriter {
               ? 0
               : static_cast<std::size_t>(frame.observations.back().point) + 1;
       PutPoints(sequence, &num_points, needed);
+      // Below the frame that they are seen from, and below the points that they name.
       for (const VioObservation& observation : frame.observations) {
         Put("OBS ", observation.point);
         writer_.Put(observation.x, ' ');
@@ -63,6 +65,7 @@ class VioWriter {
     }
     // Those that nothing sees.
     PutPoints(sequence, &num_points, sequence.points.size());
+    // The writer has kept its first error.
     return writer_.Finish();
   }
 
@@ -91,6 +94,7 @@ class VioWriter {
     PutAll(sequence.camera.imu_from_camera, '\n');
     const ImuNoise& noise = sequence.imu_noise;
     Put("NOISE ", sequence.pixel_noise);
+    // ImuNoise in the order of the file.
     const double densities[] = {noise.gyr, noise.acc, noise.gyr_bias_walk, noise.acc_bias_walk};
     PutAll(densities, '\n');
     writer_.PutText("GRAVITY ");
@@ -138,6 +142,7 @@ Status WriteVioSequence(const std::string& path, const VioSequence& sequence) {
   if (Status status = sequence.Validate(); !status.ok()) {
     return status;
   }
+  // Nothing is opened for a sequence that is not valid: an existing file of that name stays.
   std::unique_ptr<internal::ByteSink> sink;
   if (Status status = internal::OpenByteSink(path, &sink); !status.ok()) {
     return status;

@@ -27,6 +27,7 @@ void GraphWriter::Fail(const std::string& what) {
   }
 }
 
+// Signed numbers as two's complement, which is what the cast makes of them.
 void GraphWriter::WriteInt(std::int32_t value) {
   AppendLittleEndian(static_cast<std::uint32_t>(value), &bytes_);
 }
@@ -48,6 +49,7 @@ void GraphWriter::WriteDoubles(const double* values, std::size_t count) {
   }
 }
 
+// With its length, for it may hold any bytes: WriteBy puts whole objects into one.
 void GraphWriter::WriteString(const std::string& text) {
   WriteLong(static_cast<std::int64_t>(text.size()));
   bytes_ += text;

@@ -27,6 +27,7 @@ class GraphParser {
   void Parse() {
     // An object takes a name's length and its own length at least: 16 bytes.
     const std::size_t num_manifolds = reader_.ReadCount(16);
+    // Failures name an object by its number in the file, which those that refer to it use too.
     for (std::size_t k = 0; k < num_manifolds && reader_.ok(); ++k) {
       manifolds_.push_back(
           reader_.formats().ReadManifold("manifold " + std::to_string(k), &reader_));
@@ -40,7 +41,9 @@ class GraphParser {
     ParseVariables();
     ParseBounds();
     ParsePins();
+    // In the order in which edits will take them, the last one first.
     parts_.free_variables = ParseIds(reader_.ReadCount(4));
+    // A family is an object too: 16 bytes at least.
     const std::size_t num_families = reader_.ReadCount(16);
     for (std::size_t k = 0; k < num_families && reader_.ok(); ++k) {
       ParseFamily();
@@ -73,6 +76,7 @@ class GraphParser {
 template <typename T>
 std::shared_ptr<const T> GraphParser::ParseShared(
     const std::vector<std::shared_ptr<const T>>& objects, const char* what) {
+  // No number is beyond the objects read so far: a file that names none has −1 only.
   const std::int32_t number =
       reader_.ReadIntIn(-1, static_cast<std::int32_t>(objects.size()) - 1, what);
   return number < 0 ? nullptr : objects[static_cast<std::size_t>(number)];
@@ -97,6 +101,7 @@ void GraphParser::ParseVariables() {
   std::size_t num_values = 0;
   for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
     GraphParts::Variable variable;
+    // Unknown bits are ignored: version 1 has three.
     const std::uint8_t flags = reader_.ReadByte();
     variable.role = (flags & kIsLandmark) != 0 ? Role::kLandmark : Role::kFrame;
     variable.constant = (flags & kIsConstant) != 0;
@@ -144,6 +149,7 @@ void GraphParser::ParsePins() {
 
 void GraphParser::ParseFamily() {
   const std::string name = "family " + std::to_string(families_.size());
+  // Kept twice: the graph takes families as const, LoadedFamilies hands out what can be added to.
   families_.push_back(reader_.formats().ReadFamily(name, &reader_));
   if (!reader_.ok()) {
     return;
@@ -164,6 +170,7 @@ void GraphParser::ParseFamily() {
   // A family whose factors have no losses says so in one byte.
   if (reader_.ReadByte() != 0) {
     for (std::size_t k = 0; k < num_factors && reader_.ok(); ++k) {
+      // One per place; −1 is no loss, at free places too.
       family.losses.push_back(ParseShared(losses_, "the number of a loss"));
     }
   }

@@ -48,6 +48,8 @@ class Shared {
   std::vector<const T*> objects_;
 };
 
+// Reads the graph by its public calls alone, so what is written does not depend on how it is kept
+// in memory.
 class GraphPrinter {
  public:
   GraphPrinter(const FactorGraph& graph, GraphWriter* writer) : graph_(graph), writer_(*writer) {}
@@ -87,6 +89,7 @@ class GraphPrinter {
 
 void GraphPrinter::Collect() {
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Variables first, then factors, by their ids: the order of first use is that of the graph.
     manifolds_.Add(graph_.manifold(id));
   }
   for (FamilyId id = 0; id < graph_.num_families(); ++id) {
@@ -113,6 +116,7 @@ void GraphPrinter::PrintVariables() {
     if (graph_.HasVariable(id)) {
       writer_.WriteDoubles(graph_.Values(id), SizeOf(id));
     } else {
+      // As the state has it: the room of a removed variable holds zeros.
       writer_.WriteDoubles(std::vector<double>(SizeOf(id), 0.0).data(), SizeOf(id));
     }
   }
@@ -120,6 +124,7 @@ void GraphPrinter::PrintVariables() {
 
 // Of the few variables that have any, with their ids.
 void GraphPrinter::PrintBounds() {
+  // Listed first, since their number stands before them.
   std::vector<VariableId> bounded;
   // HasBounds, HasPins and HasLosses are asked first: most graphs have none, and need no walk.
   for (VariableId id = 0; graph_.HasBounds() && id < graph_.num_variables(); ++id) {
@@ -152,6 +157,8 @@ void GraphPrinter::PrintPins() {
 
 // Of each size those that were borrowed first: what is loaded owns all, and takes the last first.
 void GraphPrinter::PrintFreeVariables() {
+  // Ids are free for variables of their own size only; by size, ascending, for the same bytes each
+  // time.
   std::set<int> sizes;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (!graph_.HasVariable(id)) {
@@ -186,6 +193,7 @@ void GraphPrinter::PrintFamily(FamilyId id) {
     std::for_each(variables, variables + family.num_slots(),
                   [this](VariableId variable) { writer_.WriteInt(variable); });
   }
+  // A loss is a number per factor: a family without any says so in one byte.
   writer_.WriteByte(graph_.HasLosses(id) ? 1 : 0);
   for (int factor = 0; graph_.HasLosses(id) && factor < num_factors; ++factor) {
     writer_.WriteInt(losses_.Add(graph_.loss(id, factor)));

@@ -72,6 +72,8 @@ void WritePrior(const LinearPrior& prior, GraphWriter* writer) {
   }
 }
 
+// The shape of all its priors, then their numbers. Which manifold a block has may differ from prior
+// to prior, so each prior has its own.
 void WriteLinear(const LinearPriorFamily& family, GraphWriter* writer) {
   writer->WriteInt(family.residual_size());
   writer->WriteLong(family.num_slots());
