@@ -4,8 +4,8 @@
 
 // Arenas of oneTBB by place in a table that is searched from its begin: the first place whose idle
 // arena has the size asked for, or that has none yet, is taken. One atomic integer per place is all
-// the synchronization there is: its sign says whether a call is in the arena, its size how many
-// threads the arena has, and both change in one exchange.
+// the synchronization there is: its sign says whether a call is in the arena, its absolute value
+// how many threads the arena has, and both change in one exchange.
 
 namespace inceres::internal {
 

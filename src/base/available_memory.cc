@@ -54,7 +54,7 @@ double LeftOfControlGroup() {
   double left = kUnlimited;
   while (std::getline(file, line)) {
     // The line of version 2, "0::/path"; those of version 1 start with another number. The root
-    // group is "0::/", of four characters, and has no folder of its own.
+    // group is "0::/", of four characters; its folder is /sys/fs/cgroup itself.
     if (line.rfind("0::", 0) == 0) {
       const std::string folder = "/sys/fs/cgroup" + (line.size() == 4 ? "" : line.substr(3));
       const double limit = FirstNumber(folder + "/memory.max");

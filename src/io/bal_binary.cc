@@ -177,9 +177,8 @@ Status BalBinaryFile::ReadHead() {
                                                        : Wrong("the checksum of its head is wrong");
 }
 
-// One seek, one read, then a pass over the bytes for the sums. A stretch may be empty where there
-// are more parts than blocks: the last block is shorter than the others, and `first` may even be
-// behind the last record.
+// One seek, one read, then a pass over the bytes for the sums. A stretch may be empty, where there
+// are more parts than blocks, and the last block may be short.
 Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t end,
                                  std::vector<char>* bytes) {
   const std::int64_t record = kRecordBytes[section];

@@ -26,6 +26,7 @@ BalGraph AddBal(const BalProblem& bal, const std::shared_ptr<const Loss>& loss,
   }
   // By VariableId: the graph may have had variables before.
   std::vector<char> observed(static_cast<std::size_t>(graph->num_variables()), 0);
+  // Both slots Euclidean: nine and three coordinates.
   ids.reprojections = graph->AddFamily(std::make_shared<BalReprojectionFamily>());
   ids.reprojections->Reserve(static_cast<int>(bal.observations.size()));
   for (const BalObservation& observation : bal.observations) {

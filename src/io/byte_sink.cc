@@ -53,6 +53,7 @@ Status FileSink::Open(const std::string& path) {
   return file_ != nullptr ? Status::Ok() : Failure("cannot open for writing");
 }
 
+// Through stdio's buffer: a full disk may be told by a later write, or by the flush.
 Status FileSink::Write(const char* data, std::size_t size) {
   return std::fwrite(data, 1, size, file_) == size ? Status::Ok() : Failure("cannot write");
 }

@@ -326,6 +326,9 @@ bool HasChordalBound() {
   return true;
 }
 
+// Weights of the edges, connectedness, minimum, certificate, in this order. A graph in several
+// pieces would have a translation for each: only one is taken out of S, which would be singular for
+// any rotations.
 Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   std::vector<ChordalEdge> edges;
   Status status = MakeEdges(graph, &edges);

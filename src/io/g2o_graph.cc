@@ -253,6 +253,7 @@ Status ReadG2o(const std::string& path, FactorGraph* graph, G2oGraph* ids,
   if (!status.ok()) {
     return status;
   }
+  // An edge's fault is named by AddPoseGraph, which knows of no file.
   Status added = AddPoseGraph(poses, options.loss, graph, ids);
   if (!added.ok()) {
     added.message = path + ": " + added.message;

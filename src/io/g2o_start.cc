@@ -82,6 +82,7 @@ class Placer {
       std::tuple<int, int,
                  std::size_t>;  // the vertex to place, minus the one to start from, the edge
 
+  // Its edges to vertices without a place become candidates.
   void SetPlaced(int vertex) {
     placed_[static_cast<std::size_t>(vertex)] = true;
     for (const std::size_t edge : edges_of_[static_cast<std::size_t>(vertex)]) {

@@ -46,6 +46,7 @@ Status CheckVertices(const PoseGraph& graph) {
     return BadPoseGraph("poses has " + std::to_string(graph.poses.size()) + " values instead of " +
                         std::to_string(expected));
   }
+  // By number and not by vertex: the size is right, and the message says where to look.
   for (std::size_t i = 0; i < graph.poses.size(); ++i) {
     if (!std::isfinite(graph.poses[i])) {
       return BadPoseGraph("poses[" + std::to_string(i) + "] is not finite");

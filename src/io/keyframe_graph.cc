@@ -14,9 +14,9 @@
 // keyframe that sees it (factors/inverse_depth_reprojection.h).
 //
 // It happens in two steps, since a matrix that is not positive definite is found only when it is
-// factored: MeasureAll makes the measurements of all families, and may fail; AddTo then adds
-// variables and connects factors, and cannot. Both walk through the keyframes in the same order,
-// for the n-th factor of a family takes its n-th measurement.
+// factored: MeasureAll makes the measurements of observations and relative poses, and may fail;
+// AddTo then adds variables, priors of depths and connections, and cannot. Both walk through the
+// keyframes in the same order, for the n-th factor of a family takes its n-th measurement.
 
 namespace inceres {
 namespace {
@@ -78,10 +78,9 @@ Status KeyframeAdder::MeasureAll() {
   return Status::Ok();
 }
 
-// Where each feature starts.
-// By feature: the last guess, else the measurement of the anchor, else the option's. Guesses of
-// later keyframes overwrite earlier ones, though the feature may have been added by then: the whole
-// sequence is one problem here.
+// Where each feature starts. By feature: the last guess, else the measurement of the anchor, else
+// the option's. A guess of a late keyframe counts from the start: the whole sequence is one problem
+// here.
 void KeyframeAdder::FindStarts() {
   for (const KeyframeFeature& feature : sequence_.features) {
     starts_.push_back(feature.inverse_depth > 0.0 ? feature.inverse_depth

@@ -184,8 +184,8 @@ double ChordalStart::Impl::RotationWeight(const PoseGraphEdge& edge) const {
     return information(2, 2);
   }
   const Eigen::Matrix3d rotation = information.bottomRightCorner<3, 3>();
-  // An information without an inverse still has a trace, of which a third is the mean per axis, and
-  // a half of that κ.
+  // An information without an inverse still has a trace: a third of it is the mean per axis, and κ
+  // is half of that.
   const double trace = rotation.inverse().trace();
   return trace > 0.0 && std::isfinite(trace) ? 3.0 / (2.0 * trace) : rotation.trace() / 6.0;
 }

@@ -228,6 +228,7 @@ class SightingsReader : private PlainReader {
     return Status::Ok();
   }
 
+  // An entry for each sighting, as long as the file is read.
   std::set<std::pair<std::int64_t, std::int64_t>> seen_;  // pose, id of the point
   std::unordered_map<std::int64_t, int> index_of_point_;
 };

@@ -50,6 +50,7 @@ class VioReader : private RecordReader {
     // Readers by tag. The table is searched anew for each line: seven short comparisons.
     const struct {
       const char* tag;
+      // A member function, which reads the fields behind the tag.
       Status (VioReader::*read)();
       bool* seen;  // of what stands in the header, once
     } kinds[] = {{"CAMERA", &VioReader::ReadCamera, &has_camera_},
@@ -219,7 +220,7 @@ class VioReader : private RecordReader {
         return status;
       }
     }
-    // Refused and not normalized, as it is in g2o files: this format prints all digits, and what is
+    // Refused, where the reader of g2o files normalizes: this format prints all digits, and what is
     // read is what was written, to the bit.
     return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok()
                                                     : Fail(name + " q", "not a unit quaternion");

@@ -101,6 +101,7 @@ class VioWriter {
     PutAll(sequence.gravity, '\n');
   }
 
+  // t gyr acc, in the units of the sample.
   void PutSample(const ImuSample& sample) {
     Put("IMU ", sample.time);
     PutAll(sample.gyr);

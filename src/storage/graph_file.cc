@@ -120,6 +120,7 @@ Status LoadGraphFromBytes(const std::string& bytes, const GraphFormats& formats,
       return status;
     }
     GraphReader reader(bytes.data() + kHeadingSize, bytes.size() - kHeadingSize, formats);
+    // Parts may contradict each other; they are not a graph yet.
     internal::GraphParts parts;
     LoadedFamilies loaded;
     internal::ParseGraph(&reader, &parts, &loaded.families);

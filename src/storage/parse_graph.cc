@@ -76,7 +76,7 @@ class GraphParser {
 template <typename T>
 std::shared_ptr<const T> GraphParser::ParseShared(
     const std::vector<std::shared_ptr<const T>>& objects, const char* what) {
-  // No number is beyond the objects read so far: a file that names none has −1 only.
+  // Without any objects in the file, only −1 passes.
   const std::int32_t number =
       reader_.ReadIntIn(-1, static_cast<std::int32_t>(objects.size()) - 1, what);
   return number < 0 ? nullptr : objects[static_cast<std::size_t>(number)];
