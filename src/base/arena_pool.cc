@@ -2,6 +2,11 @@
 
 #include <atomic>
 
+// Arenas of oneTBB by place in a table that is searched from its begin: the first place whose idle
+// arena has the size asked for, or that has none yet, is taken. One atomic integer per place is all
+// the synchronization there is: its sign says whether a call is in the arena, its absolute value
+// how many threads the arena has, and both change in one exchange.
+
 namespace inceres::internal {
 
 // The state is 0 while the place has no arena, n while its arena of n threads is idle, −n while a
@@ -23,6 +28,8 @@ LeasedArena::Place places[kNumPlaces];
 
 }  // namespace
 
+// A scan of 256 integers at worst, once per parallel call. Two calls that want the same place
+// settle it by the exchange in TakeFrom; the loser goes on to the next place.
 LeasedArena::LeasedArena(int num_threads) {
   for (Place& place : places) {
     if (TakeFrom(&place, num_threads)) {
@@ -33,8 +40,11 @@ LeasedArena::LeasedArena(int num_threads) {
   arena_ = own_.get();
 }
 
+// Acquire here pairs with release in the destructor: whoever takes the place next sees the pointer
+// to the arena that its first call has written.
 bool LeasedArena::TakeFrom(Place* place, int num_threads) {
   int state = place->state.load(std::memory_order_relaxed);
+  // Not at once the exchange: it would fetch the cache line for writing of every place passed by.
   if ((state != num_threads && state != 0) ||
       !place->state.compare_exchange_strong(state, -num_threads, std::memory_order_acquire,
                                             std::memory_order_relaxed)) {
@@ -48,6 +58,8 @@ bool LeasedArena::TakeFrom(Place* place, int num_threads) {
   return true;
 }
 
+// The state is −n as long as the lease holds, and nobody else writes it: a plain store of n gives
+// the arena back.
 LeasedArena::~LeasedArena() {
   if (place_ != nullptr) {
     place_->state.store(-place_->state.load(std::memory_order_relaxed), std::memory_order_release);

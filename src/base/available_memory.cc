@@ -9,6 +9,12 @@
 
 #include <sys/resource.h>
 
+// What a memory budget (base/memory_budget.h) is held against where the user sets none. Three
+// limits may bind, and each is told by another file of Linux: the machine's free memory
+// (/proc/meminfo), the control group a container runs in (/sys/fs/cgroup), the address space of the
+// process (RLIMIT_AS). Any file that is missing or has no such number counts as no limit, so that a
+// system without them has infinitely much.
+
 namespace inceres::internal {
 namespace {
 
@@ -23,6 +29,7 @@ double NumberAfter(const std::string& word, const std::string& path) {
     if (found == word && file >> number) {
       return number;
     }
+    // A word where a number should be has set the fail bit.
     file.clear();
     file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
   }
@@ -35,6 +42,7 @@ double FirstNumber(const std::string& path) {
   return file >> number ? number : kUnlimited;  // "max": no limit
 }
 
+// MemAvailable, and not MemFree: what the kernel could give back without swapping is in it. In kB.
 double LeftOfMachine() {
   return 1024.0 * NumberAfter("MemAvailable:", "/proc/meminfo");
 }
@@ -45,16 +53,21 @@ double LeftOfControlGroup() {
   std::string line;
   double left = kUnlimited;
   while (std::getline(file, line)) {
+    // The line of version 2, "0::/path"; those of version 1 start with another number. The root
+    // group is "0::/", of four characters; its folder is /sys/fs/cgroup itself.
     if (line.rfind("0::", 0) == 0) {
       const std::string folder = "/sys/fs/cgroup" + (line.size() == 4 ? "" : line.substr(3));
       const double limit = FirstNumber(folder + "/memory.max");
       const double used = NumberAfter("anon", folder + "/memory.stat");
+      // Only "anon" is counted as used: with memory.current, files that were read once would count.
       left = limit < kUnlimited && used < kUnlimited ? limit - used : kUnlimited;
     }
   }
   return left;
 }
 
+// The first number of statm is the size of the address space in pages, which is what RLIMIT_AS is
+// about; the resident set is smaller.
 double LeftOfAddressSpace() {
   rlimit limit = {};
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) {
@@ -67,6 +80,7 @@ double LeftOfAddressSpace() {
 }  // namespace
 
 double AvailableBytes() {
+  // A group may hold more than its limit for a moment: never less than nothing.
   return std::max(0.0, std::min({LeftOfMachine(), LeftOfControlGroup(), LeftOfAddressSpace()}));
 }
 

@@ -3,6 +3,10 @@
 #include <cstddef>
 #include <fstream>
 
+// The first "model name : …" of /proc/cpuinfo, which x86 has; on an architecture that does not
+// write such a line, or outside Linux, it is "unknown". For reports and benchmarks only: which
+// kernels run is decided by what the processor can do, not by its name.
+
 namespace inceres::internal {
 
 std::string CpuModel() {

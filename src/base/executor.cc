@@ -8,6 +8,11 @@
 
 #include "base/arena_pool.h"
 
+// Only calls that are worth several threads come here; Executor::For has done the others itself.
+// Ranges are cut by oneTBB's automatic partitioner, so which thread runs what differs from call to
+// call; that the results do not is the callers' doing, who give each task its own output
+// (docs/determinism.md).
+
 namespace inceres::internal {
 
 namespace {
@@ -45,10 +50,13 @@ class AtEnd {
 }  // namespace
 
 void Executor::RunParallel(int count, int grain, Callback callback, const void* context) const {
+  // The template that made `context` casts it back to the type of the body, which may be const.
   void* mutable_context = const_cast<void*>(context);
+  // Only their addresses are used: tokens of the thread sanitizer.
   char started = 0;
   char finished = 0;
   const LeasedArena arena(num_threads_);
+  // Destroyed before the lease ends: the arena is given back last.
   const AtEnd all_finished(Acquire, &finished);
   Release(&started);
   arena->execute([&] {

@@ -11,11 +11,26 @@
 #include "io/byte_sink.h"
 #include "io/byte_source.h"
 
+// The binary form of a BAL problem (docs/file_formats.md, "BAL, binary"): head, index, then three
+// arrays of records of fixed size, each array in blocks of 4096 records. Every offset follows from
+// the counts in the head, so any stretch can be read with one seek, and checked with the sums of
+// its own blocks, without looking at the rest: several processes read their shares of one file at
+// the same time.
+//
+// The order of checks is the point: the head's counts are held against the size of the file before
+// anything is allocated, the head and the index against the head's checksum, each block against its
+// sum in the index, and only then are indices and numbers looked at, since a file may be intact and
+// yet be nonsense.
+//
+// Records are copied as they are in memory; the byte order in the head refuses what a machine of
+// another one has written.
+
 namespace inceres::internal {
 namespace {
 
 constexpr char kMagic[8] = {'I', 'N', 'C', 'E', 'R', 'B', 'A', 'L'};
 constexpr std::int32_t kVersion = 1;
+// Reads as another number on a machine of the other byte order.
 constexpr std::int32_t kByteOrder = 0x01020304;
 
 // As it is in the file.
@@ -29,15 +44,20 @@ struct Head {
   std::int64_t block;      // records a block
   std::uint64_t checksum;  // of head and index, with 0 here
 };
+// Both structs are written byte by byte: no padding may be in them, or its bytes would be in the
+// checksums.
 static_assert(std::is_trivially_copyable_v<Head> && sizeof(Head) == 56);
 static_assert(std::is_trivially_copyable_v<BalObservation> && sizeof(BalObservation) == 24);
 
+// By Section.
 constexpr std::int64_t kRecordBytes[] = {
     24, static_cast<std::int64_t>(sizeof(double)) * BalProblem::kCameraSize,
     static_cast<std::int64_t>(sizeof(double)) * BalProblem::kPointSize};
 constexpr const char* kRecordNames[] = {"observation", "camera", "point"};
 
 // FNV-1a, 64 bits, by words: records are whole ones.
+// The shift is not part of FNV: multiplying moves bits only upwards, and it brings the upper ones
+// back down. Bytes beyond the last whole word would be left out; none of the records has any.
 std::uint64_t Checksum(const char* bytes, std::size_t count, std::uint64_t hash) {
   for (std::size_t k = 0; k + 8 <= count; k += 8) {
     std::uint64_t word = 0;
@@ -48,8 +68,10 @@ std::uint64_t Checksum(const char* bytes, std::size_t count, std::uint64_t hash)
   return hash;
 }
 
+// FNV's offset basis.
 constexpr std::uint64_t kSeed = 0xcbf29ce484222325U;
 
+// Head and index in one sum: a block's sum can be trusted once this one is right.
 std::uint64_t ChecksumOfHead(Head head, const std::vector<std::uint64_t>& index) {
   head.checksum = 0;
   const std::uint64_t hash = Checksum(reinterpret_cast<const char*>(&head), sizeof head, kSeed);
@@ -57,11 +79,14 @@ std::uint64_t ChecksumOfHead(Head head, const std::vector<std::uint64_t>& index)
                   hash);
 }
 
+// At most INT_MAX, for indices are ints in memory; and 24, 72 or 24 bytes times that cannot
+// overflow.
 bool IsCount(std::int64_t count) {
   return count >= 1 && count <= INT_MAX;
 }
 
 // The first number of a block that is none.
+// Its size if there is none such.
 std::ptrdiff_t FindNotFinite(const std::vector<double>& values) {
   return std::find_if(values.begin(), values.end(), [](double x) { return !std::isfinite(x); }) -
          values.begin();
@@ -93,12 +118,15 @@ std::int64_t BalBinaryFile::NumBlocks(int section) const {
   return (CountOf(section) + kBlock - 1) / kBlock;
 }
 
+// Once per object. 64-bit offsets throughout (fseeko, ftello): large problems have files beyond 2
+// GiB.
 Status BalBinaryFile::Open(const std::string& path) {
   path_ = path;
   file_ = std::fopen(path.c_str(), "rb");
   if (file_ == nullptr) {
     return Wrong("cannot open for reading: " + SystemError());
   }
+  // A pipe has no size and cannot be sought in: it is refused here.
   if (fseeko(file_, 0, SEEK_END) != 0 || (file_bytes_ = ftello(file_)) < 0 ||
       fseeko(file_, 0, SEEK_SET) != 0) {
     return Wrong("cannot be read as a regular file: " + SystemError());
@@ -106,6 +134,8 @@ Status BalBinaryFile::Open(const std::string& path) {
   return ReadHead();
 }
 
+// Reads head and index, and lays out the file: where each section begins, and which block of the
+// index is its first.
 Status BalBinaryFile::ReadHead() {
   Head head;
   if (std::fread(&head, sizeof head, 1, file_) != 1) {
@@ -114,6 +144,7 @@ Status BalBinaryFile::ReadHead() {
   if (std::memcmp(head.magic, kMagic, sizeof kMagic) != 0) {
     return Wrong("is no binary BAL file, though its name says so");
   }
+  // The block size is a constant of version 1: with another one, the index would have another size.
   if (head.version != kVersion || head.byte_order != kByteOrder || head.block != kBlock) {
     return Wrong("is of version " + std::to_string(head.version) +
                  ", or of a machine with other byte order; this reads version " +
@@ -133,6 +164,7 @@ Status BalBinaryFile::ReadHead() {
     data_begin_[s] = end;
     end += kRecordBytes[s] * CountOf(s);
   }
+  // Both a truncated file and counts that are wrong end here, before memory is asked for.
   if (end != file_bytes_) {
     return Wrong("has " + std::to_string(file_bytes_) + " bytes; its counts ask for " +
                  std::to_string(end));
@@ -145,6 +177,8 @@ Status BalBinaryFile::ReadHead() {
                                                        : Wrong("the checksum of its head is wrong");
 }
 
+// One seek, one read, then a pass over the bytes for the sums. A stretch may be empty, where there
+// are more parts than blocks, and the last block may be short.
 Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t end,
                                  std::vector<char>* bytes) {
   const std::int64_t record = kRecordBytes[section];
@@ -156,6 +190,7 @@ Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t e
     return Wrong(std::string("cannot read its ") + kRecordNames[section] + "s: " + SystemError());
   }
   for (std::int64_t b = begin; b < end; ++b) {
+    // The last block of a section may be short: it has what is left of the bytes.
     const auto at = static_cast<std::size_t>((b - begin) * kBlock * record);
     const std::size_t size =
         std::min(static_cast<std::size_t>(kBlock * record), bytes->size() - at);
@@ -169,6 +204,8 @@ Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t e
   return Status::Ok();
 }
 
+// Parts end at block boundaries, so that each part can check what it has read by itself: part p has
+// the blocks [⌊n p / parts⌋, ⌊n (p + 1) / parts⌋) of each section, which cover all blocks once.
 Status BalBinaryFile::ReadShare(int part, int num_parts, BalShare* share,
                                 const ReadProgress& progress) {
   BalShare read;
@@ -186,6 +223,8 @@ Status BalBinaryFile::ReadShare(int part, int num_parts, BalShare* share,
     }
     if (s == kObservations) {
       read.observations.resize(bytes.size() / sizeof(BalObservation));
+      // The bytes are copied rather than taken for records where they are: their buffer has no
+      // type.
       std::copy_n(bytes.data(), bytes.size(), reinterpret_cast<char*>(read.observations.data()));
       continue;
     }
@@ -202,6 +241,7 @@ Status BalBinaryFile::ReadShare(int part, int num_parts, BalShare* share,
   read.first_observation = firsts[kObservations];
   read.first_camera = firsts[kCameras];
   read.first_point = firsts[kPoints];
+  // An index may be that of a record of another part; the counts are those of the whole file.
   for (std::size_t k = 0; k < read.observations.size(); ++k) {
     const BalObservation& seen = read.observations[k];
     const bool fits = seen.camera >= 0 && seen.camera < counts_.num_cameras && seen.point >= 0 &&
@@ -217,6 +257,7 @@ Status BalBinaryFile::ReadShare(int part, int num_parts, BalShare* share,
   return Status::Ok();
 }
 
+// The whole file as the only share. `problem` is written to only when nothing can fail any more.
 Status ReadBalBinary(const std::string& path, BalProblem* problem, const ReadProgress& progress) {
   BalBinaryFile file;
   BalShare all;
@@ -232,6 +273,9 @@ Status ReadBalBinary(const std::string& path, BalProblem* problem, const ReadPro
   return status;
 }
 
+// Requires a problem that Validate()s: its arrays then have the sizes that the counts in the head
+// say. The sums come before the records in the file, so there are two passes over memory and none
+// back in the file, which may be a pipe.
 Status WriteBalBinary(const std::string& path, const BalProblem& problem) {
   const std::pair<const char*, std::size_t> sections[] = {
       {reinterpret_cast<const char*>(problem.observations.data()),
@@ -248,6 +292,7 @@ Status WriteBalBinary(const std::string& path, const BalProblem& problem) {
       index.push_back(Checksum(bytes + at, std::min(block, size - at), kSeed));
     }
   }
+  // Zeroed first: the checksum is taken with 0 in its own place.
   Head head{};
   std::memcpy(head.magic, kMagic, sizeof kMagic);
   head.version = kVersion;

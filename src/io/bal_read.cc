@@ -10,6 +10,11 @@
 #include "io/read_file.h"
 #include "io/text_scanner.h"
 
+// The text form of BAL (docs/file_formats.md, "BAL"): one stream of numbers in which line ends mean
+// nothing, read in one pass by a scanner that knows the line it is in. What a message calls a
+// number is worked out only when it is wrong: millions of numbers are read without a string being
+// made.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -18,15 +23,20 @@ namespace {
 // come.
 constexpr std::int64_t kMaxReserved = std::int64_t{1} << 20;
 
+// What messages call the numbers of a record; kCameraSize and kPointSize of them.
 constexpr const char* kCameraFields[] = {
     "angle-axis x", "angle-axis y", "angle-axis z", "t x", "t y", "t z", "f", "k1", "k2"};
 constexpr const char* kPointFields[] = {"x", "y", "z"};
 
+// Reads into a problem of its caller (ReadFile), who throws it away after a failure: what is half
+// filled is never seen.
 class BalReader {
  public:
   BalReader(const std::string& path, std::unique_ptr<ByteSource> source)
       : scanner_(path, std::move(source)) {}
 
+  // The sections in the order of the file; what is wrong in one ends the read there, since
+  // everything behind it would be shifted.
   Status Read(BalProblem* problem) {
     if (Status status = ReadHeader(problem); !status.ok()) {
       return status;
@@ -44,12 +54,15 @@ class BalReader {
         !status.ok()) {
       return status;
     }
+    // Surplus data is an error: too small a count in the header would otherwise go unnoticed, and
+    // make points of what are cameras.
     return scanner_.AtEnd()
                ? Status::Ok()
                : scanner_.Failure("after the last point (are the counts of the header right?)");
   }
 
  private:
+  // The order of the file: cameras, points, observations.
   Status ReadHeader(BalProblem* problem) {
     if (Status status = ReadCount("number of cameras", &problem->num_cameras); !status.ok()) {
       return status;
@@ -74,7 +87,9 @@ class BalReader {
     return Status::Ok();
   }
 
+  // Four numbers each. Indices are checked as they come, so that the message names the line.
   Status ReadObservations(BalProblem* problem) {
+    // At most 2^20 records ahead: a header of a few bytes may ask for billions.
     problem->observations.reserve(
         static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
     for (int i = 0; i < num_observations_; ++i) {
@@ -96,6 +111,9 @@ class BalReader {
     return Status::Ok();
   }
 
+  // False for what is no integer and for what is out of range; IndexFailure, which is called right
+  // after that, tells one from the other by what is kept here. The value is narrowed before it is
+  // checked, but used only if it fits.
   bool ReadIndex(int size, int* index) {
     index_scanned_ = scanner_.ScanInteger(&last_index_);
     *index = static_cast<int>(last_index_);
@@ -107,11 +125,13 @@ class BalReader {
     if (!index_scanned_) {
       return scanner_.Failure(entry);
     }
+    // The token scanned well, so the message has the number rather than the text.
     return scanner_.FailureAt(scanner_.line(), entry + ": index " + std::to_string(last_index_) +
                                                    " is not between 0 and " +
                                                    std::to_string(size - 1));
   }
 
+  // `count` records of `size` numbers, whose names are `fields`: cameras, then points.
   Status ReadBlocks(const char* what, int count, const char* const* fields, int size,
                     std::vector<double>* values) {
     values->reserve(
@@ -128,12 +148,14 @@ class BalReader {
     return Status::Ok();
   }
 
+  // "camera 17: k1".
   static std::string Entry(const char* what, int index, const char* field) {
     return std::string(what) + " " + std::to_string(index) + ": " + field;
   }
 
   TextScanner scanner_;
   int num_observations_ = 0;
+  // Of the last call of ReadIndex.
   std::int64_t last_index_ = 0;
   bool index_scanned_ = false;
 };
@@ -141,6 +163,8 @@ class BalReader {
 }  // namespace
 }  // namespace internal
 
+// The name alone decides: the binary form has no compressed variant, and its size is checked by its
+// counts rather than limited by options.
 Status ReadBal(const std::string& path, BalProblem* problem, const ReadProgress& progress,
                const ReadOptions& options) {
   if (internal::IsBalBinary(path)) {

@@ -9,11 +9,25 @@
 #include "io/byte_source.h"
 #include "io/text_scanner.h"
 
+// A BAL text read by several processes, each of which parses its own stretch of bytes only. Nothing
+// in the text tells which number a byte belongs to, so it takes two passes: each process counts the
+// numbers that begin in its stretch (CountTokens), all exchange their counts, and the sum of those
+// before it tells each the number of its first one; then it knows which observation, camera or
+// point that number belongs to, and parses (ReadBalShare).
+//
+// Two rules make all shares together the whole, whatever the borders are: a number belongs to the
+// stretch that it begins in, and a record to the stretch that its first number begins in. So a
+// share skips the end of a number and of a record that began before it, and reads on beyond its own
+// end to complete its last record.
+//
+// Only for text that is not compressed: a compressed stream has no place to start from.
+
 namespace inceres::internal {
 namespace {
 
 constexpr std::size_t kPiece = std::size_t{1} << 18;
 
+// What TextScanner takes for white space: counting and parsing must cut the same numbers.
 bool IsSpace(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');
 }
@@ -27,6 +41,8 @@ class TailSource final : public ByteSource {
     }
   }
 
+  // Starts one byte early: only the byte before tells whether the one at `begin` begins a number or
+  // is inside of one.
   Status Open(const std::string& path, std::int64_t begin) {
     file_ = std::fopen(path.c_str(), "rb");
     if (file_ == nullptr) {
@@ -38,6 +54,7 @@ class TailSource final : public ByteSource {
     if (fseeko(file_, static_cast<off_t>(begin) - 1, SEEK_SET) != 0) {
       return Status::Error(StatusCode::kIo, path + ": " + SystemError());
     }
+    // Byte by byte, for a number's length at most; Read goes on from there.
     int c = std::fgetc(file_);
     while (c != EOF && !IsSpace(static_cast<char>(c))) {  // of a number that began before
       c = std::fgetc(file_);
@@ -46,6 +63,7 @@ class TailSource final : public ByteSource {
     return Status::Ok();
   }
 
+  // Up to the end of the file and not of the share: the last record may reach beyond it.
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
     *size = std::fread(buffer, 1, capacity, file_);
     return std::ferror(file_) == 0 ? Status::Ok() : Status::Error(StatusCode::kIo, SystemError());
@@ -59,11 +77,17 @@ class TailSource final : public ByteSource {
   std::int64_t num_skipped_ = 0;
 };
 
+// Numbers are counted through the file, from 0, the three counts of the head included: observations
+// begin at 3, cameras where those end, points behind the cameras. token_ is the number that the
+// scanner reads next, except that a record is counted when all of it is read: it may then be beyond
+// end_.
 class ShareReader {
  public:
   ShareReader(const std::string& path, std::unique_ptr<ByteSource> source, const BalCounts& counts)
       : scanner_(path, std::move(source)), counts_(counts) {}
 
+  // A section that ends before this share does nothing but return; one that begins behind it finds
+  // token_ at end_ already.
   Status Read(std::int64_t first_token, std::int64_t num_tokens, BalShare* share) {
     token_ = first_token;
     end_ = first_token + num_tokens;
@@ -82,6 +106,8 @@ class ShareReader {
   }
 
  private:
+  // Over what belongs to another share, at most to the end of this one. Words, for what they say is
+  // for others to judge.
   Status SkipTo(std::int64_t token) {
     for (; token_ < token && token_ < end_; ++token_) {
       std::string_view word;
@@ -93,8 +119,11 @@ class ShareReader {
   }
 
   // To the first record of the section that begins here; its number.
+  // The record that token_ is inside of has begun before and is the share's before: rounded up.
   Status SkipToRecord(std::int64_t begin, std::int64_t size, std::int64_t* first) {
     const std::int64_t at = std::max(token_, begin);
+    // If the share begins before this section, `at` is the section's begin, and the record its
+    // first.
     *first = (at - begin + size - 1) / size;
     return SkipTo(begin + *first * size);
   }
@@ -104,6 +133,7 @@ class ShareReader {
       return Status::Ok();
     }
     Status status = SkipToRecord(3, 4, &share->first_observation);
+    // Whole records, the last one beyond end_ if it must.
     for (; status.ok() && token_ < std::min(end_, section_end); token_ += 4) {
       BalObservation seen;
       status = ReadIndex("camera", counts_.num_cameras, &seen.camera);
@@ -130,6 +160,7 @@ class ShareReader {
     return Status::Ok();
   }
 
+  // Cameras or points: records of `size` numbers from the number `begin` on.
   Status ReadBlocks(const char* what, std::int64_t begin, std::int64_t section_end,
                     std::int64_t size, std::int64_t* first, std::vector<double>* values) {
     if (token_ >= section_end) {
@@ -154,6 +185,7 @@ class ShareReader {
 
 }  // namespace
 
+// Every process reads the head for itself; it is a few bytes.
 Status ReadBalCounts(const std::string& path, BalCounts* counts, std::int64_t* file_bytes) {
   auto source = std::make_unique<FileSource>();
   Status status = source->Open(path);
@@ -179,10 +211,13 @@ Status ReadBalCounts(const std::string& path, BalCounts* counts, std::int64_t* f
   return Status::Ok();
 }
 
+// A byte at a time through a buffer, without parsing. A number is counted where it begins: at the
+// first byte behind white space.
 Status CountTokens(const std::string& path, std::int64_t begin, std::int64_t end,
                    std::int64_t* num_tokens) {
   TailSource source;
   Status status = source.Open(path, begin);
+  // Begins behind the number that was cut, with white space before it: `inside` is right.
   std::int64_t at = begin + source.num_skipped();
   std::vector<char> piece(kPiece);
   bool inside = false;
@@ -190,6 +225,7 @@ Status CountTokens(const std::string& path, std::int64_t begin, std::int64_t end
   while (status.ok() && at < end) {
     std::size_t size = 0;
     status = source.Read(piece.data(), piece.size(), &size);
+    // The bytes behind `end` are the next share's.
     size = std::min(size, static_cast<std::size_t>(end - at));
     if (size == 0) {
       break;
@@ -211,6 +247,8 @@ Status ReadBalShare(const std::string& path, const BalCounts& counts, std::int64
   if (!status.ok()) {
     return status;
   }
+  // Numbers are checked as in a whole file, so a share that is read is as good as one of ReadBal;
+  // but its line numbers count from its own begin.
   BalShare read;
   status = ShareReader(path, std::move(source), counts).Read(first_token, num_tokens, &read);
   if (status.ok()) {

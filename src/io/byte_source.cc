@@ -7,8 +7,13 @@
 #include <system_error>
 #include <utility>
 
+// Where readers of files get their bytes from: a file, a decoder on top of it where the name says
+// so, and a limit on top of that. Memory is the callers' buffers; nothing here holds more of a file
+// than the piece at hand, so a pipe serves as well as a file.
+
 namespace inceres::internal {
 
+// To be asked before another call can set errno.
 std::string SystemError() {
   return std::generic_category().message(errno);
 }
@@ -30,6 +35,7 @@ Status FileSource::Open(const std::string& path, ByteProgress progress) {
     return Status::Error(StatusCode::kIo, path + ": cannot open for reading: " + SystemError());
   }
   progress_ = std::move(progress);
+  // A pipe has no size: 0 tells those who show progress, and LimitedSource, that it is not known.
   std::error_code no_regular_file;
   const std::uintmax_t size = std::filesystem::file_size(path, no_regular_file);
   file_bytes_ = no_regular_file ? 0 : static_cast<std::int64_t>(size);
@@ -37,12 +43,15 @@ Status FileSource::Open(const std::string& path, ByteProgress progress) {
   return Status::Ok();
 }
 
+// No bytes and no error is the end of the file; some bytes before an error are handed on, and the
+// error comes with the next call.
 Status FileSource::Read(char* buffer, std::size_t capacity, std::size_t* size) {
   *size = std::fread(buffer, 1, capacity, file_);
   if (*size == 0 && std::ferror(file_) != 0) {
     return Status::Error(StatusCode::kIo, "cannot read: " + SystemError());
   }
   bytes_read_ += static_cast<std::int64_t>(*size);
+  // In bytes of the file, packed or not: how far a decoder will get is not known in advance.
   if (progress_) {
     progress_(bytes_read_, file_bytes_);
   }
@@ -51,15 +60,21 @@ Status FileSource::Read(char* buffer, std::size_t capacity, std::size_t* size) {
 
 namespace {
 
+// What any file may unpack to, and how much more than its own size a large one may:
+// ReadOptions::max_unpacked_bytes says the same to users.
 constexpr std::int64_t kFreeBytes = std::int64_t{64} << 20;
 constexpr std::int64_t kMaxRatio = 200;
 
 // What a decoder makes of a file, up to the limit of ReadOptions.
+// A few kilobytes can be made to unpack to gigabytes, and readers keep what they read: the limit
+// ends such a file before memory does.
 class LimitedSource : public ByteSource {
  public:
   LimitedSource(const FileSource& file, std::unique_ptr<ByteSource> decoder, std::int64_t max_bytes)
       : file_(file), decoder_(std::move(decoder)), max_bytes_(max_bytes) {}
 
+  // The limit is looked at after each piece, so it is exceeded by one piece at most, which is
+  // withheld.
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
     Status status = decoder_->Read(buffer, capacity, size);
     unpacked_bytes_ += static_cast<std::int64_t>(*size);
@@ -76,6 +91,8 @@ class LimitedSource : public ByteSource {
   }
 
  private:
+  // In units of the packed size. Of a pipe that is what has been read of it so far, which only
+  // grows; the larger of the two serves both. The inner minimum keeps the product from overflowing.
   std::int64_t Limit() const {
     const std::int64_t packed_bytes = std::max(file_.file_bytes(), file_.bytes_read());
     return max_bytes_ > 0
@@ -91,6 +108,8 @@ class LimitedSource : public ByteSource {
 
 }  // namespace
 
+// The chain is file → decoder → limit; each owns the one before, and the limit refers to the file
+// for its size. Text that is not compressed needs no limit.
 Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* source,
                       ByteProgress progress, const ReadOptions& options) {
   if (options.max_unpacked_bytes < 0) {
@@ -108,6 +127,7 @@ Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* sour
     *source = std::move(file);
     return Status::Ok();
   }
+  // Kept before the decoder takes the file over, whose address stays.
   const FileSource& packed = *file;
   std::unique_ptr<ByteSource> decoder =
       gzip ? MakeGzipSource(std::move(file)) : MakeBzip2Source(std::move(file));

@@ -18,6 +18,22 @@
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
 
+// A lower bound of a pose graph's chordal cost, by Lagrangian duality as in SE-Sync (Rosen,
+// Carlone, Bandeira & Leonard, IJRR 2019; docs/pose_graphs.md, "How good can it be"). With X = [p_1
+// R_1 p_2 R_2 …], of d rows, the cost is the quadratic form
+//
+//     f = tr(X M Xᵀ),   subject to R_iᵀ R_i = I.
+//
+// At a stationary point the multipliers are Λ_i = sym((M Xᵀ)_i R_i), and f there is tr Λ. For any
+// other poses f = tr Λ + tr(X (M − Λ) Xᵀ), whose last term is negative only as far as M − Λ has
+// negative eigenvalues, while the rows of all rotations have the squared norm n d together: f ≥
+// f_found − n d σ for each σ such that M − Λ + σ diag(0, I) is positive definite.
+//
+// The bound takes a σ that was really factored so, and not the eigenvalue that Lanczos found: an
+// eigenvalue that has not converged makes the bound worse but not wrong. What is delicate is the
+// size of σ: of a global minimum the least eigenvalue is zero but for rounding, since the rows of X
+// themselves are in the null space of M − Λ; so everything is relative to the largest κ.
+
 namespace inceres {
 namespace {
 
@@ -35,6 +51,7 @@ struct ChordalEdge {
   double kappa, tau;
 };
 
+// Of a pose or a measurement, which are laid out alike.
 MatrixXd RotationOf(int dimension, const double* pose) {
   if (dimension == 3) {
     RowMajor3 R;
@@ -46,6 +63,9 @@ MatrixXd RotationOf(int dimension, const double* pose) {
   return R;
 }
 
+// Each edge's information is replaced by one that is isotropic in position and in rotation:
+// SE-Sync's κ = 3/(2 tr Σ_R), τ = d/tr Σ_p, and κ = 1/(2σ²) of an angle. size − d is 3 or 1, the
+// number of rotational degrees of freedom, so one formula serves both.
 Status MakeEdges(const PoseGraph& graph, std::vector<ChordalEdge>* edges) {
   const Index d = graph.dimension, size = graph.TangentSize();
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
@@ -60,6 +80,8 @@ Status MakeEdges(const PoseGraph& graph, std::vector<ChordalEdge>* edges) {
               std::to_string(graph.ids[static_cast<std::size_t>(edge.to)]) +
               ", is not positive definite");
     }
+    // The file's order has the position first. A mapped symmetric matrix is the same by rows and by
+    // columns.
     const double turn = information.bottomRightCorner(size - d, size - d).inverse().trace();
     const double shift = information.topLeftCorner(d, d).inverse().trace();
     edges->push_back({edge.from, edge.to, RotationOf(graph.dimension, edge.measurement.data()),
@@ -71,6 +93,7 @@ Status MakeEdges(const PoseGraph& graph, std::vector<ChordalEdge>* edges) {
 }
 
 // Planar poses as spatial ones in the plane z = 0, where chords are sines of half angles.
+// A turn about z by θ has the quaternion (0, 0, sin θ/2, cos θ/2).
 PoseGraph InSpace(const PoseGraph& graph) {
   PoseGraph spatial = graph;
   if (graph.dimension == 3) {
@@ -94,6 +117,8 @@ PoseGraph InSpace(const PoseGraph& graph) {
 
 // The minimum of f near the graph's poses. f = ½ Σ ‖U e‖² with g2o's error, for ‖R_j − R_i R_ij‖²
 // = 8 ‖ε‖².
+// U is diagonal, and ½‖U e‖² has τ and 8 κ where the diagonal of the information has 2 τ and 16 κ;
+// the position's weight does not care in which axes its error stands.
 Status MinimizeChordal(const PoseGraph& graph, const std::vector<ChordalEdge>& edges,
                        PoseGraph* minimum) {
   *minimum = InSpace(graph);
@@ -103,6 +128,8 @@ Status MinimizeChordal(const PoseGraph& graph, const std::vector<ChordalEdge>& e
       minimum->edges[k].information[7 * r] = r < 3 ? 2.0 * edges[k].tau : 16.0 * edges[k].kappa;
     }
   }
+  // The certificate takes the first position out, and a common rotation changes nothing: to hold
+  // what FIX lines name would.
   minimum->fixed = {0};
   PoseGraphOptions options;
   options.convention = PoseErrorConvention::kG2o;
@@ -115,6 +142,8 @@ Status MinimizeChordal(const PoseGraph& graph, const std::vector<ChordalEdge>& e
   SolverOptions solver;
   solver.strategy = TrustRegionStrategyKind::kDogleg;
   solver.max_num_iterations = 200;
+  // As far as it goes: Λ is defined at a stationary point, and what is left of the gradient may
+  // make M − Λ indefinite.
   solver.function_tolerance = solver.parameter_tolerance = solver.gradient_tolerance = 1e-15;
   const Summary summary = Solve(solver, &factors);
   if (!summary.IsSolutionUsable()) {
@@ -135,6 +164,7 @@ class ChordalForm {
     std::vector<Eigen::Triplet<double>> entries;
     for (const ChordalEdge& edge : edges) {
       // p_j − p_i − R_i p_ij = X a, and R_j − R_i R_ij = X B, column by column.
+      // In the order p_i, R_i, p_j, R_j. The first column is a, the others are B.
       MatrixXd a = MatrixXd::Zero(2 * (d_ + 1), d_ + 1);
       a(d_ + 1, 0) = 1.0;
       a(0, 0) = -1.0;
@@ -143,13 +173,17 @@ class ChordalForm {
       a.block(1, 1, d_, d_) = -edge.R;
       VectorXd weights = VectorXd::Constant(d_ + 1, edge.kappa);
       weights[0] = edge.tau;
+      // f of the edge = τ ‖X a‖² + κ ‖X B‖²_F = tr(X A W Aᵀ Xᵀ) with A = [a B].
       AddBlock(edge, a * weights.asDiagonal() * a.transpose(), &entries);
     }
     M_.resize(n_ * (d_ + 1), n_ * (d_ + 1));
+    // Sums what several edges have at one place.
     M_.setFromTriplets(entries.begin(), entries.end());
   }
 
   // f, and M − Λ without the first vertex's position: Λ_i is the symmetric part of (M Xᵀ)_i R_i.
+  // Positions have no multipliers: nothing constrains them. Row and column 0 are left out, for
+  // moving everything costs nothing, and M would be singular whatever the rotations.
   double Subtract(const MatrixXd& X, SparseMatrix* S) const {
     const MatrixXd image = M_ * X.transpose();
     std::vector<Eigen::Triplet<double>> entries;
@@ -173,6 +207,7 @@ class ChordalForm {
  private:
   void AddBlock(const ChordalEdge& edge, const MatrixXd& block,
                 std::vector<Eigen::Triplet<double>>* entries) const {
+    // Row of X's columns for a row of the block: the first d + 1 are those of i.
     const auto place = [&edge, this](Index k) {
       return k <= d_ ? edge.i * (d_ + 1) + k : edge.j * (d_ + 1) + k - (d_ + 1);
     };
@@ -190,10 +225,15 @@ class ChordalForm {
 };
 
 // (S_red + σI)⁻¹ of the rotations, the positions eliminated: a solve with S + σ diag(0, I).
+// What Spectra wants of an operator: rows(), cols(), perform_op and Scalar. The inverse of the
+// Schur complement of the rotations is a block of the inverse of the whole, so neither the
+// complement, which is dense, nor the positions' block is ever formed; S_ stays sparse.
 class InverseOfShifted {
  public:
   using Scalar = double;
 
+  // Columns of S are those of M but the first: its column k is column k + 1 of M, and positions are
+  // at multiples of d + 1.
   InverseOfShifted(const SparseMatrix& S, Index dimension) : S_(S) {
     for (Index k = 0; k < S.rows(); ++k) {
       if ((k + 1) % (dimension + 1) != 0) {
@@ -204,6 +244,9 @@ class InverseOfShifted {
   }
 
   // Whether S + σ diag(0, I) is positive definite.
+  // A numerical factorization only; the pattern is that of S_, whose diagonal has entries for all
+  // rotations by their multipliers. LDLᵀ does not stop at a negative pivot, so D is looked at: its
+  // signs are those of the eigenvalues.
   bool Shift(double sigma) {
     SparseMatrix shifted = S_;
     for (const Index k : rotations_) {
@@ -215,6 +258,7 @@ class InverseOfShifted {
 
   Index rows() const { return static_cast<Index>(rotations_.size()); }
   Index cols() const { return rows(); }
+  // With zeros for the positions in b, and the positions of the result left out.
   void perform_op(const double* x, double* y) const {
     VectorXd b = VectorXd::Zero(S_.rows());
     for (std::size_t k = 0; k < rotations_.size(); ++k) {
@@ -233,6 +277,9 @@ class InverseOfShifted {
 };
 
 // λ_min(S_red), and the least shift known that makes it positive definite.
+// The largest eigenvalue of the inverse is 1/(λ_min + σ): the nearer σ is to −λ_min, the better it
+// stands apart from the others, and the faster Lanczos finds it. So σ starts small and grows only
+// until the factorization is definite.
 Status SmallestEigenvalue(InverseOfShifted* inverse, double scale, double* smallest,
                           double* shift) {
   double sigma = 1e-7 * scale;
@@ -246,12 +293,15 @@ Status SmallestEigenvalue(InverseOfShifted* inverse, double scale, double* small
   *shift = sigma;
   const Index wanted = 1, subspace = std::min<Index>(40, inverse->rows());
   Spectra::SymEigsSolver<InverseOfShifted> eigen(*inverse, wanted, subspace);
+  // From a start vector that Spectra makes with a seed of its own: the same in every run.
   eigen.init();
   eigen.compute(Spectra::SortRule::LargestAlge, 300, 1e-8);
   if (eigen.info() != Spectra::CompInfo::Successful) {
     return Status::Error(StatusCode::kSingular,
                          "chordal bound: the smallest eigenvalue was not found");
   }
+  // A difference of numbers of the size of σ: exact to a small part of σ, which is 1e-7 of κ at
+  // best.
   *smallest = 1.0 / eigen.eigenvalues()[0] - sigma;
   // The shift as small as the eigenvalue says, if it can be factored so.
   const double tight = std::max(0.0, -*smallest) * (1.0 + 1e-6) + 1e-10 * scale;
@@ -259,6 +309,7 @@ Status SmallestEigenvalue(InverseOfShifted* inverse, double scale, double* small
   return Status::Ok();
 }
 
+// ‖R_a − R_b‖_F = √8 sin(θ/2) in the plane and in space.
 double LargestAngle(int dimension, const PoseGraph& a, const MatrixXd& X) {
   double largest = 0.0;
   for (int i = 0; i < a.NumVertices(); ++i) {
@@ -275,6 +326,9 @@ bool HasChordalBound() {
   return true;
 }
 
+// Weights of the edges, connectedness, minimum, certificate, in this order. A graph in several
+// pieces would have a translation for each: only one is taken out of S, which would be singular for
+// any rotations.
 Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   std::vector<ChordalEdge> edges;
   Status status = MakeEdges(graph, &edges);
@@ -285,6 +339,7 @@ Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
     return status;
   }
   const int d = graph.dimension, n = graph.NumVertices();
+  // The minimum is in space even of a planar graph; its upper left block is the planar rotation.
   MatrixXd X(d, n * (d + 1));
   for (int i = 0; i < n; ++i) {
     X.col(i * (d + 1)) = Eigen::Map<const VectorXd>(minimum.PoseData(i), d);
@@ -294,12 +349,14 @@ Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   ChordalBound found;
   found.cost = ChordalForm(d, n, edges).Subtract(X, &S);
   double scale = 0.0, shift = 0.0;
+  // The largest κ is the unit of the eigenvalues.
   for (const ChordalEdge& edge : edges) {
     scale = std::max(scale, edge.kappa);
   }
   InverseOfShifted inverse(S, d);
   status = SmallestEigenvalue(&inverse, scale, &found.smallest_eigenvalue, &shift);
   if (status.ok()) {
+    // f is a sum of squares: a bound below zero says nothing.
     found.lower_bound = std::max(0.0, found.cost - n * d * shift);
     found.gap = found.cost > 0.0 ? (found.cost - found.lower_bound) / found.cost : 0.0;
     found.largest_angle = LargestAngle(d, graph, X);

@@ -14,10 +14,20 @@
 #include "io/read_file.h"
 #include "io/text_scanner.h"
 
+// The reader of pose graphs in g2o's text format (docs/file_formats.md, "g2o"). Lines may come in
+// any order, and edges and FIX lines may name vertices that follow: so edges are kept with their
+// ids and their lines while the file is read, and ids become dense indices at the end (ResolveIds),
+// where a vertex that never came is reported with the line that named it. Vertices are numbered by
+// their order in the file, edges by theirs.
+//
+// The first pose record decides between plane and space; everything after it has to be of that
+// kind.
+
 namespace inceres {
 namespace internal {
 namespace {
 
+// What messages call the numbers of a pose.
 constexpr const char* kPoseFields2d[] = {"x", "y", "theta"};
 constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
@@ -27,14 +37,19 @@ class G2oReader {
       : scanner_(path, std::move(source)) {}
 
   Status Read(PoseGraph* graph) {
+    // ForEachTaggedLine reads the tags, skips comments and refuses what a record leaves unread in
+    // its line.
     graph_ = graph;
     if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
         !status.ok()) {
       return status;
     }
+    // FIX lines alone make no graph.
     if (graph_->ids.empty() && pending_edges_.empty()) {
       return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
     }
+    // Some data sets have measurements only: vertices are then those that edges name, and get start
+    // values along the edges, for which indices have to be resolved first.
     const bool edges_only = graph_->ids.empty();
     if (edges_only) {
       NameVerticesOfEdges();
@@ -52,11 +67,15 @@ class G2oReader {
     std::int64_t id, line;
   };
 
+  // The rest of a line whose tag has been read.
   Status ReadFields() {
     if (tag_ == "FIX") {
       return ReadFix();
     }
+    // FIX is of no dimension: it may stand before the first pose.
     const bool vertex = tag_ == "VERTEX_SE2" || tag_ == "VERTEX_SE3:QUAT";
+    // Unknown tags are refused and not skipped: landmarks or parameters left out would give another
+    // problem.
     if (!vertex && tag_ != "EDGE_SE2" && tag_ != "EDGE_SE3:QUAT") {
       return FailField(
           "tag",
@@ -66,11 +85,14 @@ class G2oReader {
     if (graph_->dimension != 0 && graph_->dimension != dimension) {
       return FailField("tag", "planar and spatial poses in one file");
     }
+    // Before any field is read: PoseSize and TangentSize follow from it.
     graph_->dimension = dimension;
     return vertex ? ReadVertex() : ReadEdge();
   }
 
+  // One id or several in a line.
   Status ReadFix() {
+    // AtEnd tells the end of the line here, since the scanner stays in it.
     do {
       std::int64_t id = 0;
       if (Status status = ReadId("id", &id); !status.ok()) {
@@ -86,9 +108,11 @@ class G2oReader {
     if (Status status = ReadId("id", &id); !status.ok()) {
       return status;
     }
+    // The index it will have; ids need not be dense, nor in order.
     if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
       return FailField("id", "vertex " + std::to_string(id) + " is in the file twice");
     }
+    // Room for either kind; the graph takes PoseSize() of it.
     std::array<double, 7> pose{};
     if (Status status = ReadPose(&pose); !status.ok()) {
       return status;
@@ -98,6 +122,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // ids in PendingEdge, the rest in the graph: both lists have edge i at i.
   Status ReadEdge() {
     PendingEdge pending{0, 0, scanner_.line()};
     if (Status status = ReadId("from", &pending.from); !status.ok()) {
@@ -106,6 +131,7 @@ class G2oReader {
     if (Status status = ReadId("to", &pending.to); !status.ok()) {
       return status;
     }
+    // Such an edge would have one variable in both of its slots, which no factor may.
     if (pending.from == pending.to) {
       return FailField("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
     }
@@ -128,6 +154,7 @@ class G2oReader {
     return *id >= 0 ? Status::Ok() : FailField(field, std::to_string(*id) + " is negative");
   }
 
+  // For vertices and for measurements, which look the same.
   Status ReadPose(std::array<double, 7>* pose) {
     const char* const* fields = graph_->dimension == 2 ? kPoseFields2d : kPoseFields3d;
     for (int k = 0; k < graph_->PoseSize(); ++k) {
@@ -138,6 +165,8 @@ class G2oReader {
     return graph_->dimension == 2 ? Status::Ok() : NormalizeQuaternion(pose->data() + 3);
   }
 
+  // Files print a few digits, and factors take quaternions for unit ones. Written so that a NaN is
+  // refused too.
   Status NormalizeQuaternion(double* q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(norm > 1e-12) || !std::isfinite(norm)) {
@@ -147,6 +176,9 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // The upper triangle, row by row, mirrored into the full matrix. That it is positive definite is
+  // checked where it becomes a factor, where the caller can have it projected instead; a negative
+  // diagonal is a broken file.
   Status ReadInformation(std::array<double, 36>* information) {
     const std::size_t size = static_cast<std::size_t>(graph_->TangentSize());
     for (std::size_t row = 0; row < size; ++row) {
@@ -155,6 +187,7 @@ class G2oReader {
         if (!scanner_.ScanDouble(&value)) {
           return scanner_.Failure(tag_ + ": " + Cell(row, column));
         }
+        // 0 is let through: an edge may say nothing of one coordinate, for those who project.
         if (row == column && value < 0.0) {
           return FailField(Cell(row, column), "negative on the diagonal");
         }
@@ -165,6 +198,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // In the order of the ids, which is that of the odometry: PlaceAlongEdges relies on it.
   void NameVerticesOfEdges() {
     for (const PendingEdge& edge : pending_edges_) {
       graph_->ids.insert(graph_->ids.end(), {edge.from, edge.to});
@@ -176,6 +210,7 @@ class G2oReader {
     }
   }
 
+  // `lost` is the first vertex that no edges lead to from the first one.
   Status PlaceVertices() {
     const int lost = PlaceAlongEdges(graph_);
     return lost == graph_->NumVertices()
@@ -190,6 +225,7 @@ class G2oReader {
   Status ResolveIds() {
     for (std::size_t i = 0; i < pending_edges_.size(); ++i) {
       const PendingEdge& pending = pending_edges_[i];
+      // The line has long been left; its tag follows from the dimension.
       const std::string tag = graph_->dimension == 2 ? "EDGE_SE2" : "EDGE_SE3:QUAT";
       if (!Lookup(pending.from, &graph_->edges[i].from)) {
         return UnknownVertex(pending.line, tag + ": from", pending.from);
@@ -198,6 +234,7 @@ class G2oReader {
         return UnknownVertex(pending.line, tag + ": to", pending.to);
       }
     }
+    // FIX may name a vertex twice; the list has it once, at its first place.
     std::unordered_set<int> seen;
     for (const PendingFix& pending : fixed_) {
       int index = 0;
@@ -211,6 +248,7 @@ class G2oReader {
     return Status::Ok();
   }
 
+  // False for an id that no vertex of the file has.
   bool Lookup(std::int64_t id, int* index) const {
     const auto found = index_of_id_.find(id);
     if (found == index_of_id_.end()) {
@@ -224,6 +262,7 @@ class G2oReader {
     return scanner_.FailureAt(line, field + ": the file has no vertex " + std::to_string(id));
   }
 
+  // For the line at hand: `file:line: tag: field: what`.
   Status FailField(const std::string& field, const std::string& what) const {
     return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
   }
@@ -235,6 +274,7 @@ class G2oReader {
   TextScanner scanner_;
   PoseGraph* graph_ = nullptr;
   std::string tag_;
+  // Looked up in only, never walked through: its order has no part in the result.
   std::unordered_map<std::int64_t, int> index_of_id_;
   std::vector<PendingEdge> pending_edges_;
   std::vector<PendingFix> fixed_;

@@ -13,6 +13,15 @@
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
 
+// Pose graphs as factor graphs. What an information matrix means depends on how the program that
+// wrote it writes the error of an edge (docs/pose_graphs.md, "Conventions"): the order of its
+// parts, the axes that the position's error stands in, whether the rotation's is a rotation vector
+// or half of it. So a file's numbers are converted into the residual of the family that stands for
+// the convention, exactly where that is a change of coordinates (order, sign, axes) and by a family
+// of its own otherwise (PoseEdgeFamily).
+//
+// Every whitening is ‖U e‖² = eᵀ Ω e with the upper triangular U of SqrtInformation.
+
 namespace inceres {
 namespace {
 
@@ -25,8 +34,11 @@ Status ConvertEdges(const PoseGraph& poses, const PoseGraphOptions& options, con
                     Family* family) {
   family->Reserve(static_cast<int>(poses.edges.size()));
   for (std::size_t i = 0; i < poses.edges.size(); ++i) {
+    // A copy: projecting changes its information, and the caller's graph stays as it is.
     PoseGraphEdge edge = poses.edges[i];
     typename Family::Measurement measurement;
+    // Projection is tried only where the Cholesky factorization has failed, so that a good matrix
+    // is used to the last bit as it is.
     bool made = make(edge, &measurement);
     if (!made && options.indefinite == IndefiniteInformation::kProject) {
       made = ProjectInformation(edge.information.data(), poses.TangentSize()) &&
@@ -65,6 +77,8 @@ FamilyHandle<Family> ConnectEdges(const PoseGraph& poses, const PoseGraphOptions
   return handle;
 }
 
+// Planar poses are three Euclidean coordinates, the angle among them: PlanarRelativePoseFamily is
+// what takes angles modulo 2π. Spatial ones share one manifold.
 std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) {
   std::vector<VariableId> variables;
   variables.reserve(poses.ids.size());
@@ -81,6 +95,7 @@ std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) 
 
 // A family of the edges' measurements, all or none, then its factors.
 template <typename Family, typename Make>
+// The graph is touched only when every edge has been converted: an error leaves it as it was.
 Status AddEdges(const PoseGraph& poses, const PoseGraphOptions& options, bool from_first,
                 const std::shared_ptr<Family>& family, const Make& make, FactorGraph* graph,
                 std::vector<VariableId>* variables, FamilyHandle<Family>* handle) {
@@ -103,8 +118,10 @@ std::vector<int> VerticesById(const PoseGraph& poses) {
   return order;
 }
 
+// By position in the order of ids and not by difference of ids, which may have gaps.
 std::vector<int> LoopEdges(const PoseGraph& poses) {
   const std::vector<int> order = VerticesById(poses);
+  // The inverse of `order`: where each vertex stands among the ids.
   std::vector<int> position(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
     position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
@@ -120,6 +137,8 @@ std::vector<int> LoopEdges(const PoseGraph& poses) {
   return loops;
 }
 
+// The family's residual is g2o's but for the axes of the position: parts and slots are in the
+// file's order.
 bool ToMeasurement(const PoseGraphEdge& edge, PlanarRelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->motion);
   return SqrtInformation(edge.information.data(), 3, measurement->sqrt_information);
@@ -131,6 +150,8 @@ bool ToMeasurement(const PoseGraphEdge& edge, PlanarRelativePoseFamily::Measurem
 bool ToMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->p_ab);
   ConjugateQuaternion(edge.measurement.data() + 3, measurement->q_ab);
+  // Blocks change places, rotation before position; the sign of the rotation turns that of the
+  // blocks between the two.
   double information[36];
   for (std::size_t r = 0; r < 6; ++r) {
     for (std::size_t c = 0; c < 6; ++c) {
@@ -141,6 +162,7 @@ bool ToMeasurement(const PoseGraphEdge& edge, RelativePoseFamily::Measurement* m
   return SqrtInformation(information, 6, measurement->sqrt_information);
 }
 
+// PoseEdgeFamily has the order, slots and signs of the file, in whichever convention.
 bool ToMeasurement(const PoseGraphEdge& edge, PoseEdgeFamily::Measurement* measurement) {
   std::copy_n(edge.measurement.begin(), 3, measurement->p_m);
   std::copy_n(edge.measurement.begin() + 3, 4, measurement->q_m);
@@ -158,12 +180,16 @@ bool ToMeasurement(const PoseGraphEdge& edge, PoseErrorConvention convention,
     Matrix3 R;
     R << c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0;
     Eigen::Map<Matrix3> information(turned.information.data());
+    // Symmetric in exact arithmetic; averaged, for rounding leaves it nearly so.
     const Matrix3 product = R * information * R.transpose();
     information = 0.5 * (product + product.transpose());
   }
   return ToMeasurement(turned, measurement);
 }
 
+// The nearest in the Frobenius norm keeps the eigenvectors and raises what is below the limit. The
+// least eigenvalue is not 0, for the square root is a Cholesky factor, which wants a definite
+// matrix.
 bool ProjectInformation(double* information, int size) {
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
   Eigen::Map<Matrix> M(information, size, size);
@@ -188,6 +214,9 @@ Status AddPoseGraph(const PoseGraph& poses, const std::shared_ptr<const Loss>& l
   return AddPoseGraph(poses, options, graph, ids);
 }
 
+// Three families: planar edges in any convention; spatial ones with the geodesic error, which
+// RelativePoseFamily measures between `to` and `from`; spatial ones in another program's
+// convention.
 Status AddPoseGraph(const PoseGraph& poses, const PoseGraphOptions& options, FactorGraph* graph,
                     G2oGraph* ids) {
   G2oGraph added;
@@ -224,6 +253,7 @@ Status ReadG2o(const std::string& path, FactorGraph* graph, G2oGraph* ids,
   if (!status.ok()) {
     return status;
   }
+  // An edge's fault is named by AddPoseGraph, which knows of no file.
   Status added = AddPoseGraph(poses, options.loss, graph, ids);
   if (!added.ok()) {
     added.message = path + ": " + added.message;

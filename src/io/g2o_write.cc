@@ -10,6 +10,12 @@
 #include "io/byte_sink.h"
 #include "io/text_writer.h"
 
+// Writes pose graphs in g2o's format, which ReadG2o reads, and as trajectories of the TUM RGB-D
+// benchmark. Numbers have the shortest form that reads back as the same double; the reader
+// normalizes quaternions, which may change their last bits.
+//
+// A graph comes from a caller and may be anything: it is checked before the file is opened.
+
 namespace inceres {
 namespace internal {
 namespace {
@@ -18,16 +24,19 @@ Status BadPoseGraph(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "PoseGraph: " + what);
 }
 
+// Of the first `count`: planar edges leave the rest of their arrays unused.
 template <typename Values>
 bool AreFinite(const Values& values, std::size_t count) {
   return std::all_of(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(count),
                      [](double value) { return std::isfinite(value); });
 }
 
+// Edges and FIX lists name vertices by index; ids, which the file has, may be anything.
 bool IsVertex(const PoseGraph& graph, int index) {
   return index >= 0 && index < graph.NumVertices();
 }
 
+// The dimension first: the sizes of everything else follow from it.
 Status CheckVertices(const PoseGraph& graph) {
   if (graph.dimension != 2 && graph.dimension != 3) {
     return BadPoseGraph("dimension is " + std::to_string(graph.dimension) + ", not 2 or 3");
@@ -37,6 +46,7 @@ Status CheckVertices(const PoseGraph& graph) {
     return BadPoseGraph("poses has " + std::to_string(graph.poses.size()) + " values instead of " +
                         std::to_string(expected));
   }
+  // By number and not by vertex: the size is right, and the message says where to look.
   for (std::size_t i = 0; i < graph.poses.size(); ++i) {
     if (!std::isfinite(graph.poses[i])) {
       return BadPoseGraph("poses[" + std::to_string(i) + "] is not finite");
@@ -53,11 +63,15 @@ Status CheckVertices(const PoseGraph& graph) {
 Status CheckPoseGraph(const PoseGraph& graph) {
   const auto pose_size = static_cast<std::size_t>(graph.PoseSize());
   const auto size = static_cast<std::size_t>(graph.TangentSize());
+  // Vertices before edges, whose ends are held against them. The first fault is what is reported,
+  // by the name of the member and the index in it.
   Status status = CheckVertices(graph);
   for (std::size_t i = 0; i < graph.edges.size() && status.ok(); ++i) {
     const PoseGraphEdge& edge = graph.edges[i];
     if (!IsVertex(graph, edge.from) || !IsVertex(graph, edge.to)) {
       status = BadPoseGraph("edges[" + std::to_string(i) + "] has an end that is no vertex");
+      // Finite is all that is asked of an information: a file may be written of a graph that no
+      // solver would take.
     } else if (!AreFinite(edge.measurement, pose_size) ||
                !AreFinite(edge.information, size * size)) {
       status = BadPoseGraph("edges[" + std::to_string(i) + "] has a value that is not finite");
@@ -66,12 +80,14 @@ Status CheckPoseGraph(const PoseGraph& graph) {
   return status;
 }
 
+// A line's last values: the line ends behind them.
 void PutValues(const double* values, int count, TextWriter* writer) {
   for (int k = 0; k < count; ++k) {
     writer->Put(values[k], k + 1 == count ? '\n' : ' ');
   }
 }
 
+// Tag, ends, measurement, information, as ReadEdge takes them.
 void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* writer) {
   writer->PutText(graph.dimension == 2 ? "EDGE_SE2 " : "EDGE_SE3:QUAT ");
   writer->Put(graph.ids[static_cast<std::size_t>(edge.from)], ' ');
@@ -80,6 +96,7 @@ void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* w
     writer->Put(edge.measurement[static_cast<std::size_t>(k)], ' ');
   }
   const auto size = static_cast<std::size_t>(graph.TangentSize());
+  // The upper triangle; its last row is the single value that ends the line.
   for (std::size_t r = 0; r < size; ++r) {
     for (std::size_t c = r; c < size; ++c) {
       writer->Put(edge.information[r * size + c], r + 1 == size ? '\n' : ' ');
@@ -87,12 +104,15 @@ void PutG2oEdge(const PoseGraph& graph, const PoseGraphEdge& edge, TextWriter* w
   }
 }
 
+// Vertices before what names them: other readers of the format want it so.
 void PutG2o(const PoseGraph& graph, TextWriter* writer) {
   for (int i = 0; i < graph.NumVertices(); ++i) {
     writer->PutText(graph.dimension == 2 ? "VERTEX_SE2 " : "VERTEX_SE3:QUAT ");
     writer->Put(graph.ids[static_cast<std::size_t>(i)], ' ');
     PutValues(graph.PoseData(i), graph.PoseSize(), writer);
   }
+  // One line each; a file that was read with several ids in a FIX line is written with several
+  // lines.
   for (const int vertex : graph.fixed) {
     writer->PutText("FIX ");
     writer->Put(graph.ids[static_cast<std::size_t>(vertex)], '\n');
@@ -102,9 +122,11 @@ void PutG2o(const PoseGraph& graph, TextWriter* writer) {
   }
 }
 
+// A trajectory is in the order of time, for which ids stand.
 void PutTum(const PoseGraph& graph, TextWriter* writer) {
   std::vector<int> order(graph.ids.size());
   std::iota(order.begin(), order.end(), 0);
+  // Of the indices: the graph is const, and in the order of its file.
   std::sort(order.begin(), order.end(), [&graph](int a, int b) {
     return graph.ids[static_cast<std::size_t>(a)] < graph.ids[static_cast<std::size_t>(b)];
   });
@@ -114,6 +136,8 @@ void PutTum(const PoseGraph& graph, TextWriter* writer) {
     if (graph.dimension == 3) {
       PutValues(pose, 7, writer);
     } else {
+      // A planar pose in the plane z = 0: a turn about z by θ has the quaternion (0, 0, sin θ/2,
+      // cos θ/2).
       const double line[7] = {
           pose[0], pose[1], 0.0, 0.0, 0.0, std::sin(0.5 * pose[2]), std::cos(0.5 * pose[2])};
       PutValues(line, 7, writer);
@@ -122,6 +146,8 @@ void PutTum(const PoseGraph& graph, TextWriter* writer) {
 }
 
 template <typename PutAll>
+// The two formats differ in `put` only. A failure of the writer leaves the sink unfinished, which
+// removes its partial file.
 Status WritePoseGraph(const std::string& path, const PoseGraph& graph, const PutAll& put) {
   Status status = CheckPoseGraph(graph);
   std::unique_ptr<ByteSink> sink;

@@ -9,12 +9,18 @@
 #include "io/byte_sink.h"
 #include "io/byte_source.h"
 
+// gzip members as ByteSource and ByteSink, on zlib's inflate and deflate, for the reasons that
+// bzip2_stream.cc gives. zlib checks the CRC and the length at the end of each member; that the
+// file ends with a member, and that nothing else follows it, is seen to here.
+
 namespace inceres::internal {
 namespace {
 
+// Of packed bytes.
 constexpr std::size_t kBufferSize = std::size_t{1} << 16;
 constexpr int kGzipWindow = 15 + 16;  // largest window, gzip header (zlib.h)
 
+// zlib counts in 32 bits.
 unsigned Clamp(std::size_t size) {
   return static_cast<unsigned>(std::min<std::size_t>(size, INT_MAX));
 }
@@ -28,6 +34,8 @@ class GzipSource : public ByteSource {
   }
   ~GzipSource() override { inflateEnd(&stream_); }
 
+  // Turns until there is output or the end. A turn may give none: one that read a header, or the
+  // sums at the end of a member, or an empty member.
   Status Read(char* buffer, std::size_t capacity, std::size_t* size) override {
     *size = 0;
     if (!ready_) {
@@ -40,6 +48,9 @@ class GzipSource : public ByteSource {
       if (Status status = Refill(); !status.ok()) {
         return status;
       }
+      // Right only between two members; an empty file has had none and is truncated. The sums at
+      // the end of a member are read after its last output, so no output is left where there is no
+      // input.
       if (stream_.avail_in == 0) {  // end of the file
         return between_members_ ? Status::Ok()
                                 : Status::Error(StatusCode::kIo, "the gzip data is truncated");
@@ -47,6 +58,8 @@ class GzipSource : public ByteSource {
       between_members_ = false;
       const int result = inflate(&stream_, Z_NO_FLUSH);
       if (result == Z_STREAM_END) {
+        // inflateReset keeps the place in input and output, and expects a header next: what is no
+        // gzip member fails there.
         between_members_ = true;
         inflateReset(&stream_);
       } else if (result != Z_OK) {
@@ -58,6 +71,7 @@ class GzipSource : public ByteSource {
   }
 
  private:
+  // Nothing new while there is input.
   Status Refill() {
     if (stream_.avail_in > 0) {
       return Status::Ok();
@@ -69,17 +83,20 @@ class GzipSource : public ByteSource {
     return status;
   }
 
+  // zlib's own words, such as "incorrect data check".
   std::string Reason() const {
     return stream_.msg != nullptr ? std::string(" (") + stream_.msg + ")" : "";
   }
 
   std::unique_ptr<ByteSource> compressed_;
   z_stream stream_{};
+  // A failure of the constructor, told by the first call that can return it.
   bool ready_ = false;
   bool between_members_ = false;
   std::array<char, kBufferSize> input_;
 };
 
+// One member. The second to last argument of deflateInit2, 8, is zlib's default of memory.
 class GzipSink : public ByteSink {
  public:
   explicit GzipSink(std::unique_ptr<ByteSink> file) : file_(std::move(file)) {
@@ -90,6 +107,7 @@ class GzipSink : public ByteSink {
 
   Status Write(const char* data, std::size_t size) override {
     while (size > 0) {
+      // Larger data in several pieces.
       const unsigned piece = Clamp(size);
       stream_.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(data));
       stream_.avail_in = piece;
@@ -102,6 +120,7 @@ class GzipSink : public ByteSink {
     return Status::Ok();
   }
 
+  // Writes what zlib has kept back and the sums of the member, then completes the file below.
   Status Finish() override {
     if (Status status = Deflate(Z_FINISH); !status.ok()) {
       return status;
@@ -118,6 +137,8 @@ class GzipSink : public ByteSink {
     do {
       stream_.next_out = reinterpret_cast<Bytef*>(output_.data());
       stream_.avail_out = kBufferSize;
+      // Its result says nothing more: with valid arguments the only other one is that there was
+      // nothing to do, as where the last call has just filled the buffer.
       deflate(&stream_, flush);
       if (Status status = file_->Write(output_.data(), kBufferSize - stream_.avail_out);
           !status.ok()) {

@@ -9,6 +9,15 @@
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/manifolds.h"
 
+// A keyframe sequence as a factor graph: poses are frames, inverse depths of features are landmarks
+// of one value, and an observation ties a landmark to the pose of its anchor and to that of the
+// keyframe that sees it (factors/inverse_depth_reprojection.h).
+//
+// It happens in two steps, since a matrix that is not positive definite is found only when it is
+// factored: MeasureAll makes the measurements of observations and relative poses, and may fail;
+// AddTo then adds variables, priors of depths and connections, and cannot. Both walk through the
+// keyframes in the same order, for the n-th factor of a family takes its n-th measurement.
+
 namespace inceres {
 namespace {
 
@@ -31,15 +40,18 @@ class KeyframeAdder {
 
   const KeyframeSequence& sequence_;
   const KeyframeGraphOptions& options_;
+  // Its families are filled by MeasureAll, and get their ids in AddTo.
   KeyframeGraph ids_;
   std::vector<double> starts_;  // by feature
 };
 
 Status KeyframeAdder::MeasureAll() {
+  // Any finite inverse depth is a start, 0 too: the residual is smooth at a point at infinity.
   if (!(options_.depth_sigma > 0.0) || !std::isfinite(options_.unknown_inverse_depth)) {
     return Invalid("KeyframeGraphOptions::depth_sigma must be > 0, unknown_inverse_depth finite");
   }
   ids_.reprojections.family = std::make_shared<InverseDepthReprojectionFamily>();
+  // Depths are measured in AddTo, which knows which features are seen again.
   ids_.depths.family = std::make_shared<DiagonalPriorFamily>(1);
   ids_.betweens.family = std::make_shared<RelativePoseFamily>();
   for (std::size_t i = 0; i < sequence_.keyframes.size(); ++i) {
@@ -66,7 +78,9 @@ Status KeyframeAdder::MeasureAll() {
   return Status::Ok();
 }
 
-// Where each feature starts.
+// Where each feature starts. By feature: the last guess, else the measurement of the anchor, else
+// the option's. A guess of a late keyframe counts from the start: the whole sequence is one problem
+// here.
 void KeyframeAdder::FindStarts() {
   for (const KeyframeFeature& feature : sequence_.features) {
     starts_.push_back(feature.inverse_depth > 0.0 ? feature.inverse_depth
@@ -89,20 +103,28 @@ void KeyframeAdder::AddTo(FactorGraph* graph) {
   for (const Keyframe& keyframe : sequence_.keyframes) {
     ids_.poses.push_back(graph->AddVariable(keyframe.pose.data(), 7, Role::kFrame, manifold));
   }
+  // −1 until a keyframe sees the feature again. One that only its anchor sees has no factor but a
+  // depth prior, and would be a variable that nothing ties to the others.
   ids_.features.assign(sequence_.features.size(), -1);
   for (std::size_t i = 0; i < sequence_.keyframes.size(); ++i) {
     for (const KeyframeObservation& observation : sequence_.keyframes[i].observations) {
       const auto number = static_cast<std::size_t>(observation.feature);
       const KeyframeFeature& feature = sequence_.features[number];
       VariableId& id = ids_.features[number];
+      // Its first observation adds the landmark, so landmarks stand in the order in which they are
+      // seen again.
       if (id < 0) {
         const double start = starts_[number];
         id = graph->AddVariable(&start, 1, Role::kLandmark);
+        // Without the loss: the prior is a depth that the anchor measured, and no match that may be
+        // wrong.
         if (feature.inverse_depth > 0.0) {
           graph->AddFactor(ids_.depths, {{feature.inverse_depth}, {1.0 / options_.depth_sigma}},
                            {id});
         }
       }
+      // The anchor first, as the family has it; it is not the observing keyframe, which the reader
+      // checks.
       const VariableId slots[] = {ids_.poses[static_cast<std::size_t>(feature.anchor)],
                                   ids_.poses[i], id};
       graph->Connect(ids_.reprojections, slots, loss);
@@ -117,6 +139,7 @@ void KeyframeAdder::AddTo(FactorGraph* graph) {
 
 }  // namespace
 
+// The anchor's image point counts as exact: the ray through it is what the inverse depth is along.
 bool ToMeasurement(const KeyframeFeature& feature, const KeyframeObservation& observation,
                    InverseDepthReprojectionFamily::Measurement* measurement) {
   const std::array<double, 3>& w = observation.information;
@@ -125,10 +148,12 @@ bool ToMeasurement(const KeyframeFeature& feature, const KeyframeObservation& ob
   if (!SqrtInformation(information, 2, U)) {
     return false;
   }
+  // U[2], below the diagonal, is zero.
   *measurement = {{feature.x, feature.y}, {observation.x, observation.y}, {U[0], U[1], U[3]}};
   return true;
 }
 
+// Order and axes of the file are those of the family: rotation before position.
 bool ToMeasurement(const KeyframeBetween& between, RelativePoseFamily::Measurement* measurement) {
   std::copy(between.q_ab.begin(), between.q_ab.end(), measurement->q_ab);
   std::copy(between.p_ab.begin(), between.p_ab.end(), measurement->p_ab);

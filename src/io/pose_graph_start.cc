@@ -16,6 +16,23 @@
 #include "io/g2o_start.h"
 #include "io/linear_difference.h"
 
+// The chordal start (Martinec & Pajdla 2007; Carlone et al. 2015; docs/pose_graphs.md, "Start
+// values"). A pose graph's cost has many minima because of the constraint RᵀR = I; without it, the
+// equations of the rotations are linear,
+//
+//     min Σ κ ‖R_j − R_i R_ij‖²_F,
+//
+// and with the rotations known those of the positions are too,
+//
+//     min Σ ‖U_t R_iᵀ (p_j − p_i − R_i p_ij)‖².
+//
+// So two linear least-squares problems, with a projection onto the rotations between them, need no
+// start. In the first, the rows of R do not mix: each of the three is a problem of its own with the
+// same matrix, and a planar rotation is one problem of two values.
+//
+// Kept from call to call are the structures of both systems, which do not depend on the weights
+// that GNC changes.
+
 namespace inceres {
 namespace {
 
@@ -32,12 +49,15 @@ class LinearChain {
   LinearChain(const PoseGraph& poses, int size, int num_threads)
       : family_(std::make_shared<LinearDifferenceFamily>(size)) {
     options_.num_threads = num_threads;
+    // A linear problem ends with its first Gauss–Newton step: the largest radius leaves no damping
+    // to speak of.
     options_.max_num_iterations = 1;
     options_.initial_trust_region_radius = options_.max_trust_region_radius;
     const std::vector<double> zero(static_cast<std::size_t>(size), 0.0);
     for (int i = 0; i < poses.NumVertices(); ++i) {
       graph_.AddVariable(zero.data(), size, Role::kFrame);
     }
+    // Takes away the gauge: without it, every common motion would be a solution too.
     graph_.SetConstant(0, true);
     const FamilyId id = graph_.AddFamily(family_).id;
     family_->Resize(static_cast<int>(poses.edges.size()));
@@ -47,15 +67,19 @@ class LinearChain {
     }
   }
 
+  // A, t and U of an edge, to be set before Solve.
   LinearDifferenceFamily::Measurement& at(int edge) { return family_->at(edge); }
 
   // False if the system has no solution. The values are then x(i).
+  // From zeros each time, so that a result depends on its input alone and not on the calls before.
   bool Solve(const double* first, bool mostly_zero) {
     std::fill(graph_.mutable_state().begin(), graph_.mutable_state().end(), 0.0);
     graph_.SetValues(0, first);
+    // Nothing to solve for.
     if (graph_.num_variables() == 1) {
       return true;
     }
+    // Edges of weight zero have zero blocks, which then are left out of the elimination's pattern.
     options_.dynamic_sparsity = mostly_zero;
     const Summary summary = solver_.Solve(options_, &graph_);
     return summary.IsSolutionUsable();
@@ -71,7 +95,11 @@ class LinearChain {
 };
 
 // The rotation nearest to M in the Frobenius norm: its polar factor of determinant 1.
+// With the determinant −1, the least singular value's axis is turned around: that is the nearest of
+// determinant 1. No matrix is refused, not even zero.
 Matrix3d NearestRotation(const Matrix3d& M) {
+  // M = U Σ Vᵀ, and the nearest rotation is U diag(1, 1, ±1) Vᵀ; singular values are sorted, so the
+  // last one is the least.
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();
   signs[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
@@ -82,6 +110,8 @@ Matrix3d NearestRotation(const Matrix3d& M) {
 
 class ChordalStart::Impl {
  public:
+  // Both chains have the vertices and edges of the graph and vectors of d values; only their
+  // measurements differ.
   Impl(const PoseGraph& graph, int num_threads)
       : graph_(graph),
         d_(graph.dimension),
@@ -100,6 +130,7 @@ class ChordalStart::Impl {
   Matrix3d Measured(const PoseGraphEdge& edge) const;
   void WritePoses(std::vector<double>* poses) const;
 
+  // A copy: the caller's may change or end between two calls.
   const PoseGraph graph_;
   const int d_;
   LinearChain rotations_;
@@ -109,6 +140,8 @@ class ChordalStart::Impl {
   std::vector<Matrix3d> R_;  // of each vertex; planar: the upper left 2 × 2
 };
 
+// Without an edge of positive weight to it, a vertex would be anywhere, and the system singular:
+// walking along those edges finds it, and names it.
 Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
   const auto refuse = [](const std::string& what) {
     return Status::Error(StatusCode::kInvalidArgument, "chordal start: " + what);
@@ -120,6 +153,7 @@ Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
     return refuse(std::to_string(weights.size()) + " weights for " +
                   std::to_string(graph_.edges.size()) + " edges");
   }
+  // Ids and edges only; PlaceAlongEdges makes the poses.
   PoseGraph counted;
   counted.dimension = graph_.dimension;
   counted.ids = graph_.ids;
@@ -145,10 +179,13 @@ double ChordalStart::Impl::RotationWeight(const PoseGraphEdge& edge) const {
   const Eigen::Index size = graph_.TangentSize();
   const SmallMatrix information =
       Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
+  // |z_j − z_i z_ij|² is half of ‖R_j − R_i R_ij‖²_F, so this is twice the κ of that.
   if (d_ == 2) {
     return information(2, 2);
   }
   const Eigen::Matrix3d rotation = information.bottomRightCorner<3, 3>();
+  // An information without an inverse still has a trace: a third of it is the mean per axis, and κ
+  // is half of that.
   const double trace = rotation.inverse().trace();
   return trace > 0.0 && std::isfinite(trace) ? 3.0 / (2.0 * trace) : rotation.trace() / 6.0;
 }
@@ -168,11 +205,13 @@ Matrix3d ChordalStart::Impl::Measured(const PoseGraphEdge& edge) const {
 void ChordalStart::Impl::MeasureRotations() {
   for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
     const PoseGraphEdge& edge = graph_.edges[i];
+    // The weight of GNC and κ are both weights of the squared error.
     const double root = std::sqrt(Weight(i) * RotationWeight(edge));
     const Matrix3d R = Measured(edge);
     LinearDifferenceFamily::Measurement& m = rotations_.at(static_cast<int>(i));
     for (int r = 0; r < d_; ++r) {
       for (int c = 0; c < d_; ++c) {
+        // U = √(w κ) I, since κ is isotropic.
         m.A[d_ * r + c] = d_ == 2 ? R(r, c) : R(c, r);
         m.U[d_ * r + c] = r == c ? root : 0.0;
       }
@@ -180,6 +219,8 @@ void ChordalStart::Impl::MeasureRotations() {
   }
 }
 
+// Row by row into R_, row-major, then each R_ onto the nearest rotation. In the plane z = (cos θ,
+// sin θ) is the first row of Rᵀ, and is kept in the first row until it is normalized.
 bool ChordalStart::Impl::SolveRotations() {
   const int num_vertices = graph_.NumVertices();
   R_.assign(static_cast<std::size_t>(num_vertices), Matrix3d::Zero());
@@ -188,6 +229,7 @@ bool ChordalStart::Impl::SolveRotations() {
     QuaternionToMatrix(graph_.PoseData(0) + 3, first.data());
   }
   const double z[2] = {std::cos(graph_.PoseData(0)[2]), std::sin(graph_.PoseData(0)[2])};
+  // One matrix for all rows: the structure is analyzed once.
   for (int row = 0; row < (d_ == 2 ? 1 : 3); ++row) {
     if (!rotations_.Solve(d_ == 2 ? z : first.data() + 3 * row, mostly_zero_)) {
       return false;
@@ -200,6 +242,7 @@ bool ChordalStart::Impl::SolveRotations() {
     if (d_ == 3) {
       R = NearestRotation(R);
     } else {
+      // The nearest rotation of a z is z / |z|. A zero has none and stays zero, whose angle is 0.
       const double c = R(0, 0), s = R(0, 1), norm = std::hypot(c, s);
       R.topLeftCorner<2, 2>() << c, -s, s, c;
       R.topLeftCorner<2, 2>() /= norm > 0.0 ? norm : 1.0;
@@ -208,6 +251,8 @@ bool ChordalStart::Impl::SolveRotations() {
   return true;
 }
 
+// A = I and t = R_i p_ij; the information of the file is about the axes of `from`, so its square
+// root comes behind R_iᵀ.
 void ChordalStart::Impl::MeasurePositions() {
   const Eigen::Index size = graph_.TangentSize();
   for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
@@ -216,6 +261,7 @@ void ChordalStart::Impl::MeasurePositions() {
         Eigen::Map<const SmallMatrix>(edge.information.data(), size, size);
     const SmallMatrix position = information.topLeftCorner(d_, d_);
     SmallMatrix U(d_, d_);
+    // A start value needs no exact weight: an indefinite one counts as 1.
     if (!SqrtInformation(position.data(), d_, U.data())) {
       U.setIdentity();
     }
@@ -245,6 +291,7 @@ void ChordalStart::Impl::WritePoses(std::vector<double>* poses) const {
       pose[2] = std::atan2(R(1, 0), R(0, 0));
     }
   }
+  // The first pose is what it was, to the last bit: projecting it would round.
   std::copy_n(graph_.PoseData(0), graph_.PoseSize(), poses->data());
 }
 
@@ -254,10 +301,12 @@ Status ChordalStart::Impl::Compute(const std::vector<double>& weights, std::vect
     return status;
   }
   weights_ = weights;
+  // Structures are those of all edges; with few zeros it is cheaper to carry them along.
   mostly_zero_ = static_cast<double>(std::count(weights.begin(), weights.end(), 0.0)) >
                  kSparseShare * static_cast<double>(weights.size());
   const Status singular =
       Status::Error(StatusCode::kSingular, "chordal start: the linear system could not be solved");
+  // Rotations before positions, whose right-hand sides have them.
   MeasureRotations();
   if (!SolveRotations()) {
     return singular;
@@ -283,6 +332,8 @@ Status StartByChordalRelaxation(PoseGraph* graph, int num_threads) {
   return ChordalStart(*graph, num_threads).Compute({}, &graph->poses);
 }
 
+// What GNC calls before each of its solves has to outlive this function: the closure owns the
+// chordal start and copies of the rest. Edges that are not suspected keep the weight 1.
 GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
                          std::vector<int> suspected_edges, int num_threads) {
   const auto chordal = std::make_shared<ChordalStart>(poses, num_threads);
@@ -296,6 +347,8 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
                                std::to_string(suspects.size()) + " suspected edges");
     }
     for (std::size_t k = 0; k < suspects.size(); ++k) {
+      // of_edges lives on between calls, which is what makes the closure mutable; all suspects are
+      // set each time.
       of_edges[static_cast<std::size_t>(suspects[k])] = weights[k];
     }
     std::vector<double> values;
@@ -307,6 +360,8 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
   };
 }
 
+// Places a copy from the origin, then moves all of it as one: that the first vertex stays does not
+// change the others' places relative to it.
 Status StartAlongSpanningTree(PoseGraph* graph) {
   if (graph->ids.empty()) {
     return Status::Error(StatusCode::kInvalidArgument, "spanning tree: the graph has no vertices");

@@ -13,10 +13,16 @@
 #include "io/byte_source.h"
 #include "io/text_scanner.h"
 
+// The reader of stereo odometries (docs/file_formats.md, "Stereo odometry"): a folder with a
+// calibration, poses and sightings. The files have no tags, so each has a reader of its own, and
+// they are read in the order in which one needs the other: sightings name poses. Nothing is handed
+// out unless all three are good.
+
 namespace inceres {
 namespace internal {
 namespace {
 
+// The name whose * decides which files belong together.
 constexpr char kCalibration[] = "VO_calibration";
 constexpr char kSuffix[] = ".txt";
 
@@ -30,6 +36,8 @@ class PlainReader {
   template <typename ReadFields>
   Status ForEachLine(ReadFields&& read_fields) {
     while (!scanner_.AtEnd()) {
+      // From here to LeaveLine a missing field is an error of this line, and does not take the next
+      // line's first number.
       scanner_.StayInLine();
       Status status = read_fields();
       if (status.ok() && !scanner_.AtEnd()) {
@@ -43,6 +51,7 @@ class PlainReader {
     return Status::Ok();
   }
 
+  // 64-bit integers from 0 on: the ids of points need not be dense.
   Status ReadId(const char* field, std::int64_t* id) {
     if (!scanner_.ScanInteger(id)) {
       return scanner_.Failure(field);
@@ -54,6 +63,7 @@ class PlainReader {
     return scanner_.ScanDouble(value) ? Status::Ok() : scanner_.Failure(field);
   }
 
+  // For a token that scanned well and is not acceptable.
   Status Fail(const std::string& field, const std::string& what) const {
     return scanner_.FailureAt(scanner_.line(), field + ": " + what);
   }
@@ -67,6 +77,7 @@ class CalibrationReader : private PlainReader {
       : PlainReader(path, std::move(source)) {}
 
   Status Read(StereoCamera* camera) {
+    // Counted before it is read: a second line is refused whatever it says.
     int count = 0;
     Status status = ForEachLine(
         [&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
@@ -76,7 +87,9 @@ class CalibrationReader : private PlainReader {
   }
 
  private:
+  // In the order of the line. A focal length or baseline that is not positive has no meaning.
   Status ReadCamera(StereoCamera* camera) {
+    // Not kept: it has to be 0.
     double skew = 0.0;
     const std::pair<const char*, double*> fields[] = {
         {"f_x", &camera->f_x}, {"f_y", &camera->f_y}, {"skew", &skew},
@@ -85,12 +98,14 @@ class CalibrationReader : private PlainReader {
       if (Status status = ReadNumber(name, value); !status.ok()) {
         return status;
       }
+      // By address: the table has no column for it. The principal point may be anywhere.
       const bool positive =
           value == &camera->f_x || value == &camera->f_y || value == &camera->baseline;
       if (positive && !(*value > 0.0)) {
         return Fail(name, "not positive");
       }
     }
+    // The model of StereoCamera has none.
     return skew == 0.0 ? Status::Ok() : Fail("skew", "not 0: the images must be rectified");
   }
 };
@@ -108,11 +123,14 @@ class PosesReader : private PlainReader {
   }
 
  private:
+  // 4 × 4, row-major, world_from_camera, which is how PoseManifold stores poses too: the last
+  // column is the camera's center.
   Status ReadPose(std::vector<std::array<double, 7>>* poses) {
     std::int64_t number = 0;
     if (Status status = ReadId("i", &number); !status.ok()) {
       return status;
     }
+    // The number is the index: without gaps, and in order.
     if (number != static_cast<std::int64_t>(poses->size())) {
       return Fail("i", "pose " + std::to_string(number) + " where " +
                            std::to_string(poses->size()) + " comes next");
@@ -125,14 +143,18 @@ class PosesReader : private PlainReader {
         return status;
       }
     }
+    // Rotation by rows; the quaternion is filled in below.
     std::array<double, 7> pose{T[3], T[7], T[11], 0.0, 0.0, 0.0, 1.0};
     const double R[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
     double nearest[9];
     MatrixToQuaternion(R, pose.data() + 3);
     QuaternionToMatrix(pose.data() + 3, nearest);
+    // Back and forth through the quaternion, as in keyframes.cc: a matrix that is no rotation does
+    // not come back. NaN compares false and is refused.
     const bool rotation = std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) {
       return std::fabs(given - nearest_to_it) < 1e-4;
     });
+    // The last row is compared exactly: 0 and 1 lose nothing when they are printed.
     if (!rotation || T[12] != 0.0 || T[13] != 0.0 || T[14] != 0.0 || T[15] != 1.0) {
       return Fail("T", rotation ? "the last row is not 0 0 0 1" : "not a rotation matrix");
     }
@@ -151,6 +173,8 @@ class SightingsReader : private PlainReader {
     if (Status status = ForEachLine([&] { return ReadSighting(odometry); }); !status.ok()) {
       return status;
     }
+    // A file may be ordered by point; a back-end that is fed pose by pose wants all of one pose
+    // together. Stable: those of one pose stay in the order of the file.
     std::stable_sort(
         odometry->sightings.begin(), odometry->sightings.end(),
         [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
@@ -161,6 +185,7 @@ class SightingsReader : private PlainReader {
 
  private:
   Status ReadSighting(StereoOdometry* odometry) {
+    // Pose and point, before anything is stored.
     std::int64_t pose = 0, id = 0;
     if (Status status = ReadId("i", &pose); !status.ok()) {
       return status;
@@ -171,11 +196,14 @@ class SightingsReader : private PlainReader {
     if (Status status = ReadId("p", &id); !status.ok()) {
       return status;
     }
+    // Two sightings of one point from one pose would be two factors on the same two variables, one
+    // of which is most likely a mistake.
     if (!seen_.emplace(pose, id).second) {
       return Fail("p",
                   "pose " + std::to_string(pose) + " sees point " + std::to_string(id) + " twice");
     }
     StereoSighting sighting;
+    // One v for both images, which are rectified.
     const std::pair<const char*, double*> fields[] = {
         {"u_l", sighting.left},    {"u_r", &sighting.right_u},    {"v", sighting.left + 1},
         {"X", sighting.in_camera}, {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
@@ -187,29 +215,36 @@ class SightingsReader : private PlainReader {
     if (!(sighting.in_camera[2] > 0.0)) {
       return Fail("Z", "not positive: the point is not in front of the camera");
     }
+    // Points are numbered in the order of the file; ids may be any.
     const auto [point, fresh] =
         index_of_point_.emplace(id, static_cast<int>(odometry->point_ids.size()));
     if (fresh) {
       odometry->point_ids.push_back(id);
     }
+    // In range: it was held against the number of poses.
     sighting.pose = static_cast<int>(pose);
     sighting.point = point->second;
     odometry->sightings.push_back(sighting);
     return Status::Ok();
   }
 
+  // An entry for each sighting, as long as the file is read.
   std::set<std::pair<std::int64_t, std::int64_t>> seen_;  // pose, id of the point
   std::unordered_map<std::int64_t, int> index_of_point_;
 };
 
 // What stands for the * of the names: from the only calibration in the folder.
+// Entries of a folder come in no order, so there must be exactly one that fits.
 Status FindVariant(const std::string& folder, std::string* variant) {
   std::error_code error;
   int count = 0;
+  // By error codes: what the library throws would leave a function that returns a Status.
   for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
+    // Without the zeros at the ends of the literals.
     const std::size_t prefix = sizeof(kCalibration) - 1, suffix = sizeof(kSuffix) - 1;
+    // The length first: in a short name both could match the same letters.
     if (name.size() >= prefix + suffix && name.compare(0, prefix, kCalibration) == 0 &&
         name.compare(name.size() - suffix, suffix, kSuffix) == 0) {
       *variant = name.substr(prefix, name.size() - prefix - suffix);
@@ -227,6 +262,7 @@ Status FindVariant(const std::string& folder, std::string* variant) {
 }
 
 template <typename Reader, typename Part>
+// A file of the folder with its reader. Names end in .txt: nothing is decoded.
 Status ReadPart(const std::string& path, Part* part) {
   std::unique_ptr<ByteSource> source;
   if (Status status = OpenByteSource(path, &source); !status.ok()) {
@@ -235,6 +271,8 @@ Status ReadPart(const std::string& path, Part* part) {
   return Reader(path, std::move(source)).Read(part);
 }
 
+// The variant is found first and put into all three names; a file that is missing is told by its
+// own full name.
 Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
   std::string variant;
   if (Status status = FindVariant(folder, &variant); !status.ok()) {

@@ -6,6 +6,18 @@
 #include <cstring>
 #include <utility>
 
+// The scanner that all text formats are read with. Bytes stand in one buffer between position_ and
+// end_; before a token is looked at, SkipSpace sees to it that at least kMaxToken bytes of it
+// follow, or all that the file has left. So a token is always whole and in one piece,
+// std::from_chars can run on it in place, and no function has to think of the end of a piece.
+//
+// std::from_chars depends on no locale and rounds to the nearest double. What it takes and the
+// formats do not ("inf", "nan"), and what they take and it does not (a leading '+', numbers too
+// small for a double), is put right here.
+//
+// A failed scan leaves position_ at the token and the reason in problem_, from which Failure makes
+// the message: scanning well costs no string.
+
 namespace inceres::internal {
 namespace {
 
@@ -26,9 +38,11 @@ bool IsSpace(char c) {
 // Whether a number beyond the range of double is too small rather than too large: 1e-400, or
 // 0.000...01. Absurdly long ones with an exponent count as too large, which is an error rather than
 // a wrong value.
+// The question comes up because from_chars reports both with one error.
 bool IsUnderflow(const char* first, const char* last) {
   const char* exponent = std::find_if(first, last, [](char c) { return c == 'e' || c == 'E'; });
   if (exponent != last) {
+    // Fewer than 300 digits with a negative exponent cannot make a number beyond 1e308.
     return exponent[1] == '-' && last - first < 300;
   }
   const char digit = *first == '-' ? first[1] : *first;
@@ -37,6 +51,7 @@ bool IsUnderflow(const char* first, const char* last) {
 
 }  // namespace
 
+// ASCII only: a binary file read by mistake must not get at the terminal.
 std::string Shown(std::string_view word) {
   std::string shown(word.substr(0, kMaxShown));
   std::replace_if(
@@ -44,17 +59,21 @@ std::string Shown(std::string_view word) {
   return shown;
 }
 
+// One byte more than is ever filled: for the zero behind the last one.
 TextScanner::TextScanner(std::string path, std::unique_ptr<ByteSource> source)
     : path_(std::move(path)), source_(std::move(source)), buffer_(kBufferSize + 1) {
   position_ = end_ = buffer_.data();
 }
 
 // Moves what is unread to the front and fills the rest. False if nothing new came.
+// The move is short: fewer than kMaxToken bytes are unread when SkipSpace calls.
 bool TextScanner::Refill() {
   const std::size_t unread = static_cast<std::size_t>(end_ - position_);
   std::memmove(buffer_.data(), position_, unread);
   position_ = buffer_.data();
   std::size_t filled = unread;
+  // A source may give less than was asked for without being at its end; after an error it is not
+  // asked again.
   while (!source_ended_ && filled < kBufferSize) {
     std::size_t size = 0;
     source_status_ = source_->Read(buffer_.data() + filled, kBufferSize - filled, &size);
@@ -73,6 +92,7 @@ bool TextScanner::SkipSpace() {
     while (position_ != end_ && IsBlank(*position_)) {
       ++position_;
     }
+    // Blanks may have been all there was: the loop goes on with what has come.
     if (end_ - position_ < kMaxToken && !source_ended_) {
       Refill();
       continue;
@@ -84,11 +104,13 @@ bool TextScanner::SkipSpace() {
     if (!IsLineEnd(*position_)) {
       return true;
     }
+    // The line end stays unread, and line_ the line of the record, until LeaveLine.
     if (in_line_) {
       problem_ = Problem::kEndOfLine;
       return false;
     }
     // LF, CR LF and CR all end one line.
+    // A CR that an LF follows is not counted: that LF will be.
     line_ += *position_ == '\n' || position_[1] != '\n';
     ++position_;
   }
@@ -99,9 +121,12 @@ bool TextScanner::AtEnd() {
     problem_ = Problem::kUnexpected;
     return false;
   }
+  // A file that cannot be read further has not ended: the caller's Failure then tells the source's
+  // error.
   return source_status_.ok();
 }
 
+// Token by token, so that comments longer than the buffer are fine.
 void TextScanner::SkipLine() {
   in_line_ = true;
   while (SkipSpace()) {
@@ -117,6 +142,8 @@ bool TextScanner::Reject(Problem problem) {
   return false;
 }
 
+// A longer token counts as ending here, where no white space follows: numbers of that length are
+// refused.
 const char* TextScanner::TokenLimit() const {
   return position_ + std::min(kMaxToken, end_ - position_);
 }
@@ -126,12 +153,15 @@ bool TextScanner::IsTokenEnd(const char* position) const {
 }
 
 // std::from_chars does not know '+'.
+// Only one sign: "+-1" is no number.
 const char* TextScanner::SkipPlus() const {
   const bool skip =
       *position_ == '+' && position_ + 1 != end_ && position_[1] != '-' && position_[1] != '+';
   return skip ? position_ + 1 : position_;
 }
 
+// All of the token has to be the number: "12x" and "1.5" are no integers. The token is left unread
+// where it is refused, for the message.
 bool TextScanner::ScanInteger(std::int64_t* value) {
   if (!SkipSpace()) {
     return false;
@@ -147,6 +177,8 @@ bool TextScanner::ScanInteger(std::int64_t* value) {
   return true;
 }
 
+// As ScanInteger, with the two cases that from_chars treats as numbers: one too small for a double
+// becomes a zero of its sign, and infinity and NaN, in letters, are refused.
 bool TextScanner::ScanDouble(double* value) {
   if (!SkipSpace()) {
     return false;
@@ -182,11 +214,14 @@ Status TextScanner::FailureAt(std::int64_t line, const std::string& what) const 
   return Status::Error(StatusCode::kIo, path_ + ":" + std::to_string(line) + ": " + what);
 }
 
+// For the token that position_ is at.
 Status TextScanner::Failure(const std::string& field) const {
   const char* token_end = std::find_if(position_, end_, IsSpace);
   if (!source_status_.ok() && token_end == end_) {  // the token may have been cut off
     return FailureAt(line_, field + ": " + source_status_.message);
   }
+  // A token at the very end of the file, without a line end, may be the first half of a number: the
+  // message says so.
   const char* cut_off =
       source_ended_ && token_end == end_ && position_ != end_ ? ", the file ends here" : "";
   const std::string token =

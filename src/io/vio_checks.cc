@@ -1,7 +1,13 @@
 #include "io/vio_checks.h"
 
+// What a camera and the noise of a visual-inertial sequence must fulfill, said once for the reader,
+// for VioSequence::Validate and for the simulator. Each puts its own words in front of "field: what
+// is wrong"; comparisons are written so that a NaN fails.
+
 namespace inceres::internal {
 
+// Sizes first, then that all is finite, then the focal lengths: an image of no size needs no
+// further look. Distortion may be anything finite.
 std::string FaultOf(const VioCamera& camera) {
   if (camera.width < 1 || camera.height < 1) {
     return std::string(camera.width < 1 ? "width" : "height") + ": not positive";
@@ -16,6 +22,7 @@ std::string FaultOf(const VioCamera& camera) {
   return IsUnitQuaternion(camera.imu_from_camera.data() + 3) ? "" : "q_bc: not a unit quaternion";
 }
 
+// An information is the inverse of a variance: no deviation may be 0.
 std::string FaultOf(double pixel_noise, const ImuNoise& noise) {
   const struct {
     const char* name;

@@ -7,6 +7,11 @@
 #include "inceres/problem/rotation.h"
 #include "io/vio_checks.h"
 
+// What a visual-inertial sequence promises (inceres/io/vio_sequence.h), checked for sequences that
+// a program has made; the reader of files checks the same line by line. And the camera's
+// projection, by which the simulator makes its observations: io is compiled without fused
+// multiply-adds (src/io/CMakeLists.txt), so that a seed gives the same bits on every platform.
+
 namespace inceres {
 namespace {
 
@@ -15,6 +20,7 @@ Status Invalid(const std::string& what) {
 }
 
 Status CheckHeader(const VioSequence& sequence) {
+  // FaultOf begins with the field: "camera.f_x: not positive".
   if (std::string fault = internal::FaultOf(sequence.camera); !fault.empty()) {
     return Invalid("camera." + fault);
   }
@@ -25,6 +31,8 @@ Status CheckHeader(const VioSequence& sequence) {
   return internal::AllFinite(sequence.gravity) ? Status::Ok() : Invalid("gravity is not finite");
 }
 
+// The stretch that leads to a frame: not empty, its times increasing, its last sample at the time
+// of the frame, and its first one the last of the frame before.
 Status CheckImu(const VioSequence& sequence, std::size_t i) {
   const VioFrame& frame = sequence.frames[i];
   const std::string name = "frames[" + std::to_string(i) + "].imu";
@@ -36,10 +44,13 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
     if (!internal::IsFinite(sample)) {
       return Invalid(name + "[" + std::to_string(k) + "] is not finite");
     }
+    // Finite already, so that the comparison means what it says.
     if (k > 0 && !(sample.time > frame.imu[k - 1].time)) {
       return Invalid(name + "[" + std::to_string(k) + "].time is not after the sample's before");
     }
   }
+  // All seven numbers of the shared sample and not its time alone: written to a file it stands
+  // there once. Requires that frame i − 1 has been checked, and so has a sample.
   if (i > 0 && !(frame.imu.size() > 1 &&
                  internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
     return Invalid(name + " does not go on from the last sample of the frame before");
@@ -59,6 +70,7 @@ Status CheckFrame(const VioSequence& sequence, std::size_t i) {
   if (Status status = CheckImu(sequence, i); !status.ok()) {
     return status;
   }
+  // Ascending and in range at once; −1 is below every index.
   int last = -1;
   for (const VioObservation& observation : frame.observations) {
     if (observation.point <= last ||
@@ -94,20 +106,26 @@ int VioSequence::NumOutliers() const {
   return static_cast<int>(count);
 }
 
+// x_c = R_bcᵀ (R_wbᵀ (x_w − p_wb) − p_bc), then pinhole and distortion.
 bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<double, 3>& point,
                           double* x, double* y) const {
+  // In the world, then in the IMU, then in the camera; x ↦ Rᵀ (x − p) each time.
   double place[3] = {point[0], point[1], point[2]};
   for (const double* frame :
        {pose.data(), camera.imu_from_camera.data()}) {  // world to IMU, IMU to camera
+    // The transpose, by the conjugate.
     double q[4], R[9];
     ConjugateQuaternion(frame + 3, q);
     QuaternionToMatrix(q, R);
     const double from_origin[3] = {place[0] - frame[0], place[1] - frame[1], place[2] - frame[2]};
     MultiplyMatrixVector(R, from_origin, place);
   }
+  // Nor is what the formula yields behind the camera an observation.
   if (!(place[2] > 0.0)) {
     return false;
   }
+  // On the plane z = 1, whose coordinates the distortion is a polynomial of. No matter whether the
+  // pixel is inside of the image: callers know its size.
   double pixel[2];
   camera.Pinhole().Project(place[0] / place[2], place[1] / place[2], pixel);
   *x = pixel[0];
@@ -115,13 +133,16 @@ bool VioSequence::Project(const std::array<double, 7>& pose, const std::array<do
   return true;
 }
 
+// Frames in order: each is held against the one before.
 Status VioSequence::Validate() const {
   if (Status status = CheckHeader(*this); !status.ok()) {
     return status;
   }
+  // Points may be missing altogether: a sequence may be one of the IMU alone.
   if (frames.empty()) {
     return Invalid("no frames");
   }
+  // Before the frames, whose observations are held against their number.
   for (std::size_t k = 0; k < points.size(); ++k) {
     if (!internal::AllFinite(points[k].start) || !internal::AllFinite(points[k].truth)) {
       return Invalid("points[" + std::to_string(k) + "] is not finite");

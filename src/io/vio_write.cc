@@ -4,10 +4,16 @@
 #include "io/byte_sink.h"
 #include "io/text_writer.h"
 
+// Writes visual-inertial sequences, in the order of arrival: header, then for each frame the
+// samples that lead to it, the frame, the points that it is the first to see, and its observations.
+// A reader that follows the file never meets a name that it does not know. Numbers are written so
+// that reading gives the same sequence to the last bit.
+
 namespace inceres {
 namespace internal {
 namespace {
 
+// The format explains itself: lines that start with # are skipped.
 constexpr char kComments[] =
     "# inceres visual-inertial sequence: one record a line, in the order of arrival\n"
     "# CAMERA width height  f_x f_y c_x c_y  k1 k2 p1 p2  p_bc(3) q_bc(4)   pinhole, "
@@ -25,11 +31,13 @@ constexpr char kComments[] =
     "# OBS k x y outlier                 the frame above sees point k at (x, y) pixels; outlier: 1 "
     "if known to be wrong\n";
 
+// Requires a sequence that Validate()s.
 class VioWriter {
  public:
   explicit VioWriter(ByteSink* sink) : writer_(sink) {}
 
   Status Write(const VioSequence& sequence) {
+    // Before the version, which is the first record: comments are none.
     writer_.PutText(kComments);
     PutHeader(sequence);
     std::size_t num_points = 0;
@@ -40,11 +48,14 @@ class VioWriter {
         PutSample(frame.imu[k]);
       }
       PutFrame(static_cast<int>(i), frame);
+      // Points are written in the order of their numbers up to the highest one seen, which is the
+      // last since observations ascend: some may stand earlier than they must.
       const std::size_t needed =
           frame.observations.empty()
               ? 0
               : static_cast<std::size_t>(frame.observations.back().point) + 1;
       PutPoints(sequence, &num_points, needed);
+      // Below the frame that they are seen from, and below the points that they name.
       for (const VioObservation& observation : frame.observations) {
         Put("OBS ", observation.point);
         writer_.Put(observation.x, ' ');
@@ -52,18 +63,22 @@ class VioWriter {
         writer_.Put(observation.outlier ? 1 : 0, '\n');
       }
     }
+    // Those that nothing sees.
     PutPoints(sequence, &num_points, sequence.points.size());
+    // The writer has kept its first error.
     return writer_.Finish();
   }
 
  private:
   template <typename Number>
+  // A tag and its first field.
   void Put(const char* tag, Number value) {
     writer_.PutText(tag);
     writer_.Put(value, ' ');
   }
 
   template <typename Values>
+  // Arrays of both kinds; the last value is told by its address.
   void PutAll(const Values& values, char end = ' ') {
     for (const double& value : values) {
       writer_.Put(value, &value + 1 == std::end(values) ? end : ' ');
@@ -79,12 +94,14 @@ class VioWriter {
     PutAll(sequence.camera.imu_from_camera, '\n');
     const ImuNoise& noise = sequence.imu_noise;
     Put("NOISE ", sequence.pixel_noise);
+    // ImuNoise in the order of the file.
     const double densities[] = {noise.gyr, noise.acc, noise.gyr_bias_walk, noise.acc_bias_walk};
     PutAll(densities, '\n');
     writer_.PutText("GRAVITY ");
     PutAll(sequence.gravity, '\n');
   }
 
+  // t gyr acc, in the units of the sample.
   void PutSample(const ImuSample& sample) {
     Put("IMU ", sample.time);
     PutAll(sample.gyr);
@@ -98,6 +115,7 @@ class VioWriter {
     PutState(frame.truth, '\n');
   }
 
+  // p q v b_g b_a, 16 numbers.
   void PutState(const VioState& state, char end) {
     PutAll(state.pose);
     PutAll(state.velocity);
@@ -105,6 +123,7 @@ class VioWriter {
     PutAll(state.acc_bias, end);
   }
 
+  // From `num_points` on, how many have been written, up to `needed`.
   void PutPoints(const VioSequence& sequence, std::size_t* num_points, std::size_t needed) {
     for (; *num_points < needed; ++*num_points) {
       const VioPoint& point = sequence.points[*num_points];
@@ -124,6 +143,7 @@ Status WriteVioSequence(const std::string& path, const VioSequence& sequence) {
   if (Status status = sequence.Validate(); !status.ok()) {
     return status;
   }
+  // Nothing is opened for a sequence that is not valid: an existing file of that name stays.
   std::unique_ptr<internal::ByteSink> sink;
   if (Status status = internal::OpenByteSink(path, &sink); !status.ok()) {
     return status;

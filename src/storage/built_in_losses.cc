@@ -5,9 +5,16 @@
 #include "inceres/problem/losses.h"
 #include "storage/built_in.h"
 
+// The formats of the built-in losses: the parameters that each was made with, and for losses of
+// losses the inner ones by their own formats, with a name each (graph_formats.cc), null included. A
+// loss that is read computes what the one that was written did, since everything else it holds
+// follows from these parameters. The names stay as they are, for files have them.
+
 namespace inceres::internal {
 namespace {
 
+// After a failure every read gives 0: 1 in its place lets the object be made, which the failed load
+// then throws away.
 double ReadPositive(GraphReader* reader) {
   const double value = reader->ReadDouble();
   if (!(value > 0.0 && std::isfinite(value))) {
@@ -18,6 +25,7 @@ double ReadPositive(GraphReader* reader) {
 
 // A loss that is its scale a.
 template <typename L>
+// Huber, soft-L1, Cauchy, arctan and Tukey are made with one number each.
 void AddScaled(const char* name, GraphFormats* formats) {
   formats->AddLoss<L>(
       std::string("inceres.") + name,
@@ -40,9 +48,12 @@ void AddBuiltInLosses(GraphFormats* formats) {
         writer->WriteDouble(loss.b());
       },
       [](GraphReader* reader) {
+        // By itself and not as an argument: the order in which arguments are evaluated is the
+        // compiler's.
         const double a = ReadPositive(reader);
         return std::make_shared<TolerantLoss>(a, ReadPositive(reader));
       });
+  // A null inner loss is the identity, and so has a meaning: a weight on the squared norm.
   formats->AddLoss<ScaledLoss>(
       "inceres.scaled_loss",
       [](const ScaledLoss& loss, GraphWriter* writer) {
@@ -53,6 +64,7 @@ void AddBuiltInLosses(GraphFormats* formats) {
         const std::shared_ptr<const Loss> loss = reader->ReadLoss();
         return std::make_shared<ScaledLoss>(loss, reader->ReadDouble());
       });
+  // f(g(s)): the outer one first, in the file as in the constructor.
   formats->AddLoss<ComposedLoss>(
       "inceres.composed_loss",
       [](const ComposedLoss& loss, GraphWriter* writer) {

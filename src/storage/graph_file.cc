@@ -12,6 +12,15 @@
 #include "storage/parse_graph.h"
 #include "storage/print_graph.h"
 
+// A graph in a file: a heading of fixed size, then what print_graph.cc writes. The heading has the
+// size and the CRC-32 of the rest, so that a file that was cut or damaged is told as such, before
+// anything of it is looked at; a checksum that matches says nothing of who wrote it, so parsing
+// trusts no number either.
+//
+// Both directions are all or nothing. Saving collects all bytes before the file is opened; loading
+// makes a graph of its own (problem/graph_restorer.h), and only one that is valid replaces the
+// caller's.
+
 namespace inceres {
 namespace {
 
@@ -20,6 +29,8 @@ constexpr std::size_t kMagicSize = sizeof(kMagic) - 1;
 constexpr std::int32_t kVersion = 1;
 constexpr std::size_t kHeadingSize = kMagicSize + 4 + 8 + 4;  // magic, version, size, checksum
 
+// zlib's CRC-32, with the overload that takes sizes beyond 4 GiB. Signed in the file, as all its
+// integers are: the bits are the same.
 std::int32_t Checksum(const char* data, std::size_t size) {
   const auto sum = crc32_z(0, reinterpret_cast<const Bytef*>(data), size);
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(sum));
@@ -30,10 +41,13 @@ Status Damaged(const std::string& what) {
 }
 
 // What the heading says of the rest is true.
+// In the order of what each check needs: magic, version, size, checksum. Another version is told
+// before the size, which might stand elsewhere in it.
 Status CheckHeading(const std::string& bytes, const GraphFormats& formats) {
   if (bytes.size() < kHeadingSize || std::memcmp(bytes.data(), kMagic, kMagicSize) != 0) {
     return Damaged("it is no graph that SaveGraph has written");
   }
+  // Long enough, as just checked: its reads cannot fail.
   GraphReader heading(bytes.data() + kMagicSize, kHeadingSize - kMagicSize, formats);
   const std::int32_t version = heading.ReadInt();
   if (version != kVersion) {
@@ -52,14 +66,19 @@ Status CheckHeading(const std::string& bytes, const GraphFormats& formats) {
              : Damaged("its checksum does not match: it is damaged");
 }
 
+// Through the decoder that the name asks for, piece by piece: the unpacked size is not known
+// before.
 Status ReadAll(const std::string& path, const ReadOptions& options, std::string* bytes) {
   std::unique_ptr<internal::ByteSource> source;
   Status status = internal::OpenByteSource(path, &source, nullptr, options);
   std::vector<char> piece(1 << 18);
+  // Anything but the 0 that ends the loop.
   std::size_t size = 1;
   while (status.ok() && size > 0) {
     status = source->Read(piece.data(), piece.size(), &size);
     if (!status.ok()) {
+      // Messages of sources do not name the file; that of a failure to open does, and does not come
+      // here.
       status.message = path + ": " + status.message;
     } else {
       bytes->append(piece.data(), size);
@@ -70,11 +89,14 @@ Status ReadAll(const std::string& path, const ReadOptions& options, std::string*
 
 }  // namespace
 
+// A graph that Validate refuses would be refused when it is loaded: it is not written in the first
+// place. `bytes` changes only on success.
 Status SaveGraphToBytes(const FactorGraph& graph, const GraphFormats& formats, std::string* bytes) {
   Status status = graph.Validate();
   if (!status.ok()) {
     return status;
   }
+  // The rest before the heading, which has its size and sum.
   GraphWriter rest(formats);
   internal::PrintGraph(graph, &rest);
   if (!rest.status().ok()) {
@@ -88,6 +110,8 @@ Status SaveGraphToBytes(const FactorGraph& graph, const GraphFormats& formats, s
   return status;
 }
 
+// Parts first, then a graph of them: a parser reads what stands there, and the restorer decides
+// whether it fits together.
 Status LoadGraphFromBytes(const std::string& bytes, const GraphFormats& formats, FactorGraph* graph,
                           LoadedFamilies* families) {
   try {
@@ -96,18 +120,23 @@ Status LoadGraphFromBytes(const std::string& bytes, const GraphFormats& formats,
       return status;
     }
     GraphReader reader(bytes.data() + kHeadingSize, bytes.size() - kHeadingSize, formats);
+    // Parts may contradict each other; they are not a graph yet.
     internal::GraphParts parts;
     LoadedFamilies loaded;
     internal::ParseGraph(&reader, &parts, &loaded.families);
     status = reader.status();
     if (status.ok()) {
       status = internal::GraphRestorer::Restore(std::move(parts), graph);
+      // The restorer calls it an invalid argument; here the argument is a file.
       status.code = status.ok() ? StatusCode::kOk : StatusCode::kIo;
     }
+    // Last: a graph that was refused must not leave its families behind.
     if (status.ok() && families != nullptr) {
       *families = std::move(loaded);
     }
     return status;
+    // Counts are held against the bytes that are there, so memory is some multiple of the file's
+    // size; that may still be more than there is.
   } catch (const std::bad_alloc&) {
     return Status::Error(StatusCode::kUnavailable, "there is no memory for it");
   }

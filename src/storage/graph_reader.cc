@@ -3,10 +3,20 @@
 #include "inceres/storage/graph_formats.h"
 #include "inceres/storage/graph_stream.h"
 
+// Reads numbers from bytes that may be anything. The one place where bytes are taken is Take, which
+// gives nothing beyond the end and nothing after a failure; so a format reads field after field
+// without a check in between, gets zeros once something is wrong, and looks at ok() at the end.
+// Memory is asked for only after ReadCount has held a count against the bytes that are left: a
+// damaged count cannot ask for more than a multiple of the file's size.
+//
+// Bytes are put together by shifts, so the file is little-endian on any machine, and need not be
+// aligned.
+
 namespace inceres {
 namespace {
 
 template <typename Unsigned>
+// The detour by unsigned char keeps the sign of a char out.
 Unsigned LittleEndian(const char* bytes) {
   Unsigned value = 0;
   for (std::size_t k = 0; k < sizeof(value); ++k) {
@@ -15,6 +25,7 @@ Unsigned LittleEndian(const char* bytes) {
   return value;
 }
 
+// Any bits are a double; whether NaN is meant is for the format to say.
 double DoubleAt(const char* bytes) {
   const auto bits = LittleEndian<std::uint64_t>(bytes);
   double value;
@@ -24,6 +35,7 @@ double DoubleAt(const char* bytes) {
 
 }  // namespace
 
+// The first failure stays: what comes after it is mostly its consequence.
 void GraphReader::Fail(const std::string& what) {
   if (status_.ok()) {
     status_ = Status::Error(StatusCode::kIo, what);
@@ -66,6 +78,7 @@ double GraphReader::ReadDouble() {
 
 bool GraphReader::ReadDoubles(double* values, std::size_t count) {
   // Not count * 8, which may overflow.
+  // Asking for one byte too many is how to fail as Take does.
   const char* bytes = count <= remaining() / 8 ? Take(8 * count) : Take(remaining() + 1);
   for (std::size_t k = 0; bytes != nullptr && k < count; ++k) {
     values[k] = DoubleAt(bytes + 8 * k);
@@ -74,6 +87,7 @@ bool GraphReader::ReadDoubles(double* values, std::size_t count) {
 }
 
 std::vector<double> GraphReader::ReadVector(std::size_t count) {
+  // Memory only for what is there; ReadDoubles fails, and touches nothing, if it is not.
   std::vector<double> values(count <= remaining() / 8 && ok() ? count : 0);
   if (!ReadDoubles(values.data(), count)) {
     values.clear();
@@ -87,6 +101,7 @@ std::string GraphReader::ReadString() {
   return bytes == nullptr ? std::string() : std::string(bytes, size);
 }
 
+// Divides rather than multiplies, for a product could overflow.
 std::size_t GraphReader::ReadCount(std::size_t bytes_each) {
   const std::int64_t count = ReadLong();
   if (ok() && (count < 0 || static_cast<std::uint64_t>(count) > remaining() / bytes_each)) {
@@ -95,6 +110,8 @@ std::size_t GraphReader::ReadCount(std::size_t bytes_each) {
   return ok() ? static_cast<std::size_t>(count) : 0;
 }
 
+// The lowest after a failure: a size or a number that its caller can go on with. With highest <
+// lowest, as of an index into nothing, every number fails.
 std::int32_t GraphReader::ReadIntIn(std::int32_t lowest, std::int32_t highest, const char* what) {
   const std::int32_t value = ReadInt();
   if (ok() && (value < lowest || value > highest)) {
@@ -103,6 +120,7 @@ std::int32_t GraphReader::ReadIntIn(std::int32_t lowest, std::int32_t highest, c
   return ok() ? value : lowest;
 }
 
+// A byte tells null from an object.
 std::shared_ptr<const Manifold> GraphReader::ReadManifold() {
   return ReadByte() != 0 ? formats_.ReadManifold("a manifold", this) : nullptr;
 }

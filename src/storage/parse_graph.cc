@@ -7,6 +7,14 @@
 #include "inceres/storage/graph_formats.h"
 #include "storage/print_graph.h"
 
+// Reads the parts of a graph in the order in which print_graph.cc writes them. A parser takes care
+// of one thing only: that nothing in the bytes makes it ask for too much memory or look where there
+// is nothing. Whether ids, sizes and factors fit together is for GraphRestorer to judge, which sees
+// all parts.
+//
+// Each ReadCount is told the least that one item takes in the file; the number of items is then at
+// most the file's size through that.
+
 namespace inceres::internal {
 namespace {
 
@@ -17,7 +25,9 @@ class GraphParser {
       : reader_(*reader), parts_(*parts), families_(*families) {}
 
   void Parse() {
+    // An object takes a name's length and its own length at least: 16 bytes.
     const std::size_t num_manifolds = reader_.ReadCount(16);
+    // Failures name an object by its number in the file, which those that refer to it use too.
     for (std::size_t k = 0; k < num_manifolds && reader_.ok(); ++k) {
       manifolds_.push_back(
           reader_.formats().ReadManifold("manifold " + std::to_string(k), &reader_));
@@ -26,10 +36,14 @@ class GraphParser {
     for (std::size_t k = 0; k < num_losses && reader_.ok(); ++k) {
       losses_.push_back(reader_.formats().ReadLoss("loss " + std::to_string(k), &reader_));
     }
+    // Shared objects come before variables and factors, which name them by number; variables before
+    // what belongs to some of them.
     ParseVariables();
     ParseBounds();
     ParsePins();
+    // In the order in which edits will take them, the last one first.
     parts_.free_variables = ParseIds(reader_.ReadCount(4));
+    // A family is an object too: 16 bytes at least.
     const std::size_t num_families = reader_.ReadCount(16);
     for (std::size_t k = 0; k < num_families && reader_.ok(); ++k) {
       ParseFamily();
@@ -62,6 +76,7 @@ class GraphParser {
 template <typename T>
 std::shared_ptr<const T> GraphParser::ParseShared(
     const std::vector<std::shared_ptr<const T>>& objects, const char* what) {
+  // Without any objects in the file, only −1 passes.
   const std::int32_t number =
       reader_.ReadIntIn(-1, static_cast<std::int32_t>(objects.size()) - 1, what);
   return number < 0 ? nullptr : objects[static_cast<std::size_t>(number)];
@@ -76,6 +91,7 @@ std::vector<std::int32_t> GraphParser::ParseIds(std::size_t count) {
   return ids;
 }
 
+// A byte of flags, a size and the number of a manifold each; then the values of all.
 void GraphParser::ParseVariables() {
   const std::size_t count = reader_.ReadCount(9);
   if (count > static_cast<std::size_t>(INT32_MAX)) {
@@ -85,15 +101,18 @@ void GraphParser::ParseVariables() {
   std::size_t num_values = 0;
   for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
     GraphParts::Variable variable;
+    // Unknown bits are ignored: version 1 has three.
     const std::uint8_t flags = reader_.ReadByte();
     variable.role = (flags & kIsLandmark) != 0 ? Role::kLandmark : Role::kFrame;
     variable.constant = (flags & kIsConstant) != 0;
     variable.removed = (flags & kIsRemoved) != 0;
+    // The sum of sizes cannot overflow 64 bits: at most 2^31 variables of 2^30 values.
     variable.ambient_size = reader_.ReadIntIn(1, 1 << 30, "the size of a variable");
     variable.manifold = ParseShared(manifolds_, "the number of a manifold");
     num_values += static_cast<std::size_t>(variable.ambient_size);
     parts_.variables.push_back(std::move(variable));
   }
+  // Fails if the sizes add up to more values than there are.
   parts_.state = reader_.ReadVector(num_values);
 }
 
@@ -105,6 +124,7 @@ std::size_t GraphParser::ParseSizeOf(VariableId* id) {
                       : 0;
 }
 
+// An id and at least one value each of two bounds: 20 bytes.
 void GraphParser::ParseBounds() {
   const std::size_t count = reader_.ReadCount(20);
   for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
@@ -117,6 +137,7 @@ void GraphParser::ParseBounds() {
   }
 }
 
+// An id and at least one value: 12 bytes.
 void GraphParser::ParsePins() {
   const std::size_t count = reader_.ReadCount(12);
   for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
@@ -128,6 +149,7 @@ void GraphParser::ParsePins() {
 
 void GraphParser::ParseFamily() {
   const std::string name = "family " + std::to_string(families_.size());
+  // Kept twice: the graph takes families as const, LoadedFamilies hands out what can be added to.
   families_.push_back(reader_.formats().ReadFamily(name, &reader_));
   if (!reader_.ok()) {
     return;
@@ -143,9 +165,12 @@ void GraphParser::ParseFamily() {
     return;
   }
   family.num_factors = static_cast<std::int64_t>(num_factors);
+  // Bounded by ReadCount, for it has multiplied by the slots.
   family.variables = ParseIds(num_factors * num_slots);
+  // A family whose factors have no losses says so in one byte.
   if (reader_.ReadByte() != 0) {
     for (std::size_t k = 0; k < num_factors && reader_.ok(); ++k) {
+      // One per place; −1 is no loss, at free places too.
       family.losses.push_back(ParseShared(losses_, "the number of a loss"));
     }
   }

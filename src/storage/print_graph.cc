@@ -9,6 +9,12 @@
 
 #include "inceres/storage/graph_formats.h"
 
+// Writes the parts of a graph (print_graph.h has their order; parse_graph.cc reads them). What
+// variables and factors share is written once and named by number, so that it is shared again when
+// it is loaded. Ids and places that are free are written in the order in which they will be given
+// out: edits of the loaded graph then get the ids that edits of the saved one would, which keeps
+// the order of sums, and thereby every bit.
+
 namespace inceres::internal {
 namespace {
 
@@ -17,6 +23,8 @@ template <typename T>
 class Shared {
  public:
   /// −1 of null.
+  // Numbers follow the order of first use, not of addresses, which change from run to run: the same
+  // graph gives the same bytes.
   std::int32_t Add(const T* object) {
     if (object == nullptr) {
       return -1;
@@ -35,14 +43,19 @@ class Shared {
   }
 
  private:
+  // By identity: two equal losses are two objects.
   std::map<const T*, std::int32_t> numbers_;
   std::vector<const T*> objects_;
 };
 
+// Reads the graph by its public calls alone, so what is written does not depend on how it is kept
+// in memory.
 class GraphPrinter {
  public:
   GraphPrinter(const FactorGraph& graph, GraphWriter* writer) : graph_(graph), writer_(*writer) {}
 
+  // Collects first, since the objects stand in the file before those that name them. Printing then
+  // calls Add again, which by now only looks a number up.
   void Print() {
     Collect();
     manifolds_.Print("manifold", &writer_);
@@ -76,6 +89,7 @@ class GraphPrinter {
 
 void GraphPrinter::Collect() {
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Variables first, then factors, by their ids: the order of first use is that of the graph.
     manifolds_.Add(graph_.manifold(id));
   }
   for (FamilyId id = 0; id < graph_.num_families(); ++id) {
@@ -88,6 +102,7 @@ void GraphPrinter::Collect() {
 void GraphPrinter::PrintVariables() {
   writer_.WriteLong(graph_.num_variables());
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Removed variables keep their ids and their room in the state.
     const bool exists = graph_.HasVariable(id);
     // IsConstant is true of a tangent space of size 0 too, which may be the manifold's.
     writer_.WriteByte(static_cast<std::uint8_t>(
@@ -97,16 +112,21 @@ void GraphPrinter::PrintVariables() {
     writer_.WriteInt(manifolds_.Add(graph_.manifold(id)));
   }
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    // Values, not the state: those of a borrowed constant are elsewhere.
     if (graph_.HasVariable(id)) {
       writer_.WriteDoubles(graph_.Values(id), SizeOf(id));
     } else {
+      // As the state has it: the room of a removed variable holds zeros.
       writer_.WriteDoubles(std::vector<double>(SizeOf(id), 0.0).data(), SizeOf(id));
     }
   }
 }
 
+// Of the few variables that have any, with their ids.
 void GraphPrinter::PrintBounds() {
+  // Listed first, since their number stands before them.
   std::vector<VariableId> bounded;
+  // HasBounds, HasPins and HasLosses are asked first: most graphs have none, and need no walk.
   for (VariableId id = 0; graph_.HasBounds() && id < graph_.num_variables(); ++id) {
     if (graph_.bounds(id) != nullptr) {
       bounded.push_back(id);
@@ -120,6 +140,7 @@ void GraphPrinter::PrintBounds() {
   }
 }
 
+// The values that a pinned variable is linearized at.
 void GraphPrinter::PrintPins() {
   std::vector<VariableId> pinned;
   for (VariableId id = 0; graph_.HasPins() && id < graph_.num_variables(); ++id) {
@@ -136,6 +157,8 @@ void GraphPrinter::PrintPins() {
 
 // Of each size those that were borrowed first: what is loaded owns all, and takes the last first.
 void GraphPrinter::PrintFreeVariables() {
+  // Ids are free for variables of their own size only; by size, ascending, for the same bytes each
+  // time.
   std::set<int> sizes;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (!graph_.HasVariable(id)) {
@@ -146,6 +169,8 @@ void GraphPrinter::PrintFreeVariables() {
   for (const int size : sizes) {
     for (const bool borrowed : {false, true}) {
       VariableId id = 0;
+      // The graph tells the next one to be given out first; GraphParts keeps that one last: hence
+      // written backwards.
       for (int k = 0; (id = graph_.FreeVariable(size, borrowed, k)) >= 0; ++k) {
         last_first.push_back(id);
       }
@@ -160,6 +185,7 @@ void GraphPrinter::PrintFamily(FamilyId id) {
   const FactorFamily& family = graph_.family(id);
   writer_.formats().Write(family, "family " + std::to_string(id) + " (" + family.Name() + ")",
                           &writer_);
+  // Places, free ones included, whose variables are −1.
   const int num_factors = graph_.NumFactors(id);
   writer_.WriteLong(num_factors);
   for (int factor = 0; factor < num_factors; ++factor) {
@@ -167,12 +193,14 @@ void GraphPrinter::PrintFamily(FamilyId id) {
     std::for_each(variables, variables + family.num_slots(),
                   [this](VariableId variable) { writer_.WriteInt(variable); });
   }
+  // A loss is a number per factor: a family without any says so in one byte.
   writer_.WriteByte(graph_.HasLosses(id) ? 1 : 0);
   for (int factor = 0; graph_.HasLosses(id) && factor < num_factors; ++factor) {
     writer_.WriteInt(losses_.Add(graph_.loss(id, factor)));
   }
   const int num_free = graph_.NumFreePlaces(id);
   writer_.WriteLong(num_free);
+  // Backwards for the same reason.
   for (int k = num_free - 1; k >= 0; --k) {
     writer_.WriteInt(graph_.FreePlace(id, k));
   }

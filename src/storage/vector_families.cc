@@ -11,6 +11,18 @@
 #include "inceres/factors/imu_factor.h"
 #include "inceres/solver/linear_prior.h"
 
+// The formats of families whose measurements differ in size from family to family or from factor to
+// factor: diagonal priors, linear priors of marginalization, preintegrated IMU samples. A family's
+// shape stands first, then its measurements, which have no sizes of their own.
+//
+// What is written is what a measurement was made of, and not all it holds: an IMU measurement is
+// integrated anew from its samples when it is read, which gives the same bits as the integration
+// that it stands for, and cannot give a covariance that contradicts the samples.
+//
+// A shape is a few numbers that may ask for much memory. Each is bounded, products are kept below
+// overflow, and the number of measurements is held against the bytes that such measurements would
+// take.
+
 namespace inceres::internal {
 namespace {
 
@@ -32,14 +44,17 @@ void WriteDiagonal(const DiagonalPriorFamily& family, GraphWriter* writer) {
 
 std::shared_ptr<DiagonalPriorFamily> ReadDiagonal(GraphReader* reader) {
   const int size = reader->ReadIntIn(1, kMaxSize, "the size of a prior");
+  // A prior is on the leading coordinates: its variable has at least as many.
   const int ambient = reader->ReadIntIn(size, kMaxSize, "the size of a variable");
   const int tangent = reader->ReadIntIn(0, ambient, "a tangent size");
   auto family = std::make_shared<DiagonalPriorFamily>(size, ambient, tangent);
+  // A mean and a square root of the information for each row.
   const std::size_t count = reader->ReadCount(16 * static_cast<std::size_t>(size));
   for (std::size_t i = 0; i < count && reader->ok(); ++i) {
     DiagonalPriorFamily::Measurement measurement;
     measurement.mean = reader->ReadVector(static_cast<std::size_t>(size));
     measurement.sqrt_information = reader->ReadVector(static_cast<std::size_t>(size));
+    // Vectors of a failed read are empty, and Add wants them of the family's size.
     if (reader->ok()) {
       family->Add(measurement);
     }
@@ -47,6 +62,7 @@ std::shared_ptr<DiagonalPriorFamily> ReadDiagonal(GraphReader* reader) {
   return family;
 }
 
+// e0, J row by row, then each block; all sizes are the family's.
 void WritePrior(const LinearPrior& prior, GraphWriter* writer) {
   writer->WriteDoubles(prior.e0.data(), prior.e0.size());
   writer->WriteDoubles(prior.J.data(), prior.J.size());
@@ -56,6 +72,8 @@ void WritePrior(const LinearPrior& prior, GraphWriter* writer) {
   }
 }
 
+// The shape of all its priors, then their numbers. Which manifold a block has may differ from prior
+// to prior, so each prior has its own.
 void WriteLinear(const LinearPriorFamily& family, GraphWriter* writer) {
   writer->WriteInt(family.residual_size());
   writer->WriteLong(family.num_slots());
@@ -82,6 +100,9 @@ bool ReadPrior(const FactorFamily& family, std::size_t num_columns, GraphReader*
     block.tangent_size = family.slot(s).tangent_size;
     block.manifold = reader->ReadManifold();
     const Manifold* manifold = block.manifold.get();
+    // A null manifold is the Euclidean space of the slot's size. A manifold is read from the file
+    // by itself, so its sizes may be others than the slot's, by which x ⊟ x0 would read and write
+    // beyond its vectors.
     const bool fits = manifold == nullptr
                           ? block.tangent_size == family.slot(s).ambient_size
                           : manifold->TangentSize() == block.tangent_size &&
@@ -94,8 +115,11 @@ bool ReadPrior(const FactorFamily& family, std::size_t num_columns, GraphReader*
   return reader->ok();
 }
 
+// The family is made of a prior of its shape, so one is put together of zeros before the first is
+// read.
 std::shared_ptr<LinearPriorFamily> ReadLinear(GraphReader* reader) {
   const int num_rows = reader->ReadIntIn(1, kMaxSize, "the number of rows");
+  // Two sizes each.
   const std::size_t num_slots = reader->ReadCount(8);
   LinearPrior shape;
   std::size_t num_columns = 0;
@@ -113,8 +137,12 @@ std::shared_ptr<LinearPriorFamily> ReadLinear(GraphReader* reader) {
   if (!small) {
     reader->Fail("a prior of too many rows and columns");
   }
+  // Bytes of one prior: J, e0 and the x0 of all blocks. After a failure 1, for the products may
+  // then overflow.
   const std::size_t count =
       reader->ReadCount(reader->ok() ? 8 * (rows * num_columns + rows + num_values) : 1);
+  // With a prior in the file, the file is as large as the shape. Without one a few bytes could ask
+  // for any, so the shape has to be small.
   if (!reader->ok() || (count == 0 && 8 * (rows + num_values) > kEmptyShape)) {
     reader->Fail("a family of priors without a prior, and too large");
     return nullptr;
@@ -136,6 +164,8 @@ std::shared_ptr<LinearPriorFamily> ReadLinear(GraphReader* reader) {
 
 // Every number and enumerator that an ImuPreintegrator is made with.
 template <typename Options, typename Number, typename Enumerator>
+// One list for writing and for reading, so that the two cannot differ. An enumerator comes with the
+// last one of its kind, up to which a byte is valid. Options is const for writing.
 void VisitImuOptions(Options& options, Number&& number, Enumerator&& enumerator) {
   number(options.noise.gyr);
   number(options.noise.acc);
@@ -150,6 +180,7 @@ void VisitImuOptions(Options& options, Number&& number, Enumerator&& enumerator)
   enumerator(conventions.perturbation, Perturbation::kLeft);
   enumerator(conventions.rotation_residual, ImuConventions::RotationResidual::kTwiceVector);
   enumerator(conventions.sign, ImuConventions::Sign::kMeasuredMinusState);
+  // That each part is named once is checked by ImuOptions::Validate, when samples are integrated.
   for (auto& part : conventions.residual_order) {
     enumerator(part, ImuPart::kAccBias);
   }
@@ -166,6 +197,8 @@ void WriteImu(const ImuFactorFamily& family, GraphWriter* writer) {
         imu.options(), [writer](double value) { writer->WriteDouble(value); },
         [writer](auto value, auto) { writer->WriteByte(static_cast<std::uint8_t>(value)); });
     writer->WriteByte(imu.options().conventions.bias_walks_while_integrating ? 1 : 0);
+    // The biases that the samples were integrated at last: a family may have integrated them anew
+    // since they were added (max_rotation_change).
     writer->WriteDoubles(imu.delta().gyr_bias, 3);
     writer->WriteDoubles(imu.delta().acc_bias, 3);
     writer->WriteLong(static_cast<std::int64_t>(imu.samples().size()));
@@ -183,6 +216,7 @@ ImuOptions ReadImuOptions(GraphReader* reader) {
       options, [reader](double& value) { value = reader->ReadDouble(); },
       [reader](auto& value, auto last) {
         const std::uint8_t read = reader->ReadByte();
+        // Casting any byte would give enumerators that no switch knows.
         if (read > static_cast<std::uint8_t>(last)) {
           reader->Fail("a convention that does not exist");
         } else {
@@ -195,18 +229,22 @@ ImuOptions ReadImuOptions(GraphReader* reader) {
 
 std::shared_ptr<ImuFactorFamily> ReadImu(GraphReader* reader) {
   auto family = std::make_shared<ImuFactorFamily>();
+  // Less than any measurement takes: only a bound for memory.
   const std::size_t count = reader->ReadCount(128);
   for (std::size_t i = 0; i < count && reader->ok(); ++i) {
     ImuPreintegrator imu(ReadImuOptions(reader));
     double gyr_bias[3] = {}, acc_bias[3] = {};
     reader->ReadDoubles(gyr_bias, 3);
     reader->ReadDoubles(acc_bias, 3);
+    // Seven doubles.
     std::vector<ImuSample> samples(reader->ReadCount(56));
     for (ImuSample& sample : samples) {
       sample.time = reader->ReadDouble();
       reader->ReadDoubles(sample.gyr, 3);
       reader->ReadDoubles(sample.acc, 3);
     }
+    // One that was never integrated has no samples, and is written as it is. Integrate checks the
+    // samples, and the options by Validate.
     if (reader->ok() && !samples.empty()) {
       const Status status = imu.Integrate(samples, gyr_bias, acc_bias);
       if (!status.ok()) {
