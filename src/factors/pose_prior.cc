@@ -8,6 +8,11 @@
 #include "factors/whiten.h"
 #include "inceres/problem/rotation.h"
 
+// Priors on the state of a frame. Of a pose: e = [p − p_0; Log E] with E = R_0ᵀ R on PoseManifold,
+// or E = R R_0ᵀ on LeftPoseManifold: the perturbation then stands next to E on the side on which it
+// acts, and the derivative is the inverse Jacobian of that side with no rotation in between. Of
+// velocity and biases: plain differences. Both are whitened by an upper triangular U.
+
 namespace inceres {
 
 using internal::MultiplyUpper;
@@ -29,8 +34,12 @@ void Compare(const double* pose, const double* prior, bool left, double e[6]) {
   LogQuaternion(error, e + 3);
 }
 
+// The position is perturbed by addition, so its block is the identity, and position and rotation do
+// not mix.
 void Differentiate(const double e[6], bool left, double E[36]) {
   double J_inverse[9];
+  // J_l⁻¹ = I − ½ [r]× + k [r]×²; J_r⁻¹ differs in the sign of the middle term. Both fail at an
+  // angle of 2π, which Log never reaches.
   RotationPolynomial(e + 3, left ? -0.5 : 0.5, InverseLeftJacobianCoefficient(e + 3), J_inverse);
   std::fill_n(E, 36, 0.0);
   for (int r = 0; r < 3; ++r) {
@@ -56,6 +65,7 @@ EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
       double E[36];
       Differentiate(e, left, E);
       const JacobianView& view = batch.jacobians[0];
+      // Checked along with writing: U J has an entry that is not finite if J has one.
       if (!std::isfinite(MultiplyUpper<6, 6>(measurement.sqrt_information, E,
                                              view.data + i * view.factor_stride,
                                              view.row_stride))) {
@@ -78,6 +88,7 @@ EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const
       return {i, "a residual is not finite"};
     }
     if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
+      // A Euclidean variable: the Jacobian is U itself, whatever the values are.
       assert(batch.tangent_maps[i]->kind == TangentMap::Kind::kIdentity);
       const JacobianView& view = batch.jacobians[0];
       for (int r = 0; r < 9; ++r) {
