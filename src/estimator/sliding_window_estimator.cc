@@ -21,9 +21,9 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+// As newly made, but for the memory of the update.
 // A caller who passes the same summary each time keeps the update's vectors: they are swapped out
 // of the old object and into the new one, so that nothing of the last frame survives but capacity.
-// As newly made, but for the memory of the update.
 void Clear(WindowSummary* summary) {
   WindowSummary cleared;
   std::swap(cleared.update, summary->update);
@@ -74,9 +74,9 @@ WindowSummary SlidingWindowEstimator::AddFrame(const WindowFrame& frame) {
 
 void SlidingWindowEstimator::AddFrame(const WindowFrame& frame, WindowSummary* summary) {
   Clear(summary);
-  // A frame that is not admitted leaves all as it was, so there is nothing to solve.
   internal::Window& window = impl_->window;
   summary->status = window.Admit(frame, summary);
+  // A frame that is not admitted leaves all as it was, so there is nothing to solve.
   if (summary->status.ok()) {
     // The window slides after a failed solve as well: frames come in at a fixed rate, and a window
     // that does not slide grows. The first thing that went wrong is what is told.
@@ -186,8 +186,6 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
     }
     const FactorFamily& family = graph.family(view.factor.family);
     // the landmark's, in both families
-    // The last slot is the landmark's in both families, the reprojection and the prior of the
-    // bearing.
     const internal::SlotJacobians& slot = factor.slots[family.num_slots() - 1];
     const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(
         slot.data, factor.rows, size, Eigen::OuterStride<>(slot.row_stride));
@@ -197,10 +195,8 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
   return Status::Ok();
 }
 
-// Eigenvalues of JᵀJ, the information of what has left. Zeros are the directions that nothing
-// measured, the gauge above all; whether they fill up as the window slides tells how inconsistent
-// linearization makes it. Squaring J costs half of the digits: values far below the largest are
-// noise.
+// Eigenvalues of JᵀJ, the information of what has left; a zero is a direction that nothing
+// measured. Squaring J costs half of the digits: values far below the largest are noise.
 std::vector<double> SlidingWindowEstimator::PriorSpectrum() const {
   const LinearPrior* prior = FindLinearPrior(solver().graph(), impl_->window.prior());
   if (prior == nullptr) {

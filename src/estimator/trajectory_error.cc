@@ -30,9 +30,9 @@ Eigen::Matrix3Xd PlacesOf(const Trajectory& trajectory) {
   return places;
 }
 
+// Between consecutive indices.
 // The root mean squares of translation and angle of (T_i⁻¹ T_j)⁻¹ (truth) times the same of the
 // estimate: the motion is compared in the frame of i, so errors before i have no share in it.
-// Between consecutive indices.
 RelativePoseError ErrorBetween(const Trajectory& estimate, const Trajectory& truth,
                                const std::vector<std::size_t>& indices) {
   RelativePoseError error;

@@ -70,13 +70,13 @@ Status Window::Solve(WindowSummary* summary) {
 // Whether a landmark is behind a camera that sees it, or its views err too much.
 bool Window::IsWrong(const Track& track) const {
   const View& anchor_view = track.views.front();
-  // How far the anchor's own view is off: with kInverseDepth it is exact and this is zero.
   const FrameRecord& anchor = FrameNumbered(anchor_view.frame);
   const Feature feature = graph_.FeatureOf(track.landmark, anchor_view);
+  // How far the anchor's own view is off: with kInverseDepth it is exact and this is zero.
   double sum = std::hypot((feature.m[0] - anchor_view.point[0]) / options_.feature_sigma[0],
                           (feature.m[1] - anchor_view.point[1]) / options_.feature_sigma[1]);
   // The other views by the current values, each in units of its standard deviation; lengths, not
-  // squares, so that one bad view in many does not condemn a landmark by itself.
+  // squares, so that one bad view among many counts less.
   for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
     std::array<double, 2> point{};
     if (!graph_.CameraBetween(anchor, FrameNumbered(view->frame)).Project(feature, &point)) {

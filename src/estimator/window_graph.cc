@@ -54,8 +54,8 @@ WindowState WindowGraph::StateOf(const FrameRecord& record) const {
 
 FrameRecord WindowGraph::AddFrame(std::int64_t number, const WindowState& state,
                                   GraphEdit* edit) const {
-  // Not the place in the window, which changes as others leave.
   FrameRecord record;
+  // Of all frames ever: a place in the window changes as others leave.
   record.number = number;
   record.time = state.time;
   record.pose = edit->AddVariable(state.pose.data(), 7, Role::kFrame, pose_manifold_);

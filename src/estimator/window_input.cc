@@ -93,6 +93,7 @@ Status CheckStart(const WindowStart& start) {
 Status CheckObservations(double time, const std::vector<WindowObservation>& observations) {
   std::vector<std::int64_t> tracks;
   for (const WindowObservation& seen : observations) {
+    // Points are in the plane z = 1 and may lie far out: any finite value is possible.
     if (!IsFinite(seen.point)) {
       return Invalid(time,
                      "the observation of track " + std::to_string(seen.track) + " is not finite");
@@ -108,6 +109,8 @@ Status CheckObservations(double time, const std::vector<WindowObservation>& obse
              : Invalid(time, "track " + std::to_string(*twice) + " is observed twice");
 }
 
+// Time before samples, samples before observations; whether observations belong to known tracks
+// does not matter, for a track may begin in any frame.
 Status CheckFrame(double last_time, const WindowFrame& frame) {
   if (!std::isfinite(frame.time)) {
     return Invalid(frame.time, "its time is not finite");

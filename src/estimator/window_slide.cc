@@ -94,10 +94,10 @@ Status Window::MarginalizeOldest(WindowSummary* summary) {
       OldestFrameRule(graph_.solver.graph(), {oldest.pose, oldest.speed_bias}, graph_.MinFactors());
   const Status status = Marginalize(options_.marginalization, &request, summary);
   if (status.ok()) {
-    // After the graph only: a frame that could not be marginalized stays in the window.
     summary->num_dropped_landmarks += static_cast<int>(request.dropped.size());
-    // Landmarks of the oldest frame went with it, so their tracks end; others lose a view.
+    // After the graph only: a frame that could not be marginalized stays in the window.
     frames_.erase(frames_.begin());
+    // Landmarks of the oldest frame went with it, so their tracks end; others lose a view.
     tracks_.ForgetOldest(oldest.number);
     summary->left = WindowSummary::Left::kOldest;
     summary->left_time = oldest.time;

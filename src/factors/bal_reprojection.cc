@@ -236,8 +236,8 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
   return {};
 }
 
-template <bool kWithJacobians>
 // The choice changes the time, never the result.
+template <bool kWithJacobians>
 EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements,
                                 const FactorBatch& batch) {
   return batch.end - batch.begin < kFewFactors

@@ -6,7 +6,6 @@
 #include "factors/inverse_depth_chain.h"
 #include "factors/whiten.h"
 
-namespace inceres {
 // An inverse-depth feature between two views from a body, in the letters of the header: the chain m
 // → body at i → world → body at j → h is in inverse_depth_chain.h, for all combinations of one or
 // two poses and cameras; here is the end of the chain. The error of h against z is e(h, z), whose
@@ -14,6 +13,7 @@ namespace inceres {
 // gives the rows of all slots. The time offset τ enters twice: through z, in e_tau, and through m,
 // which moves with the features of frame i.
 
+namespace inceres {
 namespace {
 
 using internal::InverseDepthChain;
@@ -78,6 +78,7 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
   using Chain = InverseDepthChain<poses, cameras>;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(i) * num_slots;
   const double* packed = measurement.sqrt_information;
+  // U as a 2×2 matrix, from its three entries.
   const double U[4] = {packed[0], packed[1], 0.0, packed[2]};
   // Whitened before it goes back along the chain: two rows are multiplied by U, not the Jacobians
   // of all slots.
@@ -178,6 +179,7 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
     if (!std::isfinite(residual[0] + residual[1])) {
       return {i, ReasonAt(chain.h, error_)};
     }
+    // The chain of the residual is used again: value and Jacobians are of one computation.
     if (batch.jacobians != nullptr &&
         !std::isfinite(WriteJacobians(batch, i, num_slots(), measurement, chain, v))) {
       return {i, "a Jacobian entry is not finite"};

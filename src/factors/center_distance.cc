@@ -13,6 +13,7 @@
 namespace inceres {
 namespace {
 
+// Values and degrees of freedom of a kind. HoldGauge looks for variables of the same sizes.
 FactorFamily::Slot SlotOf(CenterKind kind) {
   switch (kind) {
     case CenterKind::kPose:

@@ -25,9 +25,9 @@
 namespace inceres {
 namespace {
 
-// At this share an error of the coordinate is an error of the scale a thousand times as large.
 // A coordinate holds the scale only if the scale moves it by this share of what it moves the
 // center.
+// At this share an error of the coordinate is an error of the scale a thousand times as large.
 constexpr double kLeastShare = 1e-3;
 
 Status Refused(const std::string& message) {
@@ -38,8 +38,8 @@ int AmbientSizeOf(CenterKind kind) {
   return kind == CenterKind::kPose ? 7 : kind == CenterKind::kBalCamera ? 9 : 3;
 }
 
-// A BAL camera has its rotation first.
 // Where the position stands among the values.
+// A BAL camera has its rotation first.
 int FirstOfPosition(CenterKind kind) {
   return kind == CenterKind::kBalCamera ? 3 : 0;
 }
@@ -108,6 +108,7 @@ Status GaugeHolder::CheckPrior() const {
 
 double GaugeHolder::DistanceTo(VariableId id, double apart[3]) const {
   double a[3], b[3];
+  // Between centers, not stored positions: of BAL cameras those are −R c.
   CenterOf(options_.kind, graph_.Values(held_.reference), a);
   CenterOf(options_.kind, graph_.Values(id), b);
   for (int k = 0; k < 3; ++k) {
@@ -137,7 +138,8 @@ Status GaugeHolder::Choose() {
   return status.ok() && options_.scale_by == GaugeScale::kCoordinate ? ChooseCoordinate() : status;
 }
 
-// The furthest center: an error of its place is the smallest share of the scale.
+// Of those that may be chosen, the one with the furthest center: an error of its place is the
+// smallest share of the scale.
 Status GaugeHolder::ChooseOther() {
   double apart[3];
   held_.other = options_.other;
@@ -220,6 +222,8 @@ Status GaugeHolder::ChooseCoordinate() {
   return Status::Ok();
 }
 
+// The constant case adds no factor; the prior of a pose is on the side of its manifold, that of the
+// other kinds on leading values.
 void GaugeHolder::HoldReference() {
   if (options_.reference_by == GaugeReference::kConstant) {
     graph_.SetConstant(held_.reference, true);
@@ -283,6 +287,7 @@ void GaugeHolder::Hold() {
 
 }  // namespace
 
+// After a refusal neither the graph nor `held` has changed.
 Status HoldGauge(const GaugeOptions& options, FactorGraph* graph, HeldGauge* held) {
   GaugeHolder holder(options, graph);
   const Status status = holder.Choose();

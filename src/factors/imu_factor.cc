@@ -82,7 +82,7 @@ struct Comparison {
   Matrix<15, 1> e;
 };
 
-// The parts of the error that do not depend on the order of rows: all of E.
+// The error's rotation E as a quaternion, and its three residuals from `row` on.
 void CompareRotations(const ImuConventions& conventions, const double* q_i, const double* q_j,
                       int row, Comparison* c) {
   double back_i[4], back_delta[4], between[4];

@@ -119,6 +119,7 @@ Status ImuPreintegrator::Append(const std::vector<ImuSample>& samples) {
   if (samples_.empty()) {
     return Invalid("Append goes on with what Integrate began, and nothing was integrated yet");
   }
+  // Times go on from the last sample that is kept.
   Status status = CheckSamples(samples, &samples_.back());
   if (!status.ok()) {
     return status;
@@ -139,6 +140,7 @@ Status ImuPreintegrator::Reintegrate(const double gyr_bias[3], const double acc_
   if (samples_.empty()) {
     return Invalid("Reintegrate repeats what Integrate began, and nothing was integrated yet");
   }
+  // The samples were checked when they came in; only the biases are new.
   Status status = CheckBiases(gyr_bias, acc_bias);
   if (!status.ok()) {
     return status;
@@ -193,6 +195,7 @@ Status ImuPreintegrator::SqrtInformation(double U[225]) const {
             : "the IMU preintegration of " + std::to_string(samples_.size()) +
                   " samples has no information matrix: too few samples");
   }
+  // L⁻¹ is lower triangular; reversed, it is U = M⁻¹, upper triangular.
   const Matrix<15, 15> inverse = L.triangularView<Eigen::Lower>().solve(Matrix<15, 15>::Identity());
   Eigen::Map<Matrix<15, 15>>{U} = inverse.reverse();
   return Status::Ok();

@@ -25,10 +25,10 @@ using internal::Vector3;
 
 namespace {
 
-// Rotation: ΔR carries φ_i into the frame of j, and the error of ΔR is in that frame already, as is
-// the change of ΔR with b_g. Velocity and position: R_i Exp(φ) Δv ≈ R_i Δv − R_i [Δv]× φ.
 // Of the step in the parts' own order, (φ, v, p, b_g, b_a) perturbed on the right:
 //     F = ∂(state j)/∂(state i),   G = ∂(state j)/∂(error of Δ).
+// Rotation: ΔR carries φ_i into the frame of j, and the error of ΔR is in that frame already, as is
+// the change of ΔR with b_g. Velocity and position: R_i Exp(φ) Δv ≈ R_i Δv − R_i [Δv]× φ.
 void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matrix<15, 15>* F,
                Matrix<15, 15>* G) {
   using namespace internal;  // NOLINT(google-build-using-namespace): the names of the parts

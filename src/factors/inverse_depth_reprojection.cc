@@ -36,8 +36,8 @@ struct Projection {
   double u[2];  // h_xy / h_z
 };
 
-// By address, and for one call: within it values do not change. A miss costs time only.
 // Neighbors in a family mostly share their pair.
+// By address, and for one call: within it values do not change. A miss costs time only.
 inline void Relate(const double* pose_a, const double* pose_b, PosePair& pair) {
   if (pose_a == pair.pose_a && pose_b == pair.pose_b) {
     return;
@@ -160,6 +160,7 @@ EvaluationFailure InverseDepthReprojectionFamily::Evaluate(const FactorBatch& ba
     const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
     const double* const* parameters = batch.parameters + 3 * static_cast<std::ptrdiff_t>(i);
     const double d = parameters[2][0];
+    // U = [u00 u01; 0 u11], in three entries.
     const double* U = measurement.sqrt_information;
     Projection v;
     Relate(parameters[0], parameters[1], pair);

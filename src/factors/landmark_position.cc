@@ -43,6 +43,7 @@ void PutCross(const double* v, double* J) {
 
 // d = R(θ)ᵀ (l − p), and what it becomes by p, θ and l: rows x, y of five columns.
 void SeePlanar(const double* pose, const double* landmark, double d[2], double D[10]) {
+  // The same sine and cosine for d and its derivatives.
   const double c = std::cos(pose[2]), s = std::sin(pose[2]);
   const double dx = landmark[0] - pose[0], dy = landmark[1] - pose[1];
   d[0] = c * dx + s * dy;
@@ -99,6 +100,7 @@ bool PlanarLandmarkFamily::EvaluateOne(int i, const double* const* parameters, d
   const double* U = m.sqrt_information;
   double d[2], D[10];
   SeePlanar(parameters[0], parameters[1], d, D);
+  // Of a position; with range and bearing it is replaced below.
   double e[2] = {d[0] - m.z[0], d[1] - m.z[1]};
   if (sighting_ == PlanarSighting::kRangeBearing) {
     if (!ToRangeBearing(d, D)) {
@@ -148,6 +150,7 @@ EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) cons
       }
     }
     PutCross(y, J_pose);
+    // The formulas hold in PoseManifold's tangent only; no other manifold will do.
     internal::AssertPoseManifold(*batch.tangent_maps[2 * static_cast<std::ptrdiff_t>(i)], pose);
     sums[1] = WriteSlot<6>(batch, i, 0, 2, m.sqrt_information, J_pose) +
               WriteSlot<3>(batch, i, 1, 2, m.sqrt_information, J_landmark);

@@ -66,6 +66,7 @@ struct EquidistantSensor {
     for (int r = 0; r < 2; ++r) {
       e[r] -= seen.pixel[r];
       if (A != nullptr) {
+        // ∂(u, v)/∂h of the camera, row by row; it does not depend on ω at fixed h.
         std::copy_n(J + 3 * r, 3, A[r]);
         A[r][3] = 0.0;
       }
@@ -85,6 +86,7 @@ struct StereoSensor {
   static constexpr int kRows = 3;
   const StereoCamera& camera;
 
+  // Three rows: all nine entries of U are kept, the lower ones zero.
   static void SqrtInformation(const StereoObservation& seen, double* U) {
     std::copy_n(seen.sqrt_information, 9, U);
   }
@@ -102,6 +104,7 @@ struct StereoSensor {
       const double u = (h[axis] - shift * omega) / h[2];
       e[r] = f[r] * u + c[r] - z[r];
       if (A != nullptr) {
+        // A row depends on one of h_x and h_y, on h_z, and through the baseline on ω.
         std::fill_n(A[r], 4, 0.0);
         A[r][axis] = f[r] / h[2];
         A[r][2] = -f[r] * u / h[2];

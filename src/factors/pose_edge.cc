@@ -27,11 +27,10 @@ using Eigen::Vector3d;
 struct EdgeError {
   Matrix3 R_a;
   Matrix3 R_m;
-  Vector3d t;   // R_aᵀ (p_b − p_a)
-  Vector3d u;   // t − p_m
-  double q[4];  // E, of w ≥ 0
-  Vector3d r;   // Log E
-  // J_l⁻¹(r) = I − ½ [r]× + k [r]×²; J_r⁻¹ is its transpose.
+  Vector3d t;           // R_aᵀ (p_b − p_a)
+  Vector3d u;           // t − p_m
+  double q[4];          // E, of w ≥ 0
+  Vector3d r;           // Log E
   Matrix3 J_l_inverse;  // at r
 
   Vector3d epsilon() const { return {q[0], q[1], q[2]}; }
@@ -60,6 +59,7 @@ EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, con
   e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
   e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
   LogQuaternion(e.q, e.r.data());
+  // J_l⁻¹(r) = I − ½ [r]× + k [r]×²; J_r⁻¹ is its transpose.
   RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
                      e.J_l_inverse.data());
   return e;
@@ -97,6 +97,8 @@ double SlopeOfCoefficient(double t) {
                 t * (1.0 / 403200.0 + t * (1.0 / 11975040.0 + t * (691.0 / 261534873600.0 +
                                                                    t * 1.0 / 12454041600.0))));
   }
+  // The closed form with h = θ/2: h cot h has the derivative cot h − h / sin² h, and dh/dt = 1 /
+  // (8h).
   const double h = 0.5 * std::sqrt(t);
   const double cot = std::cos(h) / std::sin(h), sine = std::sin(h);
   return -(cot - h / (sine * sine)) / (8.0 * h * t) - (1.0 - h * cot) / (t * t);
@@ -130,6 +132,7 @@ EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
   const Matrix3 turn = CrossMatrix(e.epsilon());
   if (slot == 0) {
     slopes.u_p = -e.R_a.transpose();
+    // R_a Exp(φ) turns t by −φ, which adds t × φ.
     slopes.u_r = CrossMatrix(e.t);
     slopes.r = -e.J_l_inverse * e.R_m.transpose();
     slopes.q = -0.5 * (e.q[3] * Matrix3::Identity() - turn) * e.R_m.transpose();
@@ -146,6 +149,7 @@ EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
 Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slot) {
   const EdgeSlopes slopes = DifferentiateEdge(e, slot);
   Matrix6 J = Matrix6::Zero();
+  // Into the axes of the measured pose, where g2o and GTSAM have the position's error.
   const Matrix3 back = e.R_m.transpose();
   switch (convention) {
     case PoseErrorConvention::kGeodesic:

@@ -23,6 +23,7 @@ namespace {
 void Compare(const double* pose, const double* prior, bool left, double e[6]) {
   double back[4], error[4];
   ConjugateQuaternion(prior + 3, back);
+  // The prior's inverse stands on the side that is not perturbed.
   if (left) {
     MultiplyQuaternions(pose + 3, back, error);
   } else {
@@ -42,6 +43,7 @@ void Differentiate(const double e[6], bool left, double E[36]) {
   // angle of 2π, which Log never reaches.
   RotationPolynomial(e + 3, left ? -0.5 : 0.5, InverseLeftJacobianCoefficient(e + 3), J_inverse);
   std::fill_n(E, 36, 0.0);
+  // Rows and columns 0 to 2 are the position, 3 to 5 the rotation.
   for (int r = 0; r < 3; ++r) {
     E[7 * r] = 1.0;
     std::copy_n(J_inverse + 3 * r, 3, E + 6 * (3 + r) + 3);
@@ -76,6 +78,8 @@ EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
   return {};
 }
 
+// Velocity and biases with a full U, where DiagonalPriorFamily has a diagonal one. The order of the
+// biases is that of the variable: mean and U come in the same.
 EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
     const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];

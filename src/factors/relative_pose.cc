@@ -35,6 +35,7 @@ void Compare(const RelativePoseFamily::Measurement& measurement, const double* a
   MultiplyQuaternions(q, q_ab_conjugate, error);
   LogQuaternion(error, v.e);
   const double baseline[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+  // b's axes: the position error is where b sees a, so p_b and R_b both move it.
   QuaternionToMatrix(b + 3, v.R_b);
   MultiplyTransposed(v.R_b, baseline, v.t);
   for (int k = 0; k < 3; ++k) {
