@@ -10,18 +10,27 @@
 #include "inceres/solver/linear_prior.h"
 #include "linearize/factor_linearizer.h"
 
+// The public face of a window. The work is in estimator/window.h, phase by phase; here is the order
+// of the phases and what can be read out between two calls: states, covariances of one frame, how
+// well a landmark is determined, what the prior knows. Read-outs change nothing and take the values
+// that the solver holds. They are not on the path of a frame: each one costs what its comment in
+// the header says.
+
 namespace inceres {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // As newly made, but for the memory of the update.
+// A caller who passes the same summary each time keeps the update's vectors: they are swapped out
+// of the old object and into the new one, so that nothing of the last frame survives but capacity.
 void Clear(WindowSummary* summary) {
   WindowSummary cleared;
   std::swap(cleared.update, summary->update);
   *summary = std::move(cleared);
 }
 
+// A track without a landmark may exist: seen once, or with too little parallax so far.
 Status NoLandmark(std::int64_t track) {
   return Status::Error(StatusCode::kInvalidArgument,
                        "track " + std::to_string(track) + " has no landmark in the window");
@@ -67,12 +76,16 @@ void SlidingWindowEstimator::AddFrame(const WindowFrame& frame, WindowSummary* s
   Clear(summary);
   internal::Window& window = impl_->window;
   summary->status = window.Admit(frame, summary);
+  // A frame that is not admitted leaves all as it was, so there is nothing to solve.
   if (summary->status.ok()) {
+    // The window slides after a failed solve as well: frames come in at a fixed rate, and a window
+    // that does not slide grows. The first thing that went wrong is what is told.
     summary->status = window.Solve(summary);
     const Status slid = window.Slide(summary);
     summary->status = summary->status.ok() ? slid : summary->status;
   }
   summary->num_landmarks = window.tracks().CountLandmarks();
+  // The newest frame as the solver leaves it, or the last good one if this one was refused.
   if (num_frames() > 0) {
     summary->state = State(num_frames() - 1);
   }
@@ -109,6 +122,9 @@ Status SlidingWindowEstimator::StateCovariance(int i, std::array<double, 225>* c
         StatusCode::kInvalidArgument,
         "the window has no frame " + std::to_string(i) + ", but " + std::to_string(num_frames()));
   }
+  // Three blocks are enough: the fourth is the transpose of the second. They are neighbors by the
+  // IMU factor or the prior, so their entries of S⁻¹ come from the factor's own pattern
+  // (docs/algorithms.md, "Covariance").
   const VariableId pose = PoseId(i), speed_bias = SpeedBiasId(i);
   GraphCovariance blocks;
   const Status status =
@@ -120,6 +136,7 @@ Status SlidingWindowEstimator::StateCovariance(int i, std::array<double, 225>* c
   blocks.Get(pose, pose, pp.data());
   blocks.Get(pose, speed_bias, ps.data());
   blocks.Get(speed_bias, speed_bias, ss.data());
+  // Row-major like the blocks: (δp, φ), velocity, biases, both ways.
   Eigen::Map<RowMajor> all(covariance->data(), 15, 15);
   all << pp, ps, ps.transpose(), ss;
   return Status::Ok();
@@ -131,6 +148,7 @@ Status SlidingWindowEstimator::LandmarkPosition(std::int64_t track,
   if (found == nullptr) {
     return NoLandmark(track);
   }
+  // The first view is from the anchor: λ and m are in that camera.
   const internal::View& anchor_view = found->views.front();
   const VariableId anchor = impl_->window.FrameNumbered(anchor_view.frame).pose;
   const internal::Feature feature = impl_->window.graph().FeatureOf(found->landmark, anchor_view);
@@ -149,12 +167,16 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
   const FactorGraph& graph = solver().graph();
   const VariableId landmark = found->landmark;
   const int size = graph.TangentSize(landmark);
+  // P = Σ JᵀJ over the landmark's own columns, the frames held: the block that elimination inverts,
+  // and so the inverse of the covariance that the landmark would have if all frames were known.
   RowMajor P = RowMajor::Zero(size, size);
+  // Linearized anew at the values held, with the loss's weight, and only in the landmark's slot.
   internal::FactorLinearizer linearizer(
       graph, [this](VariableId id) { return solver().Values(id); },
       [=](VariableId id) { return id == landmark; });
   for (const internal::View& view : found->views) {
     internal::LinearizedFactor factor;
+    // With kInverseDepth the first view has no factor: its bearing is taken as exact.
     if (view.factor.family < 0) {
       continue;  // the exact view from the anchor
     }
@@ -173,6 +195,8 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
   return Status::Ok();
 }
 
+// Eigenvalues of JᵀJ, the information of what has left; a zero is a direction that nothing
+// measured. Squaring J costs half of the digits: values far below the largest are noise.
 std::vector<double> SlidingWindowEstimator::PriorSpectrum() const {
   const LinearPrior* prior = FindLinearPrior(solver().graph(), impl_->window.prior());
   if (prior == nullptr) {

@@ -6,6 +6,10 @@
 #include "inceres/estimator/sliding_window_estimator.h"
 #include "problem/find_fault.h"
 
+// Checks of the window's options; what is delegated (IMU, solver, marginalization) names its own
+// culprit. All comparisons are written so that NaN fails them: "not positive" instead of "less than
+// or equal to zero".
+
 namespace inceres {
 namespace {
 
@@ -33,6 +37,7 @@ Status ValidateCamera(const std::array<double, 7>& pose) {
 
 }  // namespace
 
+// The order of the checks is that of the header, and the first culprit is the one named.
 Status SlidingWindowOptions::Validate() const {
   if (size < 3 || size > 1000) {
     return Invalid("size is " + std::to_string(size) + ", not between 3 and 1000");
@@ -40,6 +45,8 @@ Status SlidingWindowOptions::Validate() const {
   if (min_tracked < 0 || !IsNotNegative(min_parallax)) {
     return Invalid("min_tracked and min_parallax must not be negative");
   }
+  // Divisors, so that zero is as bad as a negative number: whitening takes 1 / sigma, and a track
+  // without parallax has no depth.
   const std::pair<const char*, double> positive[] = {
       {"feature_sigma[0]", feature_sigma[0]},
       {"feature_sigma[1]", feature_sigma[1]},
@@ -49,9 +56,12 @@ Status SlidingWindowOptions::Validate() const {
       return Invalid(std::string(name) + " must be positive and finite");
     }
   }
+  // Infinity is allowed in both and means never.
   if (!(max_imu_seconds > 0.0) || !(max_mean_error > 0.0)) {
     return Invalid("max_imu_seconds and max_mean_error must be positive");
   }
+  // The manifold of the window's poses is PoseManifold, R Exp(φ); an IMU factor in the other
+  // convention would have Jacobians of other coordinates.
   if (imu.conventions.perturbation != ImuConventions::Perturbation::kRight) {
     return Invalid(
         "imu.conventions.perturbation is kLeft; the reprojections are written for kRight");

@@ -6,9 +6,17 @@
 
 #include "estimator/window_input.h"
 
+// A window's first frame, its solves, and the landmarks that a solve shows to be wrong
+// (window_frames.cc: how frames come in; window_slide.cc: how they leave). All phases change the
+// window in the same way: an edit of the graph is gathered along with a copy of the tracks, the
+// edit is applied, and only if it was carried out does the copy take the place of the tracks. An
+// edit is done as a whole or not at all, so graph and tracks never disagree, whatever fails.
+
 namespace inceres::internal {
 
 const FrameRecord& Window::FrameNumbered(std::int64_t number) const {
+  // Frames are numbered over the whole life of the estimator and few at a time: a linear search.
+  // The caller knows that there is one.
   return *std::find_if(frames_.begin(), frames_.end(),
                        [number](const FrameRecord& frame) { return frame.number == number; });
 }
@@ -31,6 +39,7 @@ Status Window::Start(const WindowStart& start, const std::vector<WindowObservati
   if (status.ok()) {
     ++next_number_;
     frames_.push_back(record);
+    // A first view makes no landmark: it has no factor, and waits for a second one.
     for (const WindowObservation& seen : observations) {
       tracks_.all()[seen.track].views.push_back({record.number, seen.point, {}});
     }
@@ -38,6 +47,8 @@ Status Window::Start(const WindowStart& start, const std::vector<WindowObservati
   return status;
 }
 
+// Minimizes within the budget of the options. A solve that stops at the budget is a success: the
+// next frame goes on from there, with most of what was computed.
 Status Window::Solve(WindowSummary* summary) {
   graph_.solver.Update(&summary->update);
   if (summary->update.termination != Termination::kFailure) {
@@ -61,8 +72,11 @@ bool Window::IsWrong(const Track& track) const {
   const View& anchor_view = track.views.front();
   const FrameRecord& anchor = FrameNumbered(anchor_view.frame);
   const Feature feature = graph_.FeatureOf(track.landmark, anchor_view);
+  // How far the anchor's own view is off: with kInverseDepth it is exact and this is zero.
   double sum = std::hypot((feature.m[0] - anchor_view.point[0]) / options_.feature_sigma[0],
                           (feature.m[1] - anchor_view.point[1]) / options_.feature_sigma[1]);
+  // The other views by the current values, each in units of its standard deviation; lengths, not
+  // squares, so that one bad view among many counts less.
   for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
     std::array<double, 2> point{};
     if (!graph_.CameraBetween(anchor, FrameNumbered(view->frame)).Project(feature, &point)) {
@@ -71,13 +85,18 @@ bool Window::IsWrong(const Track& track) const {
     sum += std::hypot((point[0] - view->point[0]) / options_.feature_sigma[0],
                       (point[1] - view->point[1]) / options_.feature_sigma[1]);
   }
+  // A sum that is NaN counts as wrong: the comparison is negated.
   return feature.lambda <= 0.0 ||
          !(sum <= options_.max_mean_error * static_cast<double>(track.views.size()));
 }
 
+// Takes wrong landmarks out after the solve, in which the loss alone limits what they do. Their
+// factors leave with the variable. The whole track goes: what is seen of it next begins a new one,
+// without the views that misled this one.
 Status Window::RejectLandmarks(WindowSummary* summary) {
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
+  // In the order of the tracks' numbers, which makes edits the same from run to run.
   for (auto entry = tracks.all().begin(); entry != tracks.all().end();) {
     const bool wrong = entry->second.has_landmark() && IsWrong(entry->second);
     if (wrong) {

@@ -6,6 +6,11 @@
 #include "estimator/window_input.h"
 #include "factors/imu_layout.h"
 
+// A frame is predicted by the IMU, connected with the frame before it and with the landmarks that
+// it sees, and tracks that have become wide enough get landmarks. Whether the frame before it is a
+// keyframe is decided before that, from what the images show (VINS-Mono, Qin, Li & Shen 2018,
+// section V.A), and is carried out when the window slides, after the solve.
+
 namespace inceres::internal {
 
 Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
@@ -13,6 +18,7 @@ Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "SlidingWindowEstimator: Start must come before AddFrame");
   }
+  // Everything that can be wrong with the input is found before anything changes.
   Status status = CheckFrame(frames_.back().time, frame);
   ImuPreintegrator imu(options_.imu);
   WindowState predicted;
@@ -20,7 +26,9 @@ Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
   if (!status.ok()) {
     return status;
   }
+  // Counted before the frame's own views are in: known means seen before.
   summary->num_tracked = tracks_.CountKnown(frame.observations);
+  // The decision is kept only if the frame came in, since it is about what leaves because of it.
   const bool keeps_second_newest = BeginsKeyframe(frame, imu);
   status = Connect(frame, imu, predicted);
   if (status.ok()) {
@@ -32,18 +40,27 @@ Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
 
 // Whether the frame that is the newest now has become a keyframe when `frame` arrives.
 bool Window::BeginsKeyframe(const WindowFrame& frame, const ImuPreintegrator& imu) const {
+  // Few known tracks: the view has changed, or the tracker has lost it, and the newest frame is
+  // worth keeping whatever the parallax.
   if (frames_.size() < 2 || tracks_.CountKnown(frame.observations) < options_.min_tracked) {
     return true;
   }
   const FrameRecord& newest = frames_.back();
+  // First a measurement of the IMU that would span too long if the two were joined, then the motion
+  // between the two newest frames as the image shows it. Rotation is not taken out of it: the mean
+  // distance is of the points as they were seen.
   return graph_.Imu(newest).delta().dt + imu.delta().dt > options_.max_imu_seconds ||
          tracks_.Parallax(frames_[frames_.size() - 2].number, newest.number) >=
              options_.min_parallax;
 }
 
+// Integrates from the newest frame's time at its current biases, so that the first-order correction
+// begins at zero, and propagates its state. That is also where the frame starts in the solve.
 Status Window::Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowState* state) const {
   const FrameRecord& newest = frames_.back();
   std::vector<ImuSample> samples;
+  // The samples are cut and interpolated at both times: the preintegration begins and ends where
+  // states are.
   Status status = InterpolateImuSamples(frame.imu, newest.time, frame.time, &samples);
   const double* speed_bias = graph_.solver.Values(newest.speed_bias);
   const ImuLayout layout = LayoutOf(options_.imu.conventions);
@@ -51,6 +68,8 @@ Status Window::Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowSt
     status =
         imu->Integrate(samples, speed_bias + layout.gyr_column, speed_bias + layout.acc_column);
   }
+  // Biases stay as they are, which is the mean of their random walk. Only the pose and the velocity
+  // move.
   *state = graph_.StateOf(newest);
   state->time = frame.time;
   std::array<double, 9> next_speed_bias{};
@@ -62,6 +81,8 @@ Status Window::Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowSt
   return status;
 }
 
+// One edit with the two variables of the frame, its IMU factor and its views of landmarks. A view
+// of a track without a landmark is only noted.
 Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
                        const WindowState& predicted) {
   GraphEdit edit(graph_.solver.graph());
@@ -69,6 +90,7 @@ Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
   FrameRecord record = graph_.AddFrame(next_number_, predicted, &edit);
   record.imu = graph_.AddImu(imu, frames_.back(), record, &edit);
   for (const WindowObservation& seen : frame.observations) {
+    // A track that is not there yet is made here.
     Track& track = tracks.all()[seen.track];
     View view{record.number, seen.point, {}};
     if (track.has_landmark()) {
@@ -87,17 +109,21 @@ Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
   return status;
 }
 
+// A landmark needs parallax, or its λ is noise, and must be in front of its anchor. The bearing is
+// that of the first view; only λ is fitted, which is one linear equation per coordinate.
 bool Window::Triangulate(const Track& track, Feature* feature) const {
   const View& anchor_view = track.views.front();
   const FrameRecord& anchor = FrameNumbered(anchor_view.frame);
   Triangulation triangulation(anchor_view.point);
   for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
+    // At the predicted pose of the newest frame and the estimated ones of the others.
     triangulation.AddView(graph_.CameraBetween(anchor, FrameNumbered(view->frame)), view->point);
   }
   *feature = triangulation.Solve();
   return triangulation.parallax() >= options_.min_triangulation_parallax && feature->lambda > 0.0;
 }
 
+// Only tracks that the newest frame sees: others have learned nothing since they were last tried.
 Status Window::CreateLandmarks(WindowSummary* summary) {
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
@@ -108,6 +134,7 @@ Status Window::CreateLandmarks(WindowSummary* summary) {
         !Triangulate(track, &feature)) {
       continue;
     }
+    // All views the track has are used at once, from its anchor on.
     View& anchor_view = track.views.front();
     track.landmark = graph_.AddLandmark(feature, &anchor_view, &edit);
     for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {

@@ -5,6 +5,15 @@
 #include "estimator/window.h"
 #include "inceres/solver/marginalization.h"
 
+// Two ways out, as in VINS-Mono. If the second-newest frame is a keyframe, the oldest frame leaves:
+// it is marginalized, and the prior keeps what it knew (docs/algorithms.md, "Marginalization"). If
+// not, the second-newest leaves: its views are dropped, and the samples before and after it become
+// one measurement, so the IMU's chain has no gap. With WindowRule::kKeepSeenLandmarks, landmarks of
+// the oldest frame that are still seen get another anchor first, at the cost of one view each.
+//
+// Each view is used once, in the graph or in the prior. Marginalization does all or nothing; what
+// could not be done is tried again at the next frame.
+
 namespace inceres::internal {
 namespace {
 
@@ -14,10 +23,12 @@ bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& 
                    MarginalizationRequest* request) {
   std::vector<VariableId>& marginalized = request->marginalized;
   for (const VariableId id : offenders) {
+    // Landmarks only: a frame that is at fault cannot be left out, since it is what must go.
     const auto found = std::find(marginalized.begin(), marginalized.end(), id);
     if (found == marginalized.end() || graph.role(id) != Role::kLandmark) {
       return false;
     }
+    // A dropped landmark's information is lost, where a marginalized one's is in the prior.
     marginalized.erase(found);
     request->dropped.push_back(id);
   }
@@ -31,6 +42,7 @@ int CountLandmarks(const FactorGraph& graph, const std::vector<VariableId>& ids)
 
 }  // namespace
 
+// More than one frame may be too many, after a marginalization that failed.
 Status Window::Slide(WindowSummary* summary) {
   Status status;
   while (status.ok() && static_cast<int>(frames_.size()) > options_.size) {
@@ -43,6 +55,8 @@ bool Window::IsInPrior(VariableId id) const {
   return std::find(in_prior_.begin(), in_prior_.end(), id) != in_prior_.end();
 }
 
+// Takes up frames that are left over from before, then tries with fewer landmarks until it succeeds
+// or the fault is not a landmark's. Each round drops at least one, so it ends.
 Status Window::Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request,
                            WindowSummary* summary) {
   request->marginalized.insert(request->marginalized.end(), left_over_.begin(), left_over_.end());
@@ -50,6 +64,7 @@ Status Window::Marginalize(const MarginalizationOptions& options, Marginalizatio
   MarginalizationSummary& done = summary->marginalization;
   int num_marginalized = 0;
   do {
+    // Counted before the call: after it the ids are gone from the graph.
     num_marginalized = CountLandmarks(graph, request->marginalized);
     done = graph_.solver.Marginalize(*request, options);
   } while (done.status.code == StatusCode::kSingular &&
@@ -57,6 +72,7 @@ Status Window::Marginalize(const MarginalizationOptions& options, Marginalizatio
   if (done.status.ok()) {
     summary->num_marginalized_landmarks += num_marginalized;
     left_over_.clear();
+    // What the prior touches is remembered: such a frame cannot just be removed (DropSecondNewest).
     prior_ = done.prior;
     in_prior_ = done.kept;
   }
@@ -64,6 +80,7 @@ Status Window::Marginalize(const MarginalizationOptions& options, Marginalizatio
 }
 
 Status Window::MarginalizeOldest(WindowSummary* summary) {
+  // A copy: the record is erased below.
   const FrameRecord oldest = frames_.front();
   if (options_.rule == WindowRule::kKeepSeenLandmarks) {
     const Status status = Reanchor(summary);
@@ -71,12 +88,16 @@ Status Window::MarginalizeOldest(WindowSummary* summary) {
       return status;
     }
   }
+  // MinFactors: with kBearing, one factor is the bearing alone, which says nothing of the depth.
+  // Such landmarks are dropped and not marginalized.
   MarginalizationRequest request =
       OldestFrameRule(graph_.solver.graph(), {oldest.pose, oldest.speed_bias}, graph_.MinFactors());
   const Status status = Marginalize(options_.marginalization, &request, summary);
   if (status.ok()) {
     summary->num_dropped_landmarks += static_cast<int>(request.dropped.size());
+    // After the graph only: a frame that could not be marginalized stays in the window.
     frames_.erase(frames_.begin());
+    // Landmarks of the oldest frame went with it, so their tracks end; others lose a view.
     tracks_.ForgetOldest(oldest.number);
     summary->left = WindowSummary::Left::kOldest;
     summary->left_time = oldest.time;
@@ -92,6 +113,7 @@ Status Window::Reanchor(WindowSummary* summary) {
   WindowTracks tracks = tracks_;
   int count = 0;
   for (auto& [number, track] : tracks.all()) {
+    // Fewer than three views would leave one after the oldest has gone: no parallax, no landmark.
     if (!track.has_landmark() || track.views.size() < 3 ||
         track.views.front().frame != oldest.number ||
         track.views.back().frame != frames_.back().number) {
@@ -99,10 +121,16 @@ Status Window::Reanchor(WindowSummary* summary) {
     }
     const FrameRecord& anchor = FrameNumbered(track.views[1].frame);
     const Feature old_feature = graph_.FeatureOf(track.landmark, track.views[0]);
+    // h is λ times the point in the next camera, h = z m' with λ' = λ / z: bearing and inverse
+    // depth there follow without a division by λ. Behind that camera there is no such form: it
+    // stays and goes with the oldest frame.
     const Eigen::Vector3d h = graph_.CameraBetween(oldest, anchor).Point(old_feature);
     if (!(h.z() > 0.0)) {
       continue;
     }
+    // A new variable, not new values of the old one: all its factors change their anchor. The view
+    // from the oldest frame goes with the old variable, so the prior gets no rows of it and stays
+    // sparse.
     edit.RemoveVariable(track.landmark);
     track.views.erase(track.views.begin());
     const Feature feature{{h.x() / h.z(), h.y() / h.z()}, old_feature.lambda / h.z()};
@@ -129,6 +157,8 @@ void Window::DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* 
     Track& track = entry->second;
     const auto view = track.ViewFrom(frame);
     if (view != track.views.end()) {
+      // Two views or more are left: λ is still determined. With one left, the view stays in the
+      // track, and may become a landmark again with the next one.
       if (track.has_landmark() && track.views.size() > 2) {
         edit->RemoveFactor(view->factor);
       } else if (track.has_landmark()) {
@@ -142,10 +172,15 @@ void Window::DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* 
   }
 }
 
+// The frame before the newest leaves without a trace but for the IMU. It was no keyframe: its image
+// shows little that the newest one's does not.
 Status Window::DropSecondNewest(WindowSummary* summary) {
   const std::size_t k = frames_.size() - 2;
   const FrameRecord leaving = frames_[k];
   FrameRecord newest = frames_.back();
+  // A copy of the earlier measurement with the later samples appended, all integrated at the
+  // earlier one's biases. Sample 0 of the later one is the interpolated one at the time between
+  // them, which the earlier one has as its last.
   ImuPreintegrator imu = graph_.Imu(leaving);
   std::vector<ImuSample> samples = graph_.Imu(newest).samples();
   samples.erase(samples.begin());  // the last one of those before
@@ -158,8 +193,12 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
   DropViewsFrom(leaving.number, &tracks, &edit, summary);
   edit.RemoveFactor(leaving.imu);
   edit.RemoveFactor(newest.imu);
+  // From the frame before the one that leaves to the newest; with the window too large there is
+  // one.
   newest.imu = graph_.AddImu(imu, frames_[k - 1], newest, &edit);
   MarginalizationRequest request;
+  // A variable that the prior holds cannot be removed without it. It is marginalized instead, which
+  // only involves the prior, since all its other factors go in this edit.
   for (const VariableId id : {leaving.pose, leaving.speed_bias}) {
     if (IsInPrior(id)) {
       request.marginalized.push_back(id);
@@ -171,6 +210,7 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
   if (!status.ok()) {
     return status;
   }
+  // The newest frame moves down by one place, with its new IMU factor.
   frames_.pop_back();
   frames_.back() = newest;
   tracks_ = std::move(tracks);
@@ -182,6 +222,8 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
     options.allow_rank_loss = true;
     status = Marginalize(options, &request, summary);
   }
+  // They are still in the graph, in no frame of the window; the next marginalization takes them
+  // along.
   if (!status.ok()) {
     left_over_ = request.marginalized;
   }

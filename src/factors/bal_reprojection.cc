@@ -6,6 +6,15 @@
 #include "inceres/problem/ambient_family.h"
 #include "inceres/problem/rotation.h"
 
+// BAL's camera model: P = Exp(w) X + t, p = −P_xy / P_z, residual = f (1 + k1 r² + k2 r⁴) p − (x,
+// y). The camera looks along −z, so 1/P_z comes with a minus throughout.
+//
+// The sine and cosine of w are the same for all factors of a camera, so rotations are kept for the
+// duration of one call. A rotation is computed from w alone, by one function, so a factor has the
+// same bits whichever factors are evaluated along with it. NaN and infinity are found in sums over
+// what was written: a sum is finite only if all its terms are, and one test a factor is cheaper
+// than one an entry.
+
 namespace inceres {
 namespace {
 
@@ -17,6 +26,8 @@ struct CameraRotation {
   double J_l[9];  // left Jacobian: ∂(Exp(w) X)/∂w = −[Exp(w) X]× J_l
 };
 
+// Jacobians need J_l as well, from the same two values of sine and cosine: RotationPolynomial with
+// the coefficients shifted by one. Smooth at w = 0, where CoefficientsOfAngle uses series.
 template <bool kWithJacobians>
 void ComputeRotation(const double* w, CameraRotation& rotation) {
   const RotationCoefficients k = CoefficientsOfAngle(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
@@ -79,6 +90,8 @@ struct Projection {
   double distortion;
 };
 
+// One division a factor; all else is products. A depth of zero makes the residual infinite, which
+// the caller finds.
 inline Projection Project(const CameraRotation& rotation, const double* camera, const double* X) {
   Projection v;
   MultiplyMatrixVector(rotation.R, X, v.Y);
@@ -93,8 +106,11 @@ inline Projection Project(const CameraRotation& rotation, const double* camera, 
 // A[r] = ∂residual_r/∂P. With D = 1 + k1 r² + k2 r⁴ and D' = dD/d(r²):
 //     ∂residual/∂p = f (D I + 2 D' p pᵀ),   ∂p/∂P = −1/P_z [I | p].
 inline void DifferentiateProjection(const Projection& v, const double* camera, double A[2][3]) {
+  // f is camera[6], k1 and k2 are camera[7] and [8].
   const double f = camera[6];
   const double two_slope = 2.0 * (camera[7] + 2.0 * camera[8] * v.r2);
+  // f · (−1/P_z) is in all six entries, and the 2×2 block is symmetric: A = scale (D I + 2 D' p pᵀ)
+  // [I | p].
   const double scale = f * v.minus_inverse_depth;
   const double diagonal = scale * v.distortion;
   const double s0 = scale * two_slope * v.p[0];
@@ -124,6 +140,7 @@ inline double WriteCameraRow(const Projection& v, const CameraRotation& rotation
   double torque[3];
   Cross(v.Y, a, torque);
   double sum = MultiplyRow(torque, rotation.J_l, row);
+  // ∂P/∂t = I, so the columns of t are a itself. Those of f, k1, k2 are D p, f r² p, f r⁴ p.
   row[3] = a[0];
   row[4] = a[1];
   row[5] = a[2];
@@ -142,6 +159,7 @@ struct Target {
       : map(tangent_map),
         destination(view.data + factor * view.factor_stride),
         destination_stride(view.row_stride) {
+    // Any other map needs the whole ambient Jacobian in scratch memory before it is projected.
     const bool direct = map.kind == TangentMap::Kind::kIdentity;
     ambient = direct ? destination : scratch;
     ambient_stride = direct ? destination_stride : ambient_size;
@@ -165,7 +183,10 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
                              const CameraRotation& rotation, const double* camera) {
   double A[2][3];
   DifferentiateProjection(v, camera, A);
+  // The sum is over ambient entries, before the projection: one that is not finite fails even in a
+  // column that the map leaves out.
   double sum = 0.0;
+  // One scratch for both slots: each is finished before the next one begins.
   double scratch[2 * kCameraSize];
   const TangentMap* const* maps = batch.tangent_maps + 2 * static_cast<std::ptrdiff_t>(i);
   const Target camera_target(*maps[0], batch.jacobians[0], i, scratch, kCameraSize);
@@ -177,6 +198,7 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
   }
   const Target point_target(*maps[1], batch.jacobians[1], i, scratch, kPointSize);
   if (point_target.wanted()) {
+    // ∂P/∂X = R.
     sum += MultiplyRow(A[0], rotation.R, point_target.ambient);
     sum += MultiplyRow(A[1], rotation.R, point_target.ambient + point_target.ambient_stride);
     point_target.Finish();
@@ -187,6 +209,7 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
 // The cache pays from a few factors on: it is 19 KiB to clear in part and to spread over.
 constexpr int kFewFactors = 8;
 
+// One loop, compiled four times: with or without Jacobians, and with either memory of rotations.
 template <bool kWithJacobians, typename Rotations>
 EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements,
                                const FactorBatch& batch) {
@@ -200,6 +223,7 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
     const double focal = camera[6] * v.distortion;
     residual[0] = focal * v.p[0] - measurements[i].x;
     residual[1] = focal * v.p[1] - measurements[i].y;
+    // One test for both: infinities of opposite sign sum to NaN, which is not finite either.
     if (!std::isfinite(residual[0] + residual[1])) {
       const bool in_plane = v.Y[2] + camera[5] == 0.0;
       return {i, in_plane ? "the point lies in the camera's plane (depth 0)"
@@ -212,6 +236,7 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
   return {};
 }
 
+// The choice changes the time, never the result.
 template <bool kWithJacobians>
 EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements,
                                 const FactorBatch& batch) {

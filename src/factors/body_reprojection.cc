@@ -6,6 +6,13 @@
 #include "factors/inverse_depth_chain.h"
 #include "factors/whiten.h"
 
+// An inverse-depth feature between two views from a body, in the letters of the header: the chain m
+// → body at i → world → body at j → h is in inverse_depth_chain.h, for all combinations of one or
+// two poses and cameras; here is the end of the chain. The error of h against z is e(h, z), whose
+// derivative A = ∂e/∂h is whitened once, a = U A; each row of a then goes back along the chain and
+// gives the rows of all slots. The time offset τ enters twice: through z, in e_tau, and through m,
+// which moves with the features of frame i.
+
 namespace inceres {
 namespace {
 
@@ -26,6 +33,8 @@ struct Observed {
 
 // B (z, 1) / ‖(z, 1)‖ at z moves by −B (I − d dᵀ) / ‖(z, 1)‖ · (ż, 0) with τ; e has it with a
 // minus.
+// B is fixed at z_j, not at z(τ): it does not move with τ, and its derivative is not needed. d and
+// h / ‖h‖ are compared in it.
 void OnSphere(const double h[3], const Measurement& measurement, const double z[2],
               bool differentiate, Observed* v) {
   double B[2][3];
@@ -40,6 +49,7 @@ void OnSphere(const double h[3], const Measurement& measurement, const double z[
   internal::SphereError(h, d, B, v->e, differentiate ? v->A : nullptr);
   const double* rate = measurement.velocity_j;
   const double radial = d[0] * rate[0] + d[1] * rate[1];
+  // (ż, 0) has no third component, so two products make B ż and the part along d.
   for (int r = 0; r < 2; ++r) {
     v->e_tau[r] = (B[r][0] * rate[0] + B[r][1] * rate[1] - internal::Dot(B[r], d) * radial) / norm;
   }
@@ -49,6 +59,7 @@ void Observe(const double h[3], const Measurement& measurement, double tau, Erro
              bool differentiate, Observed* v) {
   double z[2];
   for (int k = 0; k < 2; ++k) {
+    // z = z_j − (τ − τ_j) ż and e has −z: in the plane ∂e/∂τ = ż.
     z[k] = measurement.point_j[k] - (tau - measurement.offset_j) * measurement.velocity_j[k];
     v->e_tau[k] = measurement.velocity_j[k];
   }
@@ -67,13 +78,18 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
   using Chain = InverseDepthChain<poses, cameras>;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(i) * num_slots;
   const double* packed = measurement.sqrt_information;
+  // U as a 2×2 matrix, from its three entries.
   const double U[4] = {packed[0], packed[1], 0.0, packed[2]};
+  // Whitened before it goes back along the chain: two rows are multiplied by U, not the Jacobians
+  // of all slots.
   double a[2][3], by_tau[2];
   internal::MultiplyUpper<2, 3>(U, v.A[0], a[0], 3);
   internal::MultiplyUpper<2, 1>(U, v.e_tau, by_tau, 1);
   double sum = 0.0;
   for (int r = 0; r < 2; ++r) {
     const InverseDepthRow<poses, cameras> writer(chain, a[r]);
+    // Both rows of a slot are written in turn; the chain's intermediate vectors are computed once a
+    // row.
     for (int s = 0; s < num_slots; ++s) {
       const TangentMap& map = *batch.tangent_maps[first + s];
       if (!map.wanted()) {
@@ -81,6 +97,7 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
       }
       const JacobianView& view = batch.jacobians[s];
       double* row = view.data + i * view.factor_stride + r * view.row_stride;
+      // Through z directly and through m = m_i − (τ − τ_i) ṁ_i by the chain.
       if (s == Chain::kTimeOffset) {
         const double* a_m = writer.by_m();
         row[0] =
@@ -90,6 +107,7 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
       } else {
         writer.WritePose(s, row);
       }
+      // Poses and cameras come before the feature, and only they are on a manifold.
       if (s < Chain::kFeature) {
         internal::AssertPoseManifold(map, batch.parameters[first + s]);
       }
@@ -101,6 +119,7 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
   return sum;
 }
 
+// Cameras count as poses here: both are (7, 6).
 std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offset, Feature feature,
                                         Views views) {
   const int num_poses = views == Views::kTwoPosesTwoCameras ? 4 : views == Views::kTwoPoses ? 3 : 2;
@@ -113,6 +132,7 @@ std::vector<FactorFamily::Slot> SlotsOf(BodyReprojectionFamily::TimeOffset offse
   return slots;
 }
 
+// The plane has no image of h_z = 0, the sphere none of h = 0.
 const char* ReasonAt(const double h[3], Error error) {
   if (error == Error::kPlane && h[2] == 0.0) {
     return "the feature lies in the observing camera's plane (depth 0)";
@@ -143,6 +163,7 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
     const double* const* x = batch.parameters + static_cast<std::ptrdiff_t>(i) * num_slots();
     // Without an offset the features stay where they are.
     const double delay_i = estimated ? x[Chain::kTimeOffset][0] - measurement.offset_i : 0.0;
+    // With τ = τ_j the observation does not move: z is z_j exactly.
     const double tau = estimated ? x[Chain::kTimeOffset][0] : measurement.offset_j;
     const bool has_bearing = feature_ == Feature::kBearing;
     const double* bearing = has_bearing ? x[Chain::kFeature] : measurement.point_i;
@@ -158,6 +179,7 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
     if (!std::isfinite(residual[0] + residual[1])) {
       return {i, ReasonAt(chain.h, error_)};
     }
+    // The chain of the residual is used again: value and Jacobians are of one computation.
     if (batch.jacobians != nullptr &&
         !std::isfinite(WriteJacobians(batch, i, num_slots(), measurement, chain, v))) {
       return {i, "a Jacobian entry is not finite"};
@@ -166,6 +188,7 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
   return {};
 }
 
+// The views decide the template once a call, so that the loops have constant numbers of slots.
 EvaluationFailure BodyReprojectionFamily::Evaluate(const FactorBatch& batch) const {
   switch (views_) {
     case Views::kTwoPosesTwoCameras:

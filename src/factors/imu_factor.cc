@@ -7,6 +7,20 @@
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
 
+// The residual between two states of an IMU and its Jacobians (docs/algorithms.md, "IMU
+// pre-integration"; Forster et al. 2017, section VI.C):
+//     r_R = Log(ΔRᵀ R_iᵀ R_j),
+//     r_v = R_iᵀ(v_j − v_i − gΔt) − Δv,
+//     r_p = R_iᵀ(p_j − p_i − v_iΔt − ½gΔt²) − Δp,
+//     r_b = b_j − b_i,
+// with (ΔR, Δv, Δp) corrected to first order for the biases of i. Conventions decide the order of
+// rows and columns (imu_layout.h), on which side rotations are perturbed, Log or 2 vec(q), and the
+// sign.
+//
+// Kept per factor is U with UᵀU = Σ⁻¹, which costs a 15×15 Cholesky factorization and a triangular
+// inverse and changes only when the samples are integrated anew. It does not follow the biases
+// within an iteration: the covariance is that of the biases integrated at.
+
 namespace inceres {
 
 using internal::AsVector;
@@ -37,6 +51,8 @@ struct ImuFactorFamily::Factor {
 
   // U of what is integrated now, with the conventions' sign; false, and nothing changed, if there
   // is none.
+  // The sign is in U and not in the residual: −U whitens as well as U, residual and Jacobians
+  // change their sign together, and nothing else needs to know of it.
   bool Weigh() {
     Matrix<15, 15> weight;
     if (!imu.SqrtInformation(weight.data()).ok()) {
@@ -66,9 +82,13 @@ struct Comparison {
   Matrix<15, 1> e;
 };
 
+// The error's rotation E as a quaternion, and its three residuals from `row` on.
 void CompareRotations(const ImuConventions& conventions, const double* q_i, const double* q_j,
                       int row, Comparison* c) {
   double back_i[4], back_delta[4], between[4];
+  // R_iᵀ R_j first; ΔRᵀ stands on the left of it where rotations are perturbed on the right, and on
+  // the right of it where they are perturbed on the left. So in both cases φ_j acts at the outer
+  // end of E.
   ConjugateQuaternion(q_i, back_i);
   ConjugateQuaternion(c->delta.q, back_delta);
   MultiplyQuaternions(back_i, q_j, between);
@@ -77,6 +97,8 @@ void CompareRotations(const ImuConventions& conventions, const double* q_i, cons
   } else {
     MultiplyQuaternions(back_delta, between, c->q_error);
   }
+  // q and −q are one rotation, but 2 vec(q) tells them apart: with w ≥ 0 it points along the
+  // rotation vector of an angle of at most π.
   if (c->q_error[3] < 0.0) {
     for (double& entry : c->q_error) {
       entry = -entry;
@@ -89,6 +111,8 @@ void CompareRotations(const ImuConventions& conventions, const double* q_i, cons
   }
 }
 
+// `jacobians` is false for a cost-only evaluation, which leaves out the derivative of the
+// correction.
 void Compare(const ImuPreintegrator& imu, const ImuLayout& layout, const double* const* x,
              bool jacobians, Comparison* c) {
   const ImuConventions& conventions = imu.options().conventions;
@@ -96,6 +120,7 @@ void Compare(const ImuPreintegrator& imu, const ImuLayout& layout, const double*
   const double dt = imu.delta().dt;
   c->R_i = internal::RotationOf(x[0] + 3);
   c->R_j = internal::RotationOf(x[2] + 3);
+  // Corrected for the biases of i alone: b_j enters only through the walk.
   c->delta =
       internal::Correct(imu.delta(), x[1] + layout.gyr_column, x[1] + layout.acc_column, jacobians);
   c->way = c->R_i.transpose() *
@@ -104,6 +129,7 @@ void Compare(const ImuPreintegrator& imu, const ImuLayout& layout, const double*
   CompareRotations(conventions, x[0] + 3, x[2] + 3, layout.rotation, c);
   c->e.segment<3>(layout.position) = c->way - c->delta.p;
   c->e.segment<3>(layout.velocity) = c->gain - c->delta.v;
+  // The walk of the biases: their difference, with the integrated walk as covariance.
   c->e.segment<3>(layout.gyr_bias) =
       AsVector(x[3] + layout.gyr_column) - AsVector(x[1] + layout.gyr_column);
   c->e.segment<3>(layout.acc_bias) =
@@ -149,18 +175,23 @@ class Derivatives {
         response_(Respond(imu.options().conventions, comparison, layout.rotation)),
         R_i_inv_(comparison.R_i.transpose()) {}
 
+  // How the error answers to each variable, before whitening. What is not written is zero.
   Jacobian6 ByPoseI() const {
     Jacobian6 E = Jacobian6::Zero();
     const Matrix3 to_i = left_ ? R_i_inv_ : Matrix3(Matrix3::Identity());
     E.block<3, 3>(layout_.position, 0) = -R_i_inv_;
     E.block<3, 3>(layout_.position, 3) = Skew(c_.way) * to_i;
     E.block<3, 3>(layout_.velocity, 3) = Skew(c_.gain) * to_i;
+    // On the right φ_i has to be carried through R_iᵀ R_j to the right end of E; on the left it
+    // stands at the left end already.
     E.block<3, 3>(layout_.rotation, 3) =
         left_ ? Matrix3(-response_.from_left * R_i_inv_)
               : Matrix3(-response_.from_right * c_.R_j.transpose() * c_.R_i);
     return E;
   }
 
+  // Velocity enters directly, biases through the corrected motion, and each bias through its own
+  // row.
   Jacobian9 BySpeedBiasI() const {
     Jacobian9 E = Jacobian9::Zero();
     E.block<3, 3>(layout_.position, 0) = -dt_ * R_i_inv_;
@@ -173,6 +204,8 @@ class Derivatives {
         -c_.delta.motion_bias.bottomLeftCorner<3, 3>();
     E.block<3, 3>(layout_.position, layout_.acc_column) =
         -c_.delta.motion_bias.bottomRightCorner<3, 3>();
+    // ΔR Exp(φ_Δ): φ_Δ = phi_gyr_bias δb_g moves E from the left (right convention) or, carried
+    // through ΔR, from the right (left convention).
     const Matrix3 turned = left_ ? Matrix3(response_.from_right * internal::RotationOf(c_.delta.q))
                                  : response_.from_left;
     E.block<3, 3>(layout_.rotation, layout_.gyr_column) = -turned * c_.delta.phi_gyr_bias;
@@ -189,6 +222,7 @@ class Derivatives {
     return E;
   }
 
+  // v_j and b_j do not enter the preintegrated motion.
   Jacobian9 BySpeedBiasJ() const {
     Jacobian9 E = Jacobian9::Zero();
     E.block<3, 3>(layout_.velocity, 0) = R_i_inv_;
@@ -219,6 +253,7 @@ double WriteJacobians(const FactorBatch& batch, int i, const Derivatives& deriva
   double sum = 0.0;
   for (int s = 0; s < 4; ++s) {
     const TangentMap& map = *batch.tangent_maps[first + s];
+    // A constant or unwanted variable has no block to write to; its derivative is not formed.
     if (!map.wanted()) {
       continue;
     }
@@ -246,6 +281,7 @@ void ImuFactorFamily::Place(int index, const Measurement& measurement) {
   if (index == size()) {
     factors_.emplace_back();
   }
+  // A new Factor each time: U is computed here, once, not in Evaluate.
   factors_[static_cast<std::size_t>(index)] = std::make_unique<Factor>(measurement);
 }
 
@@ -253,6 +289,9 @@ const ImuPreintegrator& ImuFactorFamily::measurement(int index) const {
   return factors_[static_cast<std::size_t>(index)]->imu;
 }
 
+// Called between iterations by the solving thread (FactorFamily::Recenter). Samples are integrated
+// anew where the first-order correction has become too far; after that the factor is another
+// function, and the caller linearizes it anew.
 bool ImuFactorFamily::Recenter(int factor, const double* const* parameters) const {
   Factor& f = *factors_[static_cast<std::size_t>(factor)];
   const double* gyr_bias = parameters[1] + f.layout.gyr_column;
@@ -269,6 +308,7 @@ bool ImuFactorFamily::Recenter(int factor, const double* const* parameters) cons
 EvaluationFailure ImuFactorFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
     const Factor& factor = *factors_[static_cast<std::size_t>(i)];
+    // Told here and not in Place, so that the factor's index is in the message.
     if (!factor.has_information) {
       return {i, "the preintegration has no information matrix: too few samples, or none"};
     }
@@ -277,6 +317,7 @@ EvaluationFailure ImuFactorFamily::Evaluate(const FactorBatch& batch) const {
     Compare(factor.imu, factor.layout, batch.parameters + 4 * static_cast<std::ptrdiff_t>(i),
             jacobians, &comparison);
     double* residual = batch.residuals + 15 * static_cast<std::ptrdiff_t>(i);
+    // Whitening sums what it writes; the sum is finite only if all entries are.
     if (!std::isfinite(
             internal::MultiplyUpper<15, 1>(factor.U.data(), comparison.e.data(), residual, 1))) {
       return {i, "a residual is not finite"};

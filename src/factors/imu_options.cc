@@ -6,12 +6,16 @@
 #include "inceres/factors/imu_preintegrator.h"
 #include "problem/find_fault.h"
 
+// Named conventions and checks of options. A preset only says what differs from the default; each
+// choice is one that its program makes, listed in docs/visual_inertial.md ("Conventions").
+
 namespace inceres {
 
 using internal::Invalid;
 
 namespace {
 
+// Gravity points down the z axis in all of them; `gravity_norm` is its magnitude.
 ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
   ImuConventions conventions;
   std::copy_n(order, 5, conventions.residual_order);
@@ -21,6 +25,7 @@ ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
 
 }  // namespace
 
+// VINS: rotation errors are 2 vec(q), and the noise is that of a sample, not a density.
 ImuConventions ImuConventions::Vins(double gravity_norm) {
   ImuConventions vins = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
                                    ImuPart::kAccBias, ImuPart::kGyrBias},
@@ -31,6 +36,7 @@ ImuConventions ImuConventions::Vins(double gravity_norm) {
   return vins;
 }
 
+// OKVIS perturbs on the left and subtracts the state from the measurement.
 ImuConventions ImuConventions::Okvis(double gravity_norm) {
   ImuConventions okvis = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
                                     ImuPart::kGyrBias, ImuPart::kAccBias},
@@ -41,6 +47,7 @@ ImuConventions ImuConventions::Okvis(double gravity_norm) {
   return okvis;
 }
 
+// XRSLAM holds a sample until the next, and lets biases walk between the states only.
 ImuConventions ImuConventions::Xrslam(double gravity_norm) {
   ImuConventions xrslam = WithOrder({ImuPart::kRotation, ImuPart::kPosition, ImuPart::kVelocity,
                                      ImuPart::kGyrBias, ImuPart::kAccBias},
@@ -52,6 +59,7 @@ ImuConventions ImuConventions::Xrslam(double gravity_norm) {
 
 Status ImuConventions::Validate() const {
   bool seen[5] = {};
+  // A part named twice would leave another one without rows, and the residual map singular.
   for (const ImuPart part : residual_order) {
     const auto index = static_cast<unsigned>(part);
     if (index >= 5 || seen[index]) {
@@ -65,6 +73,7 @@ Status ImuConventions::Validate() const {
   return Status::Ok();
 }
 
+// Comparisons are negated, so that NaN fails. The first culprit is the one named.
 Status ImuOptions::Validate() const {
   const std::pair<const char*, double> deviations[] = {{"gyr", noise.gyr},
                                                        {"acc", noise.acc},
@@ -76,6 +85,7 @@ Status ImuOptions::Validate() const {
                      " must be positive and finite: without noise there is no information matrix");
     }
   }
+  // Infinity is allowed: never. Zero: whenever a bias has moved.
   if (!(max_rotation_change >= 0.0)) {
     return Invalid("ImuOptions::max_rotation_change = " + std::to_string(max_rotation_change) +
                    " must be at least 0");

@@ -11,6 +11,15 @@
 #include "factors/imu_step.h"
 #include "problem/find_fault.h"
 
+// The samples of an interval as one relative motion (docs/algorithms.md, "IMU pre-integration").
+// Here are the loops over samples, the checks and the information matrix; a single step is in
+// imu_step.cc. All samples are kept: the integration is repeated at other biases when the
+// first-order correction no longer serves, and goes on when the frame after it leaves a window.
+//
+// Every call works on a copy of the result and keeps it only if everything in it is finite, so an
+// error changes nothing. Integration runs over samples in their order, on one thread: it has the
+// same bits whenever it is repeated at the same biases.
+
 namespace inceres {
 
 using internal::AllFinite;
@@ -52,6 +61,7 @@ Status CheckBiases(const double* gyr_bias, const double* acc_bias) {
                                 : Invalid("the accelerometer bias to integrate at is not finite");
 }
 
+// One step per pair of neighbors. With `before` null the first sample only begins.
 void StepAll(const ImuOptions& options, const ImuSample* before,
              const std::vector<ImuSample>& samples, ImuDelta* delta) {
   for (const ImuSample& sample : samples) {
@@ -62,6 +72,7 @@ void StepAll(const ImuOptions& options, const ImuSample* before,
   }
 }
 
+// Samples are finite one by one, and yet products of them may overflow.
 Status CheckResult(const ImuDelta& delta) {
   const bool finite = AllFinite(delta.q, 4) && AllFinite(delta.v, 3) && AllFinite(delta.p, 3) &&
                       AllFinite(delta.bias_jacobian, 54) && AllFinite(delta.covariance, 225);
@@ -71,6 +82,7 @@ Status CheckResult(const ImuDelta& delta) {
                                 "beyond any sensor's");
 }
 
+// No motion yet, at these biases: q is the identity and covariance and derivative are zero.
 ImuDelta StartAt(const double* gyr_bias, const double* acc_bias) {
   ImuDelta delta;
   std::copy_n(gyr_bias, 3, delta.gyr_bias);
@@ -82,6 +94,7 @@ ImuDelta StartAt(const double* gyr_bias, const double* acc_bias) {
 
 Status ImuPreintegrator::Integrate(const std::vector<ImuSample>& samples, const double gyr_bias[3],
                                    const double acc_bias[3]) {
+  // In this order: what is wrong with options shows first.
   for (const Status& status :
        {options_.Validate(), CheckBiases(gyr_bias, acc_bias), CheckSamples(samples, nullptr)}) {
     if (!status.ok()) {
@@ -106,10 +119,13 @@ Status ImuPreintegrator::Append(const std::vector<ImuSample>& samples) {
   if (samples_.empty()) {
     return Invalid("Append goes on with what Integrate began, and nothing was integrated yet");
   }
+  // Times go on from the last sample that is kept.
   Status status = CheckSamples(samples, &samples_.back());
   if (!status.ok()) {
     return status;
   }
+  // The new samples are integrated at the biases of the old ones, whatever the state says now: one
+  // preintegration has one pair of biases.
   ImuDelta delta = delta_;
   StepAll(options_, &samples_.back(), samples, &delta);
   status = CheckResult(delta);
@@ -124,6 +140,7 @@ Status ImuPreintegrator::Reintegrate(const double gyr_bias[3], const double acc_
   if (samples_.empty()) {
     return Invalid("Reintegrate repeats what Integrate began, and nothing was integrated yet");
   }
+  // The samples were checked when they came in; only the biases are new.
   Status status = CheckBiases(gyr_bias, acc_bias);
   if (!status.ok()) {
     return status;
@@ -137,6 +154,9 @@ Status ImuPreintegrator::Reintegrate(const double gyr_bias[3], const double acc_
   return status;
 }
 
+// Not the biases' change but what it moves is compared, a rotation in rad and a speed in m/s: a
+// long interval is integrated anew earlier. NaN compares as false, and the factor's residual then
+// says so.
 bool ImuPreintegrator::NeedsReintegration(const double gyr_bias[3],
                                           const double acc_bias[3]) const {
   const double rotation = (AsVector(gyr_bias) - AsVector(delta_.gyr_bias)).norm() * delta_.dt;
@@ -150,6 +170,7 @@ void ImuPreintegrator::ResidualCovariance(double covariance[225]) const {
   const Matrix3 turn = left ? internal::RotationOf(delta_.q) : Matrix3(Matrix3::Identity());
   const Matrix<15, 15> C = internal::PartMap(internal::LayoutOf(options_.conventions), turn);
   const Eigen::Map<const Matrix<15, 15>> canonical(delta_.covariance);
+  // Covariances are symmetric, so C Σ Cᵀ needs no inverse of C.
   Eigen::Map<Matrix<15, 15>>{covariance} = C * canonical * C.transpose();
 }
 
@@ -160,6 +181,8 @@ Status ImuPreintegrator::SqrtInformation(double U[225]) const {
   ResidualCovariance(covariance.data());
   const Eigen::LLT<Matrix<15, 15>> factor(covariance.reverse());
   const Matrix<15, 15> L = factor.matrixL();
+  // A factorization of a singular matrix may succeed by rounding: pivots are compared with their
+  // diagonal entries, which makes the test independent of the units of each row.
   bool regular = factor.info() == Eigen::Success;
   for (int k = 0; k < 15 && regular; ++k) {
     regular = L(k, k) * L(k, k) > kSingular * covariance(14 - k, 14 - k);
@@ -172,11 +195,14 @@ Status ImuPreintegrator::SqrtInformation(double U[225]) const {
             : "the IMU preintegration of " + std::to_string(samples_.size()) +
                   " samples has no information matrix: too few samples");
   }
+  // L⁻¹ is lower triangular; reversed, it is U = M⁻¹, upper triangular.
   const Matrix<15, 15> inverse = L.triangularView<Eigen::Lower>().solve(Matrix<15, 15>::Identity());
   Eigen::Map<Matrix<15, 15>>{U} = inverse.reverse();
   return Status::Ok();
 }
 
+// A cut at both times, so that the motion begins and ends where the states are. Linear
+// interpolation is what the midpoint rule assumes between samples, too.
 Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin, double end,
                              std::vector<ImuSample>* cut) {
   const Status status = CheckSamples(samples, nullptr);
@@ -195,6 +221,8 @@ Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin
                                           " and end at " + std::to_string(samples.back().time)));
   }
   const auto at = [&samples](double time) {
+    // The first sample not before `time`. There is one, and one before it unless it is met exactly,
+    // since the samples reach over both ends.
     const auto next =
         std::lower_bound(samples.begin(), samples.end(), time,
                          [](const ImuSample& sample, double t) { return sample.time < t; });
@@ -211,11 +239,13 @@ Status InterpolateImuSamples(const std::vector<ImuSample>& samples, double begin
     }
     return between;
   };
+  // Strictly inside: the ends are there already, whether measured or interpolated.
   std::vector<ImuSample> result{at(begin)};
   std::copy_if(
       samples.begin(), samples.end(), std::back_inserter(result),
       [begin, end](const ImuSample& sample) { return sample.time > begin && sample.time < end; });
   result.push_back(at(end));
+  // Last, so that an error leaves `cut` untouched; it may be the vector given as input.
   cut->swap(result);
   return Status::Ok();
 }

@@ -5,6 +5,12 @@
 #include "factors/pose_slot.h"
 #include "inceres/problem/rotation.h"
 
+// With anchor a and observer b: h = R_bᵀ R_a m_a + d R_bᵀ (p_a − p_b). The matrix R_bᵀ R_a and the
+// baseline in b depend on the two poses only, and factors that share both follow one another in a
+// family as a rule, so they are formed once and kept until the pair changes. Per feature that
+// leaves a product of a 3×3 matrix with a vector. h is d times the point, smooth at d = 0 (Civera,
+// Davison & Montiel 2008).
+
 namespace inceres {
 namespace {
 
@@ -31,10 +37,12 @@ struct Projection {
 };
 
 // Neighbors in a family mostly share their pair.
+// By address, and for one call: within it values do not change. A miss costs time only.
 inline void Relate(const double* pose_a, const double* pose_b, PosePair& pair) {
   if (pose_a == pair.pose_a && pose_b == pair.pose_b) {
     return;
   }
+  // Features of several anchors seen from the same b keep R_b.
   if (pose_b != pair.pose_b) {
     QuaternionToMatrix(pose_b + 3, pair.R_b);
   }
@@ -53,11 +61,13 @@ inline void Relate(const double* pose_a, const double* pose_b, PosePair& pair) {
   MultiplyTransposed(pair.R_b, difference, pair.baseline);
 }
 
+// One division; a depth of zero makes it infinite, which Evaluate finds in the residuals.
 inline void Project(const InverseDepthReprojectionFamily::Measurement& measurement,
                     const PosePair& pair, double d, Projection& v) {
   v.m_a[0] = measurement.anchor_point[0];
   v.m_a[1] = measurement.anchor_point[1];
   v.m_a[2] = 1.0;
+  // m_z = 1, so the third column of the matrix is added as it is.
   for (int k = 0; k < 3; ++k) {
     const double* row = pair.R_ba + 3 * k;
     v.h[k] = row[0] * v.m_a[0] + row[1] * v.m_a[1] + row[2] + d * pair.baseline[k];
@@ -68,6 +78,7 @@ inline void Project(const InverseDepthReprojectionFamily::Measurement& measureme
 }
 
 // The rows a = ∂residual_r/∂h of U ∂(h_xy/h_z)/∂h, with ∂(h_xy/h_z)/∂h = [I | −u] / h_z.
+// The whitening is in A already: one multiplication by U serves all slots.
 inline void DifferentiateProjection(const Projection& v, const double U[3], double A[2][3]) {
   A[0][0] = v.inverse_h_z * U[0];
   A[0][1] = v.inverse_h_z * U[1];
@@ -91,6 +102,7 @@ inline double* Row(const FactorBatch& batch, int i, int slot, int r) {
 // Returns a sum over what was written, which is finite only if all is.
 inline double WriteRows(const FactorBatch& batch, int i, int r, const PosePair& pair,
                         const Projection& v, double d, const double a[3], const bool wanted[3]) {
+  // All translations answer through w: both positions enter h as d R_bᵀ (p_a − p_b).
   double w[3];
   MultiplyMatrixVector(pair.R_b, a, w);
   double sum = 0.0;
@@ -114,6 +126,7 @@ inline double WriteRows(const FactorBatch& batch, int i, int r, const PosePair& 
   }
   if (wanted[2]) {
     double* row = Row(batch, i, 2, r);
+    // How fast h moves along the baseline: zero without parallax, where d is not observable.
     row[0] = a[0] * pair.baseline[0] + a[1] * pair.baseline[1] + a[2] * pair.baseline[2];
     sum += row[0];
   }
@@ -125,6 +138,7 @@ double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, con
   const std::ptrdiff_t first = 3 * static_cast<std::ptrdiff_t>(i);
   bool wanted[3];
   for (int s = 0; s < 3; ++s) {
+    // wanted is the same for both rows, so it is asked for once.
     const TangentMap& map = *batch.tangent_maps[first + s];
     wanted[s] = map.wanted();
     if (s < 2 && wanted[s]) {
@@ -140,11 +154,13 @@ double WriteJacobians(const FactorBatch& batch, int i, const PosePair& pair, con
 }  // namespace
 
 EvaluationFailure InverseDepthReprojectionFamily::Evaluate(const FactorBatch& batch) const {
+  // Starts with null addresses, which no pose has.
   PosePair pair;
   for (int i = batch.begin; i < batch.end; ++i) {
     const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
     const double* const* parameters = batch.parameters + 3 * static_cast<std::ptrdiff_t>(i);
     const double d = parameters[2][0];
+    // U = [u00 u01; 0 u11], in three entries.
     const double* U = measurement.sqrt_information;
     Projection v;
     Relate(parameters[0], parameters[1], pair);

@@ -7,12 +7,19 @@
 #include "factors/whiten.h"
 #include "inceres/problem/rotation.h"
 
+// Landmarks measured as positions in the axes of a pose, in the plane and in space, and positions
+// of a pose measured in the world. The core of all is d = Rᵀ (l − p). With right perturbations R
+// Exp(φ) it becomes d + [d]× φ, so the derivative by the rotation needs nothing but d itself; by l
+// it is Rᵀ, by p −Rᵀ. In the plane the same with R(θ): ∂d/∂θ = (d_y, −d_x). All errors are whitened
+// by an upper triangular U with UᵀU = information.
+
 namespace inceres {
 namespace {
 
 using internal::MultiplyUpper;
 
 // Writes U J of a slot of factor i, J of kColumns columns; the sum of its entries.
+// The landmark of the spatial family is Euclidean: its columns are the ambient ones.
 template <int kColumns>
 double WriteSlot(const FactorBatch& batch, int i, int slot, int num_slots, const double* U,
                  const double* J) {
@@ -36,17 +43,22 @@ void PutCross(const double* v, double* J) {
 
 // d = R(θ)ᵀ (l − p), and what it becomes by p, θ and l: rows x, y of five columns.
 void SeePlanar(const double* pose, const double* landmark, double d[2], double D[10]) {
+  // The same sine and cosine for d and its derivatives.
   const double c = std::cos(pose[2]), s = std::sin(pose[2]);
   const double dx = landmark[0] - pose[0], dy = landmark[1] - pose[1];
   d[0] = c * dx + s * dy;
   d[1] = c * dy - s * dx;
+  // (∂d_x, ∂d_y) by p_x, p_y, θ, l_x, l_y.
   const double slopes[10] = {-c, -s, d[1], c, s, s, -c, -d[0], -s, c};
   std::copy_n(slopes, 10, D);
 }
 
 // Range and bearing in place of d; false where they are not defined.
+// ρ = ‖d‖, β = atan2(d_y, d_x): dρ = d·∂d / ρ, dβ = (d_x ∂d_y − d_y ∂d_x) / ρ². D is replaced
+// column by column, both rows at once, before d itself is.
 bool ToRangeBearing(double d[2], double D[10]) {
   const double squared = d[0] * d[0] + d[1] * d[1];
+  // Neither direction nor bearing is defined at zero; NaN fails as well.
   if (!(squared > 0.0)) {
     return false;
   }
@@ -64,6 +76,7 @@ bool ToRangeBearing(double d[2], double D[10]) {
 }
 
 // One factor of the two families in space.
+// The first failure ends the batch: it is that of the first factor in the family's order.
 template <typename Evaluate>
 EvaluationFailure EvaluateEach(const FactorBatch& batch, const Evaluate& evaluate) {
   for (int i = batch.begin; i < batch.end; ++i) {
@@ -87,16 +100,20 @@ bool PlanarLandmarkFamily::EvaluateOne(int i, const double* const* parameters, d
   const double* U = m.sqrt_information;
   double d[2], D[10];
   SeePlanar(parameters[0], parameters[1], d, D);
+  // Of a position; with range and bearing it is replaced below.
   double e[2] = {d[0] - m.z[0], d[1] - m.z[1]};
   if (sighting_ == PlanarSighting::kRangeBearing) {
     if (!ToRangeBearing(d, D)) {
       return false;
     }
     e[0] = d[0] - m.z[0];
+    // To [−π, π]: angles that differ by whole turns are the same bearing.
     e[1] = std::remainder(d[1] - m.z[1], 2.0 * M_PI);
   }
   residuals[0] = U[0] * e[0] + U[1] * e[1];
   residuals[1] = U[3] * e[1];
+  // Five columns: three of the pose, two of the landmark. U is upper triangular, so row 1 has one
+  // term.
   for (int k = 0; jacobians != nullptr && k < 5; ++k) {
     double* const J = jacobians[k < 3 ? 0 : 1];
     const int size = k < 3 ? 3 : 2, column = k < 3 ? k : k - 3;
@@ -114,6 +131,7 @@ EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) cons
     const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
     const double *pose = parameters[0], *l = parameters[1];
     const double difference[3] = {l[0] - pose[0], l[1] - pose[1], l[2] - pose[2]};
+    // y = Rᵀ (l − p): the landmark in the axes of the pose.
     double R[9], y[3];
     QuaternionToMatrix(pose + 3, R);
     internal::MultiplyTransposed(R, difference, y);
@@ -123,6 +141,7 @@ EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) cons
     if (batch.jacobians == nullptr) {
       return;
     }
+    // ∂y/∂l = Rᵀ, ∂y/∂p = −Rᵀ, ∂y/∂φ = [y]×; the first two are R read by columns.
     double J_pose[18] = {}, J_landmark[9];
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) {
@@ -131,6 +150,7 @@ EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) cons
       }
     }
     PutCross(y, J_pose);
+    // The formulas hold in PoseManifold's tangent only; no other manifold will do.
     internal::AssertPoseManifold(*batch.tangent_maps[2 * static_cast<std::ptrdiff_t>(i)], pose);
     sums[1] = WriteSlot<6>(batch, i, 0, 2, m.sqrt_information, J_pose) +
               WriteSlot<3>(batch, i, 1, 2, m.sqrt_information, J_landmark);
@@ -143,6 +163,7 @@ EvaluationFailure PositionPriorFamily::Evaluate(const FactorBatch& batch) const 
     const double* pose = batch.parameters[i];
     double R[9], arm[3];
     QuaternionToMatrix(pose + 3, R);
+    // The lever in the world's axes.
     MultiplyMatrixVector(R, m.lever, arm);
     const double e[3] = {pose[0] + arm[0] - m.z[0], pose[1] + arm[1] - m.z[1],
                          pose[2] + arm[2] - m.z[2]};
@@ -157,6 +178,7 @@ EvaluationFailure PositionPriorFamily::Evaluate(const FactorBatch& batch) const 
     for (int r = 0; r < 3; ++r) {
       J[6 * r + r] = 1.0;
       for (int c = 3; c < 6; ++c) {
+        // −R [c]× for the three columns of φ; PutCross has written [c]× in the same columns.
         for (int k = 0; k < 3; ++k) {
           J[6 * r + c] -= R[3 * r + k] * turn[6 * k + c];
         }

@@ -9,6 +9,13 @@
 #include "factors/whiten.h"
 #include "inceres/problem/rotation.h"
 
+// A measured relative pose in four conventions, from the same ingredients: E = R_mᵀ R_aᵀ R_b with r
+// = Log E and ε the vector of its quaternion, and u = R_aᵀ (p_b − p_a) − p_m. What each program
+// writes is a linear function of u, r or ε, but for GTSAM's position, whose factor J_l⁻¹(r) turns
+// with r. So derivatives are formed of u, r and ε once (DifferentiateEdge), and each convention
+// multiplies them as it does the values. All are exact, not the approximation J_r⁻¹ ≈ I that holds
+// near r = 0: away from it, that would give steps of a wrong length.
+
 namespace inceres {
 namespace {
 
@@ -35,6 +42,7 @@ Matrix3 CrossMatrix(const Vector3d& v) {
   return M;
 }
 
+// Everything that error and Jacobians share, computed once a factor.
 EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, const double* b) {
   EdgeError e;
   double a_inverse[4], m_inverse[4], q_ab[4];
@@ -42,6 +50,7 @@ EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, con
   ConjugateQuaternion(m.q_m, m_inverse);
   MultiplyQuaternions(a_inverse, b + 3, q_ab);
   MultiplyQuaternions(m_inverse, q_ab, e.q);
+  // q and −q are one rotation; the one of w ≥ 0 has an angle of at most π.
   if (e.q[3] < 0.0) {
     std::for_each(e.q, e.q + 4, [](double& value) { value = -value; });
   }
@@ -50,11 +59,13 @@ EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, con
   e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
   e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
   LogQuaternion(e.q, e.r.data());
+  // J_l⁻¹(r) = I − ½ [r]× + k [r]×²; J_r⁻¹ is its transpose.
   RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
                      e.J_l_inverse.data());
   return e;
 }
 
+// The formulas are those of the header, in the same order.
 void WriteError(PoseErrorConvention convention, const EdgeError& e, double* error) {
   Eigen::Map<Vector3d> position(error), rotation(error + 3);
   switch (convention) {
@@ -86,6 +97,8 @@ double SlopeOfCoefficient(double t) {
                 t * (1.0 / 403200.0 + t * (1.0 / 11975040.0 + t * (691.0 / 261534873600.0 +
                                                                    t * 1.0 / 12454041600.0))));
   }
+  // The closed form with h = θ/2: h cot h has the derivative cot h − h / sin² h, and dh/dt = 1 /
+  // (8h).
   const double h = 0.5 * std::sqrt(t);
   const double cot = std::cos(h) / std::sin(h), sine = std::sin(h);
   return -(cot - h / (sine * sine)) / (8.0 * h * t) - (1.0 - h * cot) / (t * t);
@@ -93,6 +106,8 @@ double SlopeOfCoefficient(double t) {
 
 // ∂(J_l⁻¹(r) c)/∂r with J_l⁻¹(r) c = c − ½ r × c + k r × (r × c).
 Matrix3 DifferentiateInverseJacobian(const Vector3d& r, const Vector3d& c) {
+  // Of the three terms: −½ r × c gives ½ [c]×; r × (r × c) = r (r·c) − c (r·r) gives k (r cᵀ +
+  // (r·c) I − 2 c rᵀ); and k depends on t = r·r, whose derivative is 2 r.
   const double t = r.squaredNorm();
   const double k = InverseLeftJacobianCoefficient(r.data());
   const Vector3d twice = r.cross(r.cross(c));
@@ -110,11 +125,14 @@ struct EdgeSlopes {
   Matrix3 q;    // of ε to φ
 };
 
+// Slot 0 is a, slot 1 is b. u does not depend on the rotation of b.
 EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
   EdgeSlopes slopes;
+  // 2 vec(Exp(x) ⊗ q) ≈ 2 ε + (w I − [ε]×) x from the left, with a plus from the right.
   const Matrix3 turn = CrossMatrix(e.epsilon());
   if (slot == 0) {
     slopes.u_p = -e.R_a.transpose();
+    // R_a Exp(φ) turns t by −φ, which adds t × φ.
     slopes.u_r = CrossMatrix(e.t);
     slopes.r = -e.J_l_inverse * e.R_m.transpose();
     slopes.q = -0.5 * (e.q[3] * Matrix3::Identity() - turn) * e.R_m.transpose();
@@ -127,9 +145,11 @@ EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
   return slopes;
 }
 
+// Columns δp, φ; the lower left block is zero, for no convention's rotation depends on positions.
 Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slot) {
   const EdgeSlopes slopes = DifferentiateEdge(e, slot);
   Matrix6 J = Matrix6::Zero();
+  // Into the axes of the measured pose, where g2o and GTSAM have the position's error.
   const Matrix3 back = e.R_m.transpose();
   switch (convention) {
     case PoseErrorConvention::kGeodesic:
@@ -142,6 +162,7 @@ Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slo
       J << back * slopes.u_p, back * slopes.u_r, Matrix3::Zero(), slopes.q;
       break;
     case PoseErrorConvention::kGtsam:
+      // The product rule: J_l⁻¹(r) of the moved vector, and of the moved r.
       J << e.J_l_inverse * back * slopes.u_p,
           e.J_l_inverse * back * slopes.u_r +
               DifferentiateInverseJacobian(e.r, back * e.u) * slopes.r,
@@ -151,6 +172,7 @@ Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slo
   return J;
 }
 
+// WritePosePair hands over zeros and whitens what comes back.
 double WriteEdgeJacobians(const FactorBatch& batch, int i, PoseErrorConvention convention,
                           const PoseEdgeFamily::Measurement& measurement, const EdgeError& e) {
   return internal::WritePosePair(batch, i, measurement.sqrt_information,

@@ -6,11 +6,22 @@
 
 #include "simd/kernels.h"
 
+// From ambient Jacobians, as formulas and user code write them, to tangent ones: J_tangent =
+// J_ambient M with M = ∂(x ⊞ δ)/∂δ (docs/algorithms.md, "Linearization"). The map was classified
+// once for its variable, so most calls are copies. Where a product is needed, its sums run over k
+// upwards as Ceres's do.
+//
+// What nobody has written is found without a flag per entry: memory is filled with an impossible
+// value beforehand (kUnwritten), and a look at the sum of magnitudes tells that all is finite and
+// written. Only if the sum is too large to tell are entries looked at one by one.
+
 namespace inceres {
 namespace {
 
+// The kernels have the constant under a name of their own.
 static_assert(kUnwritten == internal::kUnwrittenEntry);
 
+// M = [I; 0]: the first columns as they are. Rows of the destination are row_stride apart.
 void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num_rows,
                  double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
@@ -19,6 +30,8 @@ void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num
   }
 }
 
+// The portable TakeFunction, for sizes that have no kernel: look, copy, and mark the source as
+// unwritten for the next factor.
 bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent,
              int row_stride) {
   const int count = num_rows * ambient_size;
@@ -30,6 +43,7 @@ bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, dou
   return true;
 }
 
+// M has a unit vector in every column: no arithmetic, so not even a zero of another sign.
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                    int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
@@ -49,6 +63,7 @@ void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, 
                      double* J_tangent, int row_stride) {
   for (int r = 0; r < num_rows; ++r) {
     const double* from = J_ambient + static_cast<std::ptrdiff_t>(r) * map.ambient_size;
+    // The first rows of M are those of the identity columns, whose product is a copy.
     const double* M = map.plus_jacobian +
                       static_cast<std::ptrdiff_t>(map.num_identity_columns) * map.tangent_size +
                       first;
@@ -73,6 +88,7 @@ void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, doubl
         sum[c - kIdentity] += J_ambient[k] * M[k * kTangent + c];
       }
     }
+    // Constant sizes, so that these become plain moves.
     std::memcpy(J_tangent, J_ambient, kIdentity * sizeof(double));
     std::memcpy(J_tangent + kIdentity, sum, sizeof(sum));
   }
@@ -80,6 +96,7 @@ void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, doubl
 
 void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
               int row_stride) {
+  // Poses [p, q] with an added position, and quaternions by themselves.
   if (map.ambient_size == 7 && map.tangent_size == 6 &&
       map.num_identity_columns == 3) {  // position and quaternion
     return MultiplyFixed<7, 6, 3>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
@@ -92,6 +109,7 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
   if (c > 0) {
     CopyColumns(map.ambient_size, c, J_ambient, num_rows, J_tangent, row_stride);
   }
+  // Six, three or one column at a time: the sums of a group stay in registers.
   for (; c + 6 <= map.tangent_size; c += 6) {
     MultiplyColumns<6>(map, c, J_ambient, num_rows, J_tangent, row_stride);
   }
@@ -105,6 +123,7 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 
 }  // namespace
 
+// Chosen once per slot, not per factor.
 internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int columns) {
   const TakeFunction take = BestKernels().find_take(num_rows, ambient_size, columns);
   return take != nullptr ? take : TakeAny;
@@ -114,12 +133,14 @@ bool AreAllWritten(const double* values, int count) {
   if (internal::BestKernels().are_ordinary(values, count)) {
     return true;  // as almost all are; NaN and infinity are not
   }
+  // A finite entry may be too large for the quick test, and is fine all the same.
   return std::all_of(values, values + count,
                      [](double value) { return std::isfinite(value) && value != kUnwritten; });
 }
 
 void ProjectToTangentSpace(const TangentMap& map, const double* J_ambient, int num_rows,
                            double* J_tangent, int row_stride) {
+  // kIdentity is always a copy; of kSelection those that take the first columns.
   if (map.copies()) {
     CopyColumns(map.ambient_size, map.tangent_size, J_ambient, num_rows, J_tangent, row_stride);
     return;

@@ -7,6 +7,12 @@
 #include "problem/family_check.h"
 #include "problem/find_fault.h"
 
+// Compares the Jacobians that factors write with derivatives of their residuals, by Ridders' method
+// (family_check.cc, ridders.h). Here are the three ways in (a family of a graph, all families, a
+// factor without a graph), the choice of factors and the texts. A factor is checked in the tangent
+// space, at the values it has, so that a wrong plus-Jacobian shows as well as a wrong formula.
+// Losses play no part: they are applied after what is checked.
+
 namespace inceres {
 namespace {
 
@@ -14,6 +20,8 @@ using internal::FamilyCheck;
 using internal::Invalid;
 using internal::SlotPoint;
 
+// Constants are checked as if they were free; what has no tangent space, a borrowed constant for
+// instance, cannot be.
 std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
   std::vector<SlotPoint> point;
   point.reserve(static_cast<std::size_t>(graph.family(id).num_slots()));
@@ -30,9 +38,11 @@ std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor
 bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptions& options,
                  JacobianReport* report) {
   const int num_places = graph.NumFactors(id);
+  // Evenly spread: every step-th place, rounded up, so that at most max_factors are looked at.
   const int step = std::max(1, (num_places + options.max_factors - 1) / options.max_factors);
   FamilyCheck check(graph.family(id), id, num_places, options, report);
   for (int factor = 0; factor < num_places; factor += step) {
+    // A free place has no variables to look at.
     if (!graph.HasFactor(id, factor)) {
       continue;
     }
@@ -47,6 +57,8 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
     }
     report->status = Status::Error(
         StatusCode::kEvaluationFailed,
+        // Where Evaluate has failed at the point itself it names the culprit; where residuals
+        // beside the point cannot be evaluated, or a manifold fails, only the place is known.
         check.failure().failed()
             ? graph.DescribeFailure(id, check.failure(), values.data())
             : graph.DescribeFactor(id, factor) + ": cannot evaluate " + check.what_failed());
@@ -62,6 +74,7 @@ Status JacobianCheckOptions::Validate() const {
     return Invalid(std::string("JacobianCheckOptions::") + field + " = " +
                    internal::NumberText(value) + " but must be " + rule);
   };
+  // Negated: NaN fails. A tolerance may be infinite, a step may not.
   if (!(tolerance > 0.0)) {
     return fail("tolerance", tolerance, "> 0");
   }
@@ -71,6 +84,7 @@ Status JacobianCheckOptions::Validate() const {
   return max_factors < 1 ? fail("max_factors", max_factors, ">= 1") : Status::Ok();
 }
 
+// For a log or the output of a test: counts, then the entry to look at first.
 std::string JacobianReport::ToString() const {
   if (!status.ok()) {
     return status.message;
@@ -80,6 +94,8 @@ std::string JacobianReport::ToString() const {
   if (num_uncertain > 0) {
     text += "; " + std::to_string(num_uncertain) + " uncertain";
   }
+  // Without a wrong entry the worst is still told: it says how far from the tolerance the family
+  // is.
   if (worst.factor >= 0) {
     text += std::string("; ") + (num_wrong > 0 ? "worst" : "least exact") + ": " + factor_name +
             ", slot " + std::to_string(worst.slot) + ", row " + std::to_string(worst.row) +
@@ -98,21 +114,25 @@ JacobianReport CheckJacobians(const FactorGraph& graph, FamilyId family,
     report.status = Invalid("CheckJacobians: there is no family " + std::to_string(family));
   }
   if (report.status.ok()) {
+    // Connections and values are looked at first, for Evaluate may rely on them.
     report.status = graph.Validate();
   }
   if (report.status.ok() && CheckFamily(graph, family, options, &report) &&
       report.worst.factor >= 0) {
+    // The name is made once, of the worst factor only.
     report.factor_name = graph.DescribeFactor(family, report.worst.factor);
   }
   return report;
 }
 
+// One report over all families: counts add up, and the worst entry is that of all.
 JacobianReport CheckJacobians(const FactorGraph& graph, const JacobianCheckOptions& options) {
   JacobianReport report;
   report.status = options.Validate();
   if (report.status.ok()) {
     report.status = graph.Validate();
   }
+  // The first failure ends it: a report with a status is of no use beyond that.
   for (FamilyId id = 0; report.status.ok() && id < graph.num_families(); ++id) {
     CheckFamily(graph, id, options, &report);
   }
@@ -143,6 +163,7 @@ JacobianReport CheckJacobians(const FactorFamily& family, int factor,
     point[s] = {values[s], manifolds.empty() ? nullptr : manifolds[s], true};
     const Manifold* manifold = point[s].manifold;
     const int ambient = manifold == nullptr ? slot.ambient_size : manifold->AmbientSize();
+    // Without manifolds tangent and ambient sizes must be the same.
     const int tangent = manifold == nullptr ? slot.ambient_size : manifold->TangentSize();
     if (values[s] == nullptr || ambient != slot.ambient_size || tangent != slot.tangent_size) {
       report.status = Invalid(
@@ -153,6 +174,8 @@ JacobianReport CheckJacobians(const FactorFamily& family, int factor,
   if (!report.status.ok()) {
     return report;
   }
+  // As a family of as many places as lead up to this factor: a batch counts from the family's
+  // first.
   FamilyCheck check(family, -1, factor + 1, options, &report);
   report.factor_name = name;
   if (!check.Check(factor, point)) {

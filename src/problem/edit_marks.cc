@@ -5,10 +5,22 @@
 #include "problem/edit_check.h"
 #include "problem/find_fault.h"
 
+// An edit is checked without being carried out: what it does is marked in arrays beside the graph,
+// and See and PlaceOf show each variable and place as it would be afterwards. So the rules of a
+// factor are written once, for graphs and for edits. The order is that of the edit: comers are
+// announced first, since what goes must not name them, then factors go, variables go with their
+// factors, constants change.
+//
+// Marks are scratch memory that stays allocated. The destructor wipes those that were set, and no
+// others: a check costs as much as the edit, not as the graph.
+
 namespace inceres::internal {
 
+// Also after a success: what goes and comes is then in the edit and in removed_, which Commit
+// reads.
 EditCheck::~EditCheck() {
   const auto wipe = [this](VariableId id) {
+    // An id of an edit that is refused may lie anywhere.
     if (id >= 0 && Graph::Index(id) < edits_.marks.size()) {
       edits_.marks[Graph::Index(id)] = VariableMark();
     }
@@ -21,6 +33,7 @@ EditCheck::~EditCheck() {
     wipe(id);
   }
   edits_.comers.clear();
+  // Removed factors, the cascade included, are there until Commit.
   for (const FactorId id : removed_) {
     if (PlaceOf(id) == Place::kGoing) {
       MutablePlace(id) = Place::kIncremental;
@@ -29,6 +42,8 @@ EditCheck::~EditCheck() {
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     if (factor.id.index >= 0 && PlaceOf(factor.id) == Place::kComing) {
       const FamilyRecord& record = graph_.families_[Graph::Index(factor.id.family)];
+      // Free, whether the place existed before; a place that was appended is cut off below, since
+      // num_factors still counts without it.
       MutablePlace(factor.id) = Place::kFree;
       if (factor.id.index >= record.num_factors) {
         edits_.families[Graph::Index(factor.id.family)].places.resize(
@@ -45,13 +60,16 @@ void EditCheck::MarkComers() {
     edits_.marks.resize(num_ids);
   }
   for (const GraphEdit::NewVariable& variable : edit_.new_variables()) {
+    // An index into comers: a variable has a mark of one word, its record is kept apart.
     edits_.marks[Graph::Index(variable.id)].new_variable =
         static_cast<std::int32_t>(edits_.comers.size());
+    // The record that Commit would make, so that rules see sizes, role and manifold.
     edits_.comers.push_back(
         variable.is_borrowed ? MakeBorrowed(variable.borrowed, variable.ambient_size)
                              : MakeOwned(variable.ambient_size, variable.role, variable.manifold));
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+    // Negative where the family does not exist; that is told later, in the order of the rules.
     if (factor.id.index >= 0) {
       MutablePlace(factor.id) = Place::kComing;
     }
@@ -61,6 +79,7 @@ void EditCheck::MarkComers() {
 Status EditCheck::MarkGoingFactors() {
   for (const FactorId id : edit_.removed_factors()) {
     Status status = CheckFactorId("RemoveFactor", id, /*may_come=*/false);
+    // Each place once: the second time it is kGoing already, which is an error of its own.
     if (!status.ok()) {
       return status;
     }
@@ -78,12 +97,15 @@ Status EditCheck::MarkGoingVariables() {
     }
     edits_.marks[Graph::Index(id)].going = true;
   }
+  // Only then is a pass over all factors worth it, the first time, to know which touch which.
   if (!edit_.removed_variables().empty()) {
     MarkCascade();
   }
   return Status::Ok();
 }
 
+// Factors go with their variables, as in Ceres. Those that the edit removes by itself are marked,
+// and so are those of two removed variables: each is listed once.
 void EditCheck::MarkCascade() {
   graph_.TrackFactors();
   for (const VariableId id : edit_.removed_variables()) {
@@ -99,6 +121,7 @@ void EditCheck::MarkCascade() {
 Status EditCheck::MarkConstants() {
   for (const auto& [id, constant] : edit_.constants()) {
     Status status = CheckVariableId("SetConstant", id, /*may_come=*/true);
+    // A borrowed constant has no place in the state to which a step could be added.
     if (status.ok() && See(id).record->offset < 0) {
       status =
           Invalid("SetConstant: " + VariableName(id) + " is a borrowed constant, which stays one");
@@ -111,6 +134,7 @@ Status EditCheck::MarkConstants() {
   return Status::Ok();
 }
 
+// Without marks everything below num_factors is a factor: most families are never edited.
 Place EditCheck::PlaceOf(FactorId id) const {
   const std::vector<Place>& places = edits_.families[Graph::Index(id.family)].places;
   const std::size_t index = Graph::Index(id.index);
@@ -118,6 +142,8 @@ Place EditCheck::PlaceOf(FactorId id) const {
 }
 
 Place& EditCheck::MutablePlace(FactorId id) {
+  // The array comes into being with the first mark, as long as the family or as far as the new
+  // place.
   std::vector<Place>& places = edits_.families[Graph::Index(id.family)].places;
   const std::size_t size = Graph::Index(std::max(graph_.NumFactors(id.family), id.index + 1));
   if (places.size() < size) {
@@ -126,11 +152,14 @@ Place& EditCheck::MutablePlace(FactorId id) {
   return places[Graph::Index(id.index)];
 }
 
+// The graph's own view first, then what the edit changes: added, removed, held or set free.
 Sight EditCheck::See(VariableId id) const {
+  // marks has room for every id that the edit could name.
   if (id < 0 || Graph::Index(id) >= edits_.marks.size()) {
     return {nullptr, false, Fault::kDanglingId};
   }
   const VariableMark& mark = edits_.marks[Graph::Index(id)];
+  // An id that is used again is a removed one to the graph, and a new variable to the edit.
   Sight sight = internal::See(graph_.variables_, id);
   if (mark.new_variable >= 0) {
     const VariableRecord& comer = edits_.comers[Graph::Index(mark.new_variable)];
@@ -139,6 +168,7 @@ Sight EditCheck::See(VariableId id) const {
   if (mark.going) {
     sight.fault = Fault::kGoing;
   }
+  // The last word has SetConstant, on new variables too.
   if (mark.constant >= 0) {
     sight.constant = mark.constant == 1;
   }
@@ -150,6 +180,7 @@ std::string EditCheck::FactorName(FactorId id) const {
          FamilyName(id.family, graph_.family(id.family));
 }
 
+// `may_come`: whether the call may name what the same edit adds.
 Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come) const {
   const auto fail = [&](const std::string& what) {
     return Invalid(std::string(call) + ": " + VariableName(id) + what);
@@ -165,6 +196,7 @@ Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come
     default:
       break;
   }
+  // Order within an edit: what goes does so before anything comes.
   if (!may_come && edits_.marks[Graph::Index(id)].new_variable >= 0) {
     return fail(" is added by the same edit: variables go before others come");
   }
@@ -178,12 +210,14 @@ Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) co
   if (id.family < 0 || id.family >= graph_.num_families()) {
     return Invalid(NoFamily(call, graph_, id.family));
   }
+  // Places may come beyond the graph's, by this edit.
   const auto num_marked = static_cast<int>(edits_.families[Graph::Index(id.family)].places.size());
   if (id.index < 0 || id.index >= std::max(graph_.NumFactors(id.family), num_marked)) {
     return fail(" does not exist: the family has " + std::to_string(graph_.NumFactors(id.family)) +
                 " places");
   }
   const Place place = PlaceOf(id);
+  // The place was given to another factor: an id from before must not reach it.
   if (id.generation >= 0 && id.generation != graph_.Generation(id.family, id.index) &&
       place != Place::kFree) {
     return fail(" has been removed, and its place given to another one");

@@ -9,6 +9,14 @@
 #include "problem/edit_state.h"
 #include "problem/find_fault.h"
 
+// How a graph is built up and read. Variables are records, and the values of all that are not
+// borrowed lie in one array, the state, at an offset each: solvers copy and move all of them at
+// once. Factors are columns of variable ids per family, and optional columns of losses. Ids and
+// places are indices, so looking up is indexing.
+//
+// Building reports nothing. What can still be stored is stored, wrong or not, and Validate, which
+// every solve calls, names the first culprit; what cannot be stored is remembered as misuse.
+
 namespace inceres {
 
 using internal::FamilyName;
@@ -16,6 +24,7 @@ using internal::Invalid;
 
 namespace {
 
+// The first few ids: a factor may have been given thousands.
 std::string CountAndList(const std::vector<VariableId>& variables) {
   constexpr std::size_t kMaxListed = 8;
   std::string text =
@@ -40,6 +49,7 @@ std::string DescribeSlots(const FactorFamily& family) {
 
 namespace internal {
 
+// Records for both ways in, building and edits. An offset of −1 means borrowed.
 VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold) {
   VariableRecord variable;
   variable.ambient_size = ambient_size;
@@ -49,6 +59,7 @@ VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Mani
   return variable;
 }
 
+// Borrowed values have tangent size 0, so that nothing can move them, whatever SetConstant says.
 VariableRecord MakeBorrowed(const double* values, int ambient_size) {
   VariableRecord variable;
   variable.offset = -1;
@@ -60,6 +71,8 @@ VariableRecord MakeBorrowed(const double* values, int ambient_size) {
 
 EditStateOwner::EditStateOwner() : state_(std::make_unique<EditState>()) {
 }
+// A copy of a graph has an edit state of its own, marks and lists included: edits are begun on one
+// graph.
 EditStateOwner::EditStateOwner(const EditStateOwner& other)
     : state_(std::make_unique<EditState>(*other.state_)) {
 }
@@ -73,6 +86,8 @@ EditStateOwner::~EditStateOwner() = default;
 
 }  // namespace internal
 
+// For AddVariable and for edits: the revision is the callers' to count, since an edit counts as one
+// change.
 VariableId FactorGraph::AppendVariable(internal::VariableRecord variable, const double* values) {
   if (variable.offset >= 0) {
     variable.offset = static_cast<std::int64_t>(state_.size());
@@ -85,6 +100,7 @@ VariableId FactorGraph::AppendVariable(internal::VariableRecord variable, const 
     }
   }
   variables_.push_back(std::move(variable));
+  // One list head per variable, once lists of factors are kept.
   if (edits_->tracked) {
     edits_->first_touches.emplace_back();
   }
@@ -93,6 +109,7 @@ VariableId FactorGraph::AppendVariable(internal::VariableRecord variable, const 
 
 VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role,
                                     std::shared_ptr<const Manifold> manifold) {
+  // Edits that were begun before are then refused.
   ++revision_;
   return AppendVariable(internal::MakeOwned(ambient_size, role, std::move(manifold)), values);
 }
@@ -109,11 +126,13 @@ FamilyId FactorGraph::AddFamily(std::shared_ptr<const FactorFamily> family) {
   }
   ++revision_;
   families_.emplace_back().family = std::move(family);
+  // At the same index as the family.
   edits_->families.emplace_back();
   return num_families() - 1;
 }
 
 // False, so that callers can return it.
+// The first misuse is kept: later ones may follow from it.
 bool FactorGraph::Misused(std::string message) {
   if (misuse_.ok()) {
     misuse_ = Invalid(std::move(message));
@@ -125,6 +144,7 @@ bool FactorGraph::HasFamily(const char* call, FamilyId id) {
   return (id >= 0 && id < num_families()) || Misused(internal::NoFamily(call, *this, id));
 }
 
+// Before AddFactor adds the measurement: a family must not hold more measurements than factors.
 bool FactorGraph::CanAddFactor(FamilyId id, const FactorFamily* given,
                                const std::vector<VariableId>& variables) {
   Status handle = internal::CheckHandle("AddFactor", *this, id, given);
@@ -145,6 +165,8 @@ int FactorGraph::Connect(FamilyId family, const VariableId* variables,
   return AppendFactor(family, variables, std::move(loss));
 }
 
+// Takes the caller's vectors as they are when the family is empty. With factors there, or with
+// lists to keep, it is the same as Connect one by one.
 void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables,
                               std::vector<std::shared_ptr<const Loss>> losses) {
   if (variables.empty() || !HasFamily("ConnectMany", family)) {
@@ -152,6 +174,7 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
   }
   internal::FamilyRecord& record = families_[Index(family)];
   const std::size_t num_slots = Index(record.family->num_slots());
+  // Without slots no number of variables fits.
   const std::size_t count = num_slots == 0 ? 0 : variables.size() / num_slots;
   if (count * num_slots != variables.size()) {
     Misused("ConnectMany: factors of " + FamilyName(family, *record.family) + " have " +
@@ -178,6 +201,7 @@ void FactorGraph::ConnectMany(FamilyId family, std::vector<VariableId> variables
   record.num_factors = static_cast<int>(count);
 }
 
+// For Connect and for edits, without checks of the ids: Validate or the edit's check has them.
 int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables,
                               std::shared_ptr<const Loss> loss) {
   internal::FamilyRecord& record = families_[Index(family)];
@@ -191,10 +215,14 @@ int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables,
     record.losses.push_back(std::move(loss));
   }
   internal::FamilyEditState& edits = edits_->families[Index(family)];
+  // An array of places exists once an edit has looked at the family; it is kept in step with the
+  // factors.
   if (!edits.places.empty()) {
     edits.places.push_back(internal::Place::kIncremental);
   }
   const int factor = record.num_factors++;
+  // Links are parallel to the variables of the family; the factor enters the lists of its
+  // variables.
   if (edits_->tracked) {
     edits.links.resize(record.variables.size());
     LinkFactor(family, factor);
@@ -202,6 +230,7 @@ int FactorGraph::AppendFactor(FamilyId family, const VariableId* variables,
   return factor;
 }
 
+// A family without losses has no array for them; the first one makes it.
 void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss) {
   internal::FamilyRecord& record = families_[Index(family)];
   if (loss != nullptr || !record.losses.empty()) {
@@ -210,6 +239,8 @@ void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Los
   }
 }
 
+// Bounds of ∓infinity, or of ∓the largest double as in Ceres, are none: a variable with nothing
+// else is not bounded.
 void FactorGraph::SetBounds(VariableId id, const double* lower, const double* upper) {
   constexpr double kMax = std::numeric_limits<double>::max();
   assert(id >= 0 && id < num_variables() && "FactorGraph::SetBounds: no such variable");
@@ -230,6 +261,7 @@ void FactorGraph::SetBounds(VariableId id, const double* lower, const double* up
   }
 }
 
+// In a map, for few are pinned: a graph without pins pays nothing for them.
 void FactorGraph::PinLinearization(VariableId id, const double* values) {
   assert(id >= 0 && id < num_variables() && "FactorGraph::PinLinearization: no such variable");
   if (values == nullptr) {
@@ -241,6 +273,7 @@ void FactorGraph::PinLinearization(VariableId id, const double* values) {
 
 void FactorGraph::SetValues(VariableId id, const double* values) {
   const internal::VariableRecord& variable = variables_[Index(id)];
+  // Borrowed values are their owner's: nothing is written there.
   if (variable.offset >= 0) {
     std::copy_n(values, variable.ambient_size, state_.begin() + variable.offset);
   }
@@ -254,6 +287,7 @@ void FactorGraph::Reserve(int num_variables, int num_values) {
 int FactorGraph::num_factors() const {
   int count = 0;
   for (const internal::FamilyRecord& record : families_) {
+    // Free places have no factor.
     count += record.num_factors - static_cast<int>(record.free_places.size());
   }
   return count;
@@ -263,12 +297,17 @@ bool FactorGraph::HasFactor(FamilyId id, int factor) const {
   if (id < 0 || id >= num_families()) {
     return false;
   }
+  // Marks of an edit are wiped when its check ends, so a place is either taken or free here.
   const internal::FamilyRecord& record = families_[Index(id)];
   const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
   return factor >= 0 && factor < record.num_factors &&
+         // Without an array of places nothing was removed.
          (places.empty() || places[Index(factor)] == internal::Place::kIncremental);
 }
 
+// The k-th from the end: ids that were freed last are given out first, and an edit that is not
+// applied has taken none. Of the same ambient size only, for the room in the state stays where it
+// is.
 VariableId FactorGraph::FreeVariable(int ambient_size, bool borrowed, int k) const {
   const auto& free = edits_->free_variables;
   const auto found =
@@ -284,6 +323,7 @@ std::int32_t FactorGraph::FreePlace(FamilyId id, int k) const {
   return Index(k) < places.size() ? places[places.size() - 1 - Index(k)] : -1;
 }
 
+// Zero until a factor of the place has been removed.
 std::int32_t FactorGraph::Generation(FamilyId id, std::int32_t place) const {
   const std::vector<std::int32_t>& generations = edits_->families[Index(id)].generations;
   return Index(place) < generations.size() ? generations[Index(place)] : 0;

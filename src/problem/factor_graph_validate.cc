@@ -16,10 +16,18 @@ using internal::Invalid;
 using internal::VariableName;
 using internal::VariableRecord;
 
+// The rules of a graph that can be solved, and their messages. Validate runs before every solve, so
+// the common case is fast: variables that are obviously in order are passed over, all values are
+// looked at in one pass over the state, and factors that touch what the one before them touches are
+// not looked at again. Only when something is wrong does it search for the culprit, in the order of
+// ids. The rules of one factor are in find_fault.h, shared with edits.
+
 namespace {
 
+// Landmarks are eliminated in blocks of at most this size.
 constexpr int kMaxLandmarkTangentSize = 4;
 
+// With the ids of its variables, by which the caller can look it up.
 std::string Describe(int factor, const FactorFamily& family, const VariableId* ids) {
   std::string text = "factor " + std::to_string(factor) + " of " + family.Name() + " (variables ";
   for (int s = 0; s < family.num_slots(); ++s) {
@@ -30,6 +38,8 @@ std::string Describe(int factor, const FactorFamily& family, const VariableId* i
 
 }  // namespace
 
+// A handle knows its family; the graph must have it under the handle's id, or measurement and
+// connection would go to two different families.
 Status internal::CheckHandle(const char* call, const FactorGraph& graph, FamilyId id,
                              const FactorFamily* given) {
   if (id < 0 || id >= graph.num_families()) {
@@ -55,15 +65,18 @@ bool internal::AllFinite(const double* values, std::size_t count) {
   for (; k < count; ++k) {
     sums[0] += values[k] * 0.0;
   }
+  // Zero plus zero of either sign is zero; a NaN in any lane makes the comparison false.
   return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
 }
 
 Status FactorGraph::Validate() const {
+  // A call that could not be carried out: the graph is not what its builder meant it to be.
   if (!misuse_.ok()) {
     return misuse_;
   }
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
+    // Nothing can be wrong with such a variable but its values.
     const bool ordinary =
         variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
         (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
@@ -75,6 +88,7 @@ Status FactorGraph::Validate() const {
       return status;
     }
   }
+  // The room of removed variables holds zeros, so the pass runs over everything.
   Status status = AllFinite(state_.data(), state_.size()) ? Status::Ok() : ValidateValues();
   for (auto bounded = bounds_.begin(); status.ok() && bounded != bounds_.end(); ++bounded) {
     status = ValidateBounds(bounded->first, bounded->second);
@@ -85,6 +99,7 @@ Status FactorGraph::Validate() const {
   return status;
 }
 
+// The order matters: sizes come before what is read by them.
 Status internal::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
     return Invalid(VariableName(id) + " has ambient size " + std::to_string(variable.ambient_size) +
@@ -93,6 +108,7 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
   if (variable.offset < 0 && variable.borrowed == nullptr) {
     return Invalid(VariableName(id) + " is a borrowed constant with a null pointer to its values");
   }
+  // Owned values are looked at all at once; borrowed ones lie elsewhere.
   if (variable.offset < 0 &&
       !AllFinite(variable.borrowed, static_cast<std::size_t>(variable.ambient_size))) {
     return Invalid(VariableName(id) + " is a borrowed constant with a value that is not finite");
@@ -102,11 +118,13 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
                    " values but its manifold has ambient size " +
                    std::to_string(variable.manifold->AmbientSize()));
   }
+  // By the manifold, which may be a user's.
   if (variable.tangent_size < 0 || variable.tangent_size > variable.ambient_size) {
     return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
                    "; it must lie between 0 and its ambient size " +
                    std::to_string(variable.ambient_size));
   }
+  // A constant landmark is not eliminated, so its size does not matter.
   if (variable.role == Role::kLandmark && !constant &&
       variable.tangent_size > kMaxLandmarkTangentSize) {
     return Invalid(VariableName(id) + " is a landmark of tangent size " +
@@ -116,6 +134,7 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
   return Status::Ok();
 }
 
+// Slow and exact, after the fast pass has found that there is something.
 Status FactorGraph::ValidateValues() const {
   for (VariableId id = 0; id < num_variables(); ++id) {
     const VariableRecord& variable = variables_[Index(id)];
@@ -132,6 +151,7 @@ Status FactorGraph::ValidateValues() const {
 
 // As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
 Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) const {
+  // What the start must satisfy; what a solve does with bounds is the solver's affair.
   const double* values = Values(id);
   for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
     const double lower = bounds.lower[k];
@@ -140,6 +160,7 @@ Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) 
     if (std::isnan(lower) || std::isnan(upper)) {
       return Invalid(entry + " has a bound that is not a number");
     }
+    // Of a free variable, equal bounds are refused too: nothing could move between them.
     if (!IsConstant(id) && !(lower < upper)) {
       return Invalid(entry + " has the lower bound " + std::to_string(lower) +
                      ", which is not below its upper bound " + std::to_string(upper));
@@ -160,6 +181,8 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
     return Invalid(FamilyName(id, family) + " has residual size " +
                    std::to_string(family.residual_size()) + "; it must be positive");
   }
+  // More measurements than factors are a mistake while a graph is built. After an edit was checked,
+  // it may be one that was refused and had placed its measurement already.
   if (family.size() < record.num_factors ||
       (family.size() > record.num_factors && !edits_->edited)) {
     return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) +
@@ -170,6 +193,8 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
+  // All factors of the same variables, as in curve fitting: one stands for all, and the comparison
+  // of an array with itself, one factor on, is fast.
   const bool all_alike = all_live && record.num_factors > 0 &&
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
@@ -178,6 +203,7 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
       continue;
     }
     // then that one was found to be in order
+    // Free places have ids of −1, so a factor after one is looked at.
     bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;
     for (int s = 0; as_before && s < num_slots; ++s) {
       as_before = ids[s] == ids[s - num_slots];
@@ -187,6 +213,7 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
     }
     const FactorFault fault = internal::FindFault(
         family, ids, [this](VariableId variable) { return internal::See(variables_, variable); });
+    // The culprit's record is only there to tell its sizes.
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];
       const bool known = culprit >= 0 && culprit < num_variables();
@@ -197,10 +224,12 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   return Status::Ok();
 }
 
+// Shared with edits, whose variables may not be in the graph: the record is handed in.
 Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids,
                                FactorFault fault, const VariableRecord* culprit) {
   const FactorFamily::Slot& slot = graph.family(id.family).slot(fault.slot);
   const VariableId variable = ids[fault.slot];
+  // The factor with all its variables first, then the slot at fault.
   const std::string where =
       Describe(id.index, graph.family(id.family), ids) + ": slot " + std::to_string(fault.slot);
   switch (fault.fault) {

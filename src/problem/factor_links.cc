@@ -2,6 +2,11 @@
 // in O(num_slots), and nothing is allocated but two links a slot.
 #include "problem/edit_state.h"
 
+// A link belongs to a slot of a factor (an entry, factor · num_slots + slot) and names the entries
+// before and after it in the list of the slot's variable; lists run through all families, the
+// factor linked last first. Nothing is kept until someone asks for it (TrackFactors), which costs
+// one pass; from then on building and edits keep the lists in step.
+
 namespace inceres {
 
 using internal::FamilyEditState;
@@ -16,10 +21,13 @@ constexpr FamilyId kUnlinked = -2;
 
 }  // namespace
 
+// A slot that named a variable before it was added has no link, so lists are not complete.
 bool FactorGraph::TracksFactors() const {
   return edits_->tracked && !edits_->untracked_ids;
 }
 
+// FactorId serves as a pair of family and entry here; ForEachFactorOf divides by the number of
+// slots.
 FactorId FactorGraph::FirstEntryOf(VariableId id) const {
   const Touch& first = edits_->first_touches[Index(id)];
   return {first.family, first.entry};
@@ -30,6 +38,7 @@ FactorId FactorGraph::NextEntry(FactorId entry) const {
   return {next.family, next.entry};
 }
 
+// Also a second time, if a factor named a variable that has come since.
 void FactorGraph::TrackFactors() {
   if (edits_->tracked && !edits_->untracked_ids) {
     return;
@@ -41,6 +50,7 @@ void FactorGraph::TrackFactors() {
     FamilyEditState& edits = edits_->families[Index(id)];
     edits.links.assign(record.variables.size(), Link());
     for (int factor = 0; factor < record.num_factors; ++factor) {
+      // Free places name no variables.
       if (edits.places.empty() || edits.places[Index(factor)] != internal::Place::kFree) {
         LinkFactor(id, factor);
       }
@@ -53,13 +63,16 @@ void FactorGraph::LinkFactor(FamilyId family, int factor) {
   const FamilyRecord& record = families_[Index(family)];
   std::vector<Link>& links = edits_->families[Index(family)].links;
   const int num_slots = record.family->num_slots();
+  // Entries of a factor are contiguous, also in the links.
   for (std::int32_t entry = factor * num_slots; entry < (factor + 1) * num_slots; ++entry) {
     const VariableId id = record.variables[Index(entry)];
     if (id < 0 || id >= num_variables()) {
+      // Marked, for UnlinkFactor to pass over it.
       links[Index(entry)].previous.family = kUnlinked;
       edits_->untracked_ids = true;
       continue;
     }
+    // In front: O(1), and the entry before has no predecessor any more.
     Touch& first = edits_->first_touches[Index(id)];
     links[Index(entry)] = {Touch(), first};
     if (first.family >= 0) {
@@ -76,8 +89,10 @@ void FactorGraph::UnlinkFactor(FamilyId family, int factor) {
   for (std::int32_t entry = factor * num_slots; entry < (factor + 1) * num_slots; ++entry) {
     const Link link = links[Index(entry)];
     if (link.previous.family == kUnlinked) {
+      // It is in no list.
       continue;
     }
+    // Without a predecessor it is the head of its variable's list.
     if (link.previous.family >= 0) {
       edits_->families[Index(link.previous.family)].links[Index(link.previous.entry)].next =
           link.next;

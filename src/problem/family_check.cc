@@ -9,13 +9,21 @@
 
 namespace inceres::internal {
 
+// One factor: its tangent Jacobian as the family writes it, column by column against a numeric
+// derivative of the residuals along x ⊞ δ. Ridders' method gives an estimate of its own error, and
+// so there are three verdicts: right, wrong, and uncertain, where the numeric derivative is not
+// good enough to tell. An entry is compared with the largest of its row, over all slots: a
+// derivative that is small beside its neighbors cannot be known to more digits than they allow.
+
 bool FamilyCheck::WriteAnalytic() {
   for (std::size_t s = 0; s < num_slots_; ++s) {
     const FactorFamily::Slot& slot = family_.slot(static_cast<int>(s));
     maps_[s] = TangentMap();
     maps_[s].ambient_size = slot.ambient_size;
+    // Columns there are only where the variable can be moved.
     maps_[s].tangent_size = point_[s].has_tangent ? slot.tangent_size : 0;
     maps_[s].kind = NumColumns(s) == 0 ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity;
+    // Through the plus-Jacobian, if there is a manifold: what is checked is what solvers use.
     if (NumColumns(s) > 0 && point_[s].manifold != nullptr) {
       plus_[s].assign(static_cast<std::size_t>(slot.ambient_size) * NumColumns(s), 0.0);
       if (!point_[s].manifold->PlusJacobian(point_[s].values, plus_[s].data())) {
@@ -28,10 +36,13 @@ bool FamilyCheck::WriteAnalytic() {
     parameters_[First() + s] = point_[s].values;
     map_pointers_[First() + s] = &maps_[s];
     jacobians_[s].assign(num_rows_ * NumColumns(s), 0.0);
+    // A factor stride of 0: the views count from the family's first factor, but hold this one
+    // alone.
     views_[s] = {jacobians_[s].data(), 0, maps_[s].tangent_size};
   }
   failure_ = family_.Evaluate({factor_, factor_ + 1, parameters_.data(), map_pointers_.data(),
                                residuals_.data(), views_.data()});
+  // The scale of each row, over all slots.
   largest_.assign(num_rows_, 0.0);
   for (std::size_t s = 0; s < num_slots_ && !failure_.failed(); ++s) {
     for (std::size_t k = 0; k < jacobians_[s].size(); ++k) {
@@ -43,6 +54,8 @@ bool FamilyCheck::WriteAnalytic() {
 }
 
 // The residuals with one variable moved.
+// By Plus, not by M: the numeric derivative knows nothing of the plus-Jacobian. Without tangent
+// maps and views the family evaluates residuals only.
 bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
                              double* residuals) {
   const int size = family_.slot(static_cast<int>(slot)).ambient_size;
@@ -54,6 +67,7 @@ bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
   } else {
     std::transform(moved.begin(), moved.end(), delta.begin(), moved.begin(), std::plus<>());
   }
+  // Put back below: the next column moves another variable.
   parameters_[First() + slot] = moved.data();
   const bool evaluated = !family_
                               .Evaluate({factor_, factor_ + 1, parameters_.data(), nullptr,
@@ -62,9 +76,12 @@ bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
   parameters_[First() + slot] = point_[slot].values;
   const double* first = residuals_.data() + static_cast<std::size_t>(factor_) * num_rows_;
   std::copy(first, first + num_rows_, residuals);
+  // A residual that is not finite is as good as none: the step is made smaller.
   return evaluated && AllFinite(residuals, num_rows_);
 }
 
+// The step is relative to the value, where it has one. In a tangent space of a manifold the scalar
+// is 0 at the point, and the step absolute.
 bool FamilyCheck::CheckColumn(std::size_t slot, std::size_t column) {
   std::vector<double> delta(NumColumns(slot), 0.0);
   double scale = 1.0;
@@ -74,6 +91,7 @@ bool FamilyCheck::CheckColumn(std::size_t slot, std::size_t column) {
   NumericDerivative derivative;
   const bool found = DifferentiateByRidders(
       options_.relative_step * scale, num_rows_,
+      // Only one entry of delta is ever set; it is overwritten at each step.
       [&](double t, double* residuals) {
         delta[column] = t;
         return EvaluateAt(slot, delta, residuals);
@@ -99,6 +117,7 @@ void FamilyCheck::Judge(std::size_t slot, std::size_t column, const NumericDeriv
     entry.analytic = jacobians_[slot][r * NumColumns(slot) + column];
     entry.numeric = derivative.value[r];
     entry.numeric_error = derivative.error[r];
+    // Differences of zero come first: 0 / 0 where a whole row is zero.
     const double difference = std::fabs(entry.analytic - entry.numeric);
     const double scale = std::max(largest_[r], std::fabs(entry.numeric));
     entry.relative_error = difference == 0.0           ? 0.0
@@ -106,11 +125,14 @@ void FamilyCheck::Judge(std::size_t slot, std::size_t column, const NumericDeriv
                                                        : std::numeric_limits<double>::infinity();
     // Not <=: an entry that is NaN is wrong.
     const bool differs = !(difference <= options_.tolerance * scale);
+    // Further off than the numeric derivative may err: otherwise nothing is proven.
     const bool wrong = differs && !(difference <= entry.numeric_error);
     ++report_.num_entries;
     report_.num_uncertain += differs && !wrong ? 1 : 0;
     const bool first_wrong = wrong && report_.num_wrong == 0;
     report_.num_wrong += wrong ? 1 : 0;
+    // As long as none is wrong the worst of all entries is told; from the first wrong one on, the
+    // worst of the wrong ones. The error of an entry that is not finite is infinite.
     const bool counts = wrong || report_.num_wrong == 0;
     if (report_.worst.factor < 0 || first_wrong ||
         (counts && !(entry.relative_error <= report_.worst.relative_error))) {
@@ -125,6 +147,7 @@ bool FamilyCheck::Check(int factor, const std::vector<SlotPoint>& point) {
   if (!WriteAnalytic()) {
     return false;
   }
+  // The first failure ends the factor: what_failed_ tells where.
   for (std::size_t s = 0; s < num_slots_; ++s) {
     for (std::size_t c = 0; c < NumColumns(s); ++c) {
       if (!CheckColumn(s, c)) {

@@ -11,6 +11,7 @@
 
 namespace inceres {
 
+// EuclideanManifold is for components of a ProductManifold; a Euclidean variable needs none.
 bool EuclideanManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   for (int k = 0; k < size_; ++k) {
     x_plus_delta[k] = x[k] + delta[k];
@@ -33,8 +34,11 @@ bool EuclideanManifold::Minus(const double* y, const double* x, double* delta) c
   return true;
 }
 
+// An index that is not there cannot be refused in a constructor: valid_ makes the calls fail
+// instead.
 SubsetManifold::SubsetManifold(int size, const std::vector<int>& constant_indices) : size_(size) {
   std::vector<char> constant(static_cast<std::size_t>(std::max(size, 0)), 0);
+  // A flag per coordinate: indices may come in any order, and twice.
   for (const int index : constant_indices) {
     if (index < 0 || index >= size) {
       valid_ = false;
@@ -50,6 +54,7 @@ SubsetManifold::SubsetManifold(int size, const std::vector<int>& constant_indice
 }
 
 bool SubsetManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  // Nothing to copy where the result takes the place of x.
   std::copy_n(x, x == x_plus_delta ? 0 : size_, x_plus_delta);
   for (const int k : free_) {
     x_plus_delta[k] += *delta++;
@@ -59,6 +64,7 @@ bool SubsetManifold::Plus(const double* x, const double* delta, double* x_plus_d
 
 bool SubsetManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
   const int tangent_size = TangentSize();
+  // Unit vectors: the tangent map is classified as a selection, and projection is a copy.
   std::fill_n(jacobian, size_ * tangent_size, 0.0);
   for (int c = 0; c < tangent_size; ++c) {
     jacobian[free_[static_cast<std::size_t>(c)] * tangent_size + c] = 1.0;
@@ -66,6 +72,7 @@ bool SubsetManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
   return valid_;
 }
 
+// What is held constant is not looked at, even if it differs.
 bool SubsetManifold::Minus(const double* y, const double* x, double* delta) const {
   for (const int k : free_) {
     *delta++ = y[k] - x[k];
@@ -73,6 +80,7 @@ bool SubsetManifold::Minus(const double* y, const double* x, double* delta) cons
   return valid_;
 }
 
+// Null components have no size; the calls say that they are wrong.
 ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components)
     : components_(std::move(components)) {
   for (const std::shared_ptr<const Manifold>& component : components_) {
@@ -83,6 +91,7 @@ ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> co
   }
 }
 
+// Values and tangent vectors are next to one another, in the order of the components.
 bool ProductManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component == nullptr) {
@@ -104,6 +113,7 @@ bool ProductManifold::Plus(const double* x, const double* delta, double* x_plus_
 
 bool ProductManifold::Minus(const double* y, const double* x, double* delta) const {
   for (const std::shared_ptr<const Manifold>& component : components_) {
+    // A component without degrees of freedom has nothing to say of the difference.
     if (component == nullptr || (component->TangentSize() > 0 && !component->Minus(y, x, delta))) {
       return false;
     }
@@ -115,6 +125,7 @@ bool ProductManifold::Minus(const double* y, const double* x, double* delta) con
 }
 
 bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
+  // Block diagonal: each component has its own rows and columns.
   int first_column = 0;
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component == nullptr) {
@@ -153,7 +164,9 @@ struct Complement {
     for (int k = 0; k < n; ++k) {
       norm = std::hypot(norm, x[k]);  // neither overflows nor underflows on the way
     }
+    // Never 0: at x_n = 0 either sign will do.
     sign = x[n - 1] < 0.0 ? -1.0 : 1.0;
+    // 1 / (1 + |u_n|) is between ½ and 1: nothing is divided by a small number.
     scale = 1.0 / (1.0 + std::fabs(x[n - 1]) / norm);
   }
   double norm = 0.0;
@@ -165,15 +178,18 @@ struct Complement {
 
 bool SphereManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   const int n = size_;
+  // For x = 0 norm is 0 and the result NaN; the return value says so.
   const Complement basis(x, n);
   double delta_squared = 0.0;
   double u_dot_delta = 0.0;
+  // B δ = δ − v (u·δ) / (1 + |u_n|), with v = u ± e_n: O(n), the matrix is never formed.
   for (int j = 0; j < n - 1; ++j) {
     delta_squared += delta[j] * delta[j];
     u_dot_delta += x[j] / basis.norm * delta[j];
   }
   const double angle = std::sqrt(delta_squared);
   const double cosine = std::cos(angle);
+  // Sinc is smooth at 0, so δ = 0 gives x exactly.
   const double reach = basis.norm * Sinc(delta_squared, angle);
   const double along_v = u_dot_delta * basis.scale;
   for (int i = 0; i < n; ++i) {
@@ -184,6 +200,7 @@ bool SphereManifold::Plus(const double* x, const double* delta, double* x_plus_d
   return basis.norm > 0.0;
 }
 
+// At δ = 0: ‖x‖ B. The tangent vector is an angle, so the radius comes in.
 bool SphereManifold::PlusJacobian(const double* x, double* jacobian) const {
   const int n = size_;
   const Complement basis(x, n);
@@ -204,6 +221,7 @@ bool SphereManifold::Minus(const double* y, const double* x, double* delta) cons
   double y_norm = 0.0;
   double cosine = 0.0;
   double v_dot_y = 0.0;
+  // One pass for ‖y‖, u·y and v·y.
   for (int i = 0; i < n; ++i) {
     const double u = x[i] / basis.norm;
     y_norm = std::hypot(y_norm, y[i]);
@@ -212,10 +230,13 @@ bool SphereManifold::Minus(const double* y, const double* x, double* delta) cons
   }
   double sine = 0.0;
   for (int j = 0; j < n - 1; ++j) {
+    // Bᵀ y, by the same formula as B δ.
     delta[j] = y[j] - x[j] / basis.norm * basis.scale * v_dot_y;
     sine = std::hypot(sine, delta[j]);
   }
+  // At x = 0 or y = 0 there is no direction, and at the antipode every direction leads there.
   const bool defined = basis.norm > 0.0 && y_norm > 0.0 && (sine > 0.0 || cosine > 0.0);
+  // At y = x, where the angle is 0, the limit of angle / ‖Bᵀy‖ is 1 / ‖y‖.
   const double stretch = sine > 0.0 ? std::atan2(sine, cosine) / sine : 1.0 / y_norm;
   for (int j = 0; j < n - 1; ++j) {
     delta[j] *= stretch;
