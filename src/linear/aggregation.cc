@@ -13,8 +13,8 @@ namespace inceres::internal {
 //
 // The result has to be the same for any number of threads and in every run: vertices are visited by
 // index, among equal weights the first neighbor wins, and groups are numbered by their lowest
-// member. No vertex has an edge to itself, which Heaviest relies on; Contract drops what falls within
-// a group.
+// member. No vertex has an edge to itself, which Heaviest relies on: Contract drops what falls
+// within a group.
 
 namespace {
 

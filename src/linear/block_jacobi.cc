@@ -65,6 +65,7 @@ bool BlockJacobi::Invert(const ReducedMatrix& A, int row) {
   if (size == 0) {
     return true;
   }
+  // The diagonal block is the last one of its row.
   const double* S_ii = A.rows()->values(A.rows()->row(row).back().offset);
   block.M.assign(static_cast<std::size_t>(size) * stride, 0.0);
   for (int r = 0; r < size; ++r) {

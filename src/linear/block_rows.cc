@@ -39,6 +39,7 @@ int SymmetricBlockRows::AddRow(int size) {
   return row;
 }
 
+// The row's index stays, as others refer to it; only its blocks, in both triangles, go.
 void SymmetricBlockRows::RemoveRow(int row) {
   ++version_;
   // The blocks left of the diagonal, and the row's mention in their columns.
@@ -133,6 +134,7 @@ std::int64_t SymmetricBlockRows::Bytes() const {
   return static_cast<std::int64_t>(bytes);
 }
 
+// A search among the row's blocks, and where there is none an insertion into both sorted lists.
 std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   auto& entries = rows_[row];
   const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);

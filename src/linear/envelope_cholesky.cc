@@ -73,6 +73,7 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
   return Status::Ok();
 }
 
+// For steps of part of the frames, whose size is bounded: once reserved, no step allocates.
 void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
   for (Row& row : rows_) {

@@ -101,6 +101,7 @@ class TreeBuilder {
     return next;
   }
 
+  // Children of a front side by side, by counting.
   void LinkChildren() {
     std::vector<int> count(tree_->fronts.size(), 0);
     for (const Front& front : tree_->fronts) {
@@ -129,6 +130,7 @@ class TreeBuilder {
         while (rows_[in_parent] != rows_[k]) {
           ++in_parent;
         }
+        // From a row of the update matrix to a row of the parent's front.
         const FrontRun run{places_[k] - front.below(), places_[in_parent], SizeAt(rows_[k])};
         FrontRun* last =
             static_cast<int>(tree_->runs.size()) > front.run_begin ? &tree_->runs.back() : nullptr;
@@ -150,6 +152,7 @@ class TreeBuilder {
                    rows_.begin()];
   }
 
+  // The blocks of S front by front, so that a front is assembled from a list and S is read once.
   void FindPieces() {
     // A block is assembled where the first of its two rows is a pivot: it lies in that one's
     // columns.

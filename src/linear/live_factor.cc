@@ -102,6 +102,8 @@ LiveFactor::LiveFactor(ReducedSolver* solver) {
   if (const auto* automatic = dynamic_cast<AutomaticSolver*>(solver)) {
     solver = automatic->chosen();
   }
+  // At most one of the three is set. Of another solver, such as conjugate gradients, none is: there
+  // is no factor.
   tree_ = dynamic_cast<BayesTree*>(solver);
   resumed_ = dynamic_cast<ResumedSolver*>(solver);
   // Their Solve may be called between the solves of others: it remembers no b and no x.
@@ -163,6 +165,8 @@ MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
   return product;
 }
 
+// The whole of y behind the first row counts, but is zero before it: the product of what is left is
+// that of all.
 MatrixXd LiveFactor::EnvelopeProduct(const SparseColumns& V) const {
   const EnvelopeCholesky& L = resumed_->cholesky();
   const RowOrder& order = resumed_->order();
@@ -199,6 +203,8 @@ Status LiveFactor::Solve(const std::vector<int>& offsets, const double* b, doubl
   return Status::Ok();
 }
 
+// Forward through all cliques, children first, then backward, parents first. x is packed by rows of
+// S and serves as the place where a clique finds what its separator got.
 void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, double* x) const {
   const CliqueTree& tree = tree_->tree();
   // A b with entries everywhere reaches all cliques.
@@ -229,6 +235,7 @@ void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, d
   }
 }
 
+// The envelope has its rows by places: b goes there, x comes back.
 void LiveFactor::SolveByEnvelope(const std::vector<int>& offsets, const double* b,
                                  double* x) const {
   const EnvelopeCholesky& L = resumed_->cholesky();

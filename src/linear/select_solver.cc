@@ -53,6 +53,7 @@ Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status
 
 // An iteration reads S once and the factor twice.
 bool PcgIsCheaper(const Direct& direct, const BlockPattern& pattern) {
+  // Reading is what an iteration costs: it takes two flops for each entry read.
   const double iteration =
       kFlopsPerEntryRead * (static_cast<double>(pattern.value_begin.back()) + 2.0 * direct.entries);
   return kPcgIterations * iteration < (1.0 - kPcgFactorizations) * direct.flops;
