@@ -132,7 +132,7 @@ Status CliqueTree::Rebuild(const SymmetricBlockRows& S, const std::vector<int>& 
       MakeClique(f);
     }
   }
-  // Of a call that fails, too: the next one numbers others.
+  // Also where the order failed: the next call numbers others.
   std::for_each(loose_.begin(), loose_.end(), [this](int row) { local_[row] = kNone; });
   if (!found.ok()) {
     return found;
@@ -147,7 +147,8 @@ Status CliqueTree::Rebuild(const SymmetricBlockRows& S, const std::vector<int>& 
 }
 
 void CliqueTree::ListLooseRows(const SymmetricBlockRows& S, const std::vector<int>& new_rows) {
-  // A row that has left S, or that belongs to another clique by now, is not among them.
+  // New rows, and the pivots of dissolved cliques but for those that have left S or the tree
+  // (Remove).
   loose_ = new_rows;
   for (const int c : dissolved_) {
     const Clique& clique = cliques_[c];
@@ -162,8 +163,8 @@ void CliqueTree::ListLooseRows(const SymmetricBlockRows& S, const std::vector<in
   }
 }
 
-// Blocks of S between loose rows. Blocks to rows that have a clique are in that clique's subtree,
-// which takes part as a whole.
+// The blocks of S between loose rows. Those with a row that still has a clique are assembled there,
+// in a subtree that takes part as a whole.
 void CliqueTree::ListGraph(const SymmetricBlockRows& S, const std::vector<int>& last) {
   graph_.Clear();
   for (const int row : loose_) {
@@ -192,7 +193,7 @@ void CliqueTree::ListOrphans() {
   for (const int c : dissolved_) {
     for (const int child : cliques_[c].children) {
       const Clique& orphan = cliques_[child];
-      // Dissolved itself: its children are orphans in their own right.
+      // It was dissolved itself: its children are orphans in their own right.
       if (!orphan.is_used) {
         continue;
       }

@@ -19,8 +19,8 @@ namespace inceres::internal {
 
 ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clusters,
                                  const Executor& executor, Status* status)
-    // The pattern is copied, since it keeps fewer blocks; offsets of values stay those of S.
     : factor_(executor) {
+  // The pattern is copied, since it keeps fewer blocks; offsets of values stay those of S.
   pattern_.offsets = S.offsets;
   pattern_.padded = S.padded;
   pattern_.row_begin.push_back(0);

@@ -7,10 +7,10 @@
 
 namespace inceres::internal {
 
-// Preconditioned conjugate gradients (Golub & Van Loan, section 11.5). Beside x the loop keeps r =
-// b − A x, z = M⁻¹r and p. With α = rᵀz / pᵀAp a step x += α p raises the decrease bᵀx − ½xᵀAx by ½
-// α rᵀz: the gains, which tell callers when to stop (Hestenes & Stiefel 1952, theorem 6:1) without
-// a look at the residual's norm.
+// Preconditioned conjugate gradients (Golub & Van Loan, section 11.5). Beside x the loop keeps the
+// residual r = b − A x, z = M⁻¹r and the direction p. With α = rᵀz / pᵀAp a step x += α p raises
+// the decrease bᵀx − ½xᵀAx by ½ α rᵀz. These gains tell callers when to stop (Hestenes & Stiefel
+// 1952, theorem 6:1) without a look at the residual's norm.
 //
 // Vectors come in whole quads with zeros behind: sums may run over the padding. Products are told
 // to subtract, since the kernels do; so −A p is what is computed, and r += α (−A p).

@@ -36,8 +36,7 @@ constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a t
 Status DenseCholesky::Analyze(const ReducedMatrix& A) {
   const BlockPattern& pattern = A.pattern();
   pattern_ = &pattern;
-  // Symbolic work, kept until the pattern changes. The memory of a larger system before is kept,
-  // too: what it holds is overwritten by CopyIn.
+  // The symbolic work, kept until the pattern changes.
   order_ = OrderForEnvelope(pattern);
   size_ = pattern.size();
   padded_size_ = PadToQuad(size_);
@@ -48,7 +47,7 @@ Status DenseCholesky::Analyze(const ReducedMatrix& A) {
     stride_ += kQuad;
   }
   // Above the diagonal nothing is read but within a panel, so that pages of a large matrix up there
-  // are never touched.
+  // are never touched. Room of a larger system before is kept: CopyIn overwrites what it holds.
   const std::size_t room = stride_ * static_cast<std::size_t>(size_);
   if (L_.size() < room) {
     L_ = ZeroedArray(room);

@@ -9,10 +9,10 @@
 namespace inceres::internal {
 
 // An order of the frames for the dense Cholesky that leaves zeros ahead of the rows (King 1970;
-// George & Liu 1981, chapter 4). King's rule works through the graph of S as through a wave: rows
-// that are done, a front of rows that are coupled to those, and rows ahead. Next comes the row
-// whose neighbors let the fewest scalar rows into the front, because the rows in the front are
-// those that the columns of the factor reach.
+// George & Liu 1981, chapter 4). King's rule works through the graph of S as a wave does: rows that
+// are done, a front of rows that are coupled to those, and rows ahead. Next comes the row whose
+// neighbors let the fewest scalar rows into the front, because the rows in the front are those that
+// the columns of the factor reach.
 //
 // Whether that helps depends on S: where all frames see the same landmarks there is nothing to
 // leave out. So the flops of both orders are counted, and the pattern's own stays where King's is

@@ -24,9 +24,8 @@ namespace inceres::internal {
 namespace {
 
 // X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both
-// row-major.
-// Of each row of X by itself, so that the columns come one after the other: c needs those before
-// it. The reciprocals of the diagonal were kept by FactorSmall.
+// row-major. Each row of X is solved for by itself, and in it column c needs the columns before it.
+// The reciprocals of the diagonal were kept by FactorSmall.
 void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
                           const double* inverse_pivots, double* X, int ldx) {
   for (int c = 0; c < size; ++c) {
@@ -101,7 +100,7 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   double* diagonal = row.values.data() + offsets_[i] - row.start;
   for (int r = 0; r < size; ++r) {
     diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] +=
-        // A row of the identity: its x is 0 if its b is, and a factor exists.
+        // Of a held row the identity: it never spoils the factor.
         row.held ? 1.0 : damping[offsets_[i] + r];
   }
 }

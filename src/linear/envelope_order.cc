@@ -126,7 +126,7 @@ const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,
 
 void EnvelopeOrdering::Begin(const SymmetricBlockRows& S, const RowOrder& order, int first_place) {
   rows_.clear();
-  // What stays in front counts as taken and is never reached, and so do rows without a place.
+  // Rows that stay in front, and those without a place, count as taken and are never reached.
   taken_.assign(S.num_rows(), 1);
   for (int place = first_place; place < order.num_places(); ++place) {
     taken_[order.row(place)] = 0;

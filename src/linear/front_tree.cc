@@ -101,7 +101,7 @@ class TreeBuilder {
     return next;
   }
 
-  // Children of a front side by side, by counting.
+  // The children of a front are put side by side, by counting.
   void LinkChildren() {
     std::vector<int> count(tree_->fronts.size(), 0);
     for (const Front& front : tree_->fronts) {

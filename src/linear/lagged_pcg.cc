@@ -25,8 +25,7 @@ Status LaggedPcg::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   // A view: the matrix stays as it is until the last Solve, as the contract of ReducedSolver has
   // it.
   A_ = A;
-  // A solve that took long tells that A has gone far from M. This solve still has it, the next
-  // Factorize renews it.
+  // A last solve that took long tells that A has gone far from M: the factor is renewed now.
   return factored_ && work_.iterations <= kRenewAfter ? Status::Ok() : Renew();
 }
 

@@ -106,7 +106,7 @@ LiveFactor::LiveFactor(ReducedSolver* solver) {
   // is no factor.
   tree_ = dynamic_cast<BayesTree*>(solver);
   resumed_ = dynamic_cast<ResumedSolver*>(solver);
-  // Their Solve may be called between the solves of others: it remembers no b and no x.
+  // Solve of these two remembers no b and no x, so it may be called between the solves of others.
   const bool is_stateless = dynamic_cast<DenseCholesky*>(solver) != nullptr ||
                             dynamic_cast<SparseCholesky*>(solver) != nullptr;
   other_ = is_stateless ? solver : nullptr;
@@ -165,8 +165,7 @@ MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
   return product;
 }
 
-// The whole of y behind the first row counts, but is zero before it: the product of what is left is
-// that of all.
+// Before the first row y is zero, so the product of what is behind it is that of all.
 MatrixXd LiveFactor::EnvelopeProduct(const SparseColumns& V) const {
   const EnvelopeCholesky& L = resumed_->cholesky();
   const RowOrder& order = resumed_->order();

@@ -45,7 +45,7 @@ int ResumedSolver::FirstPlace(const Rows& rows) const {
     const int place = order_.place(row);
     first = place >= 0 ? std::min(first, place) : first;
   };
-  // Places are in any order of rows, so the first place among some rows takes a look at each.
+  // Rows have their places in any order, so each of them is looked at.
   if (rows.rows != nullptr) {
     std::for_each(rows.rows->begin(), rows.rows->end(), look_at);
   } else if (rows.first_row <= 0) {
@@ -152,7 +152,7 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
   return factored_;
 }
 
-// x in the caller's hands is no longer what the rows were computed with.
+// The x that the caller holds is another solver's from now on.
 void ResumedSolver::MissSolve(const Rows& changed_b) {
   num_current_y_ = std::min(num_current_y_, FirstPlace(changed_b));
   ForgetSolution();

@@ -40,8 +40,8 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
   for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
     column_of_quad[layout_.quad_offset[k]] = layout_.packed_offset[k];
   }
-  // Variables that no factor touches have no place in the layout. Their columns of zeros are
-  // singular values of zero, and count against the null space that may be left out.
+  // Variables that no factor touches have no place in the layout. Columns of zeros make J as wide
+  // as all that may move, so that they count where its rank is judged.
   Eigen::Index num_untouched = 0;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id) && !graph_.IsConstant(id) && !Has(id)) {
