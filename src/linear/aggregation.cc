@@ -5,6 +5,17 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// Heavy-edge matching (docs/algorithms.md, "Reduced linear systems", two levels; Karypis & Kumar
+// 1998). A round pairs each vertex with the neighbor it is tied to most, contracts the graph to the
+// groups, and the next round works on that. Weights are divided by the number of original vertices
+// on both sides, so that parts of like size join and no part swallows its surroundings.
+//
+// The result has to be the same for any number of threads and in every run: vertices are visited by
+// index, among equal weights the first neighbor wins, and groups are numbered by their lowest
+// member. No vertex has an edge to itself, which Heaviest relies on: Contract drops what falls
+// within a group.
+
 namespace {
 
 // A round that leaves more than this share of the parts is not worth another.
@@ -21,6 +32,8 @@ class Matching {
   std::vector<int> Match() {
     for (int v = 0; v < graph_.num_vertices(); ++v) {
       if (group_[v] < 0) {
+        // The vertices are visited in their own order and not by weight: greedy, one pass over the
+        // edges.
         const int partner = Heaviest(v, [&](int u) { return group_[u] < 0; });
         if (partner >= 0) {
           group_[v] = group_[partner] = static_cast<int>(counts_.size());
@@ -30,6 +43,8 @@ class Matching {
     }
     for (int v = 0; v < graph_.num_vertices(); ++v) {
       if (group_[v] < 0) {
+        // Whoever is left has no free neighbor. Alone it would stay small round after round, so it
+        // joins a group next to it while that has room, or else keeps its own.
         const int host = Heaviest(
             v, [&](int u) { return group_[u] >= 0 && counts_[group_[u]] < kLargestGroup; });
         group_[v] = host >= 0 ? group_[host] : static_cast<int>(counts_.size());
@@ -41,6 +56,8 @@ class Matching {
   }
 
  private:
+  // The neighbor with the largest weight by sizes among those allowed; -1 if there is none. The
+  // comparison is strict: of equals the lowest neighbor stays.
   template <typename Allowed>
   int Heaviest(int v, const Allowed& allowed) const {
     int best = -1;
@@ -56,6 +73,8 @@ class Matching {
     return best;
   }
 
+  // Groups were numbered as pairs came about. The first part that is met in ascending order gives
+  // its group the next number, so the numbering tells nothing of how the matching went.
   void NumberByLowest() {
     std::vector<int> number(counts_.size(), -1);
     int next = 0;
@@ -75,6 +94,8 @@ class Matching {
 WeightedGraph Contract(const WeightedGraph& graph, const std::vector<int>& group, int num_groups) {
   std::vector<std::vector<int>> members(num_groups);
   for (int v = 0; v < graph.num_vertices(); ++v) {
+    // The weights between two groups are summed in ascending order of the members: one order of the
+    // sum.
     members[group[v]].push_back(v);
   }
   WeightedGraph contracted;
@@ -83,6 +104,7 @@ WeightedGraph Contract(const WeightedGraph& graph, const std::vector<int>& group
   for (int g = 0; g < num_groups; ++g) {
     for (const int v : members[g]) {
       for (int k = graph.begin[v]; k < graph.begin[v + 1]; ++k) {
+        // A weight is positive, so zero tells that this neighbor has not been found yet.
         const int other = group[graph.neighbors[k]];
         if (other != g && weight[other] == 0.0) {
           found.push_back(other);
@@ -90,6 +112,7 @@ WeightedGraph Contract(const WeightedGraph& graph, const std::vector<int>& group
         weight[other] += other != g ? graph.weights[k] : 0.0;
       }
     }
+    // The callers rely on neighbors that ascend.
     std::sort(found.begin(), found.end());
     for (const int other : found) {
       contracted.neighbors.push_back(other);
@@ -110,10 +133,14 @@ Aggregates AggregateByMatching(const WeightedGraph& graph, int first_round,
   result.part_of.resize(graph.num_vertices());
   std::iota(result.part_of.begin(), result.part_of.end(), 0);
   std::vector<int> sizes(graph.num_vertices(), 1);
+  // The first rounds are made whatever the graph looks like: asking whether it is small enough
+  // costs a symbolic factorization of the coarse system.
   for (int round = 0; round < first_round || !is_small_enough(result.graph); ++round) {
     const std::vector<int> group = Matching(result.graph, sizes).Match();
     const int before = result.graph.num_vertices();
     const int after = group.empty() ? 0 : 1 + *std::max_element(group.begin(), group.end());
+    // Too few pairs were found: the parts hardly hang together any more, and more rounds would end
+    // up with the same graph.
     if (after > kStalled * before) {
       break;
     }
@@ -123,6 +150,7 @@ Aggregates AggregateByMatching(const WeightedGraph& graph, int first_round,
     }
     sizes = std::move(joined);
     result.graph = Contract(result.graph, group, after);
+    // From parts of the last round to parts of this one.
     for (int& part : result.part_of) {
       part = group[part];
     }

@@ -5,6 +5,17 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// A copy of the values of S and of its diagonal as they were assembled into a factor. The Bayes
+// tree (docs/algorithms.md, "Reduced linear systems") asks block by block what has become another
+// since, and only what has makes a clique stale. The comparison is one of values: a row that was
+// summed anew with the same result costs nothing. An entry that is NaN is unlike itself and so
+// always counts as changed, which is the safe side.
+//
+// The copy has the layout of SymmetricBlockRows, offset by offset, padding included. Where a new
+// block takes up the room of a removed one, the copy has the values of the latter until Take: of
+// new blocks the tree learns from the structure, not from here.
+
 namespace {
 
 std::size_t LengthOf(const SymmetricBlockRows& S, int row, int column) {
@@ -13,6 +24,8 @@ std::size_t LengthOf(const SymmetricBlockRows& S, int row, int column) {
 
 }  // namespace
 
+// Beyond the end of the copy nothing has been taken yet. A block that is left out (a held row)
+// stands for zeros, so that holding and freeing a row shows as a change of its blocks.
 bool AssembledMatrix::Has(const SymmetricBlockRows& S, int row,
                           const SymmetricBlockRows::Entry& block, bool left_out) const {
   const std::size_t length = LengthOf(S, row, block.column);
@@ -38,6 +51,8 @@ void AssembledMatrix::Take(const SymmetricBlockRows& S, int row,
   }
 }
 
+// By rows of S, since a row's damping may change where its blocks do not. A row that was taken with
+// another size is unequal by its length.
 bool AssembledMatrix::HasDiagonal(int row, const double* diagonal, int size) const {
   return row < static_cast<int>(diagonals_.size()) &&
          std::equal(diagonals_[row].begin(), diagonals_[row].end(), diagonal, diagonal + size);

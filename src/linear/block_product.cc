@@ -5,6 +5,17 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// y −= (A + diag) v with the lower triangle of A stored: conjugate gradients on an S that is
+// formed, or on C. A row of y takes its blocks of the lower triangle as they are, and the blocks of
+// its column below the diagonal transposed. A block off the diagonal is therefore read twice, once
+// for either of its rows: that is the price of a sum that one task makes in one order, for equal
+// bits with any number of threads. Scattering both halves in one pass would need the tasks to add
+// into each other's rows.
+//
+// Blocks are those of a batch solve: packed, row-major, without padding, and of a diagonal block
+// the whole square is read. Vectors are padded.
+
 namespace {
 
 constexpr int kRowGrain = 16;
@@ -13,6 +24,9 @@ constexpr int kRowGrain = 16;
 
 BlockProduct::BlockProduct(const BlockPattern& pattern) {
   const int num_rows = pattern.num_blocks();
+  // Two passes over the same visit, the first to count, the second to place. A row's blocks of the
+  // lower triangle come first, then those of the upper one, both by ascending column: one order of
+  // the sum.
   const auto for_each_place = [&](const auto& visit) {
     for (int i = 0; i < num_rows; ++i) {
       for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
@@ -55,17 +69,21 @@ void BlockProduct::SubtractRow(int row, const std::vector<const double*>& blocks
   for (int k = row_begin_[row]; k < row_begin_[row + 1]; ++k) {
     const auto [block, column] = places_[k];
     const double* entry = blocks[block];
+    // A block that is known to be zero: in C most pairs of frames share no factor.
     if (entry == nullptr) {
       continue;
     }
     const int width = block_size(column);
     const double* const x = v + padded_[column];
+    // Stored as it is needed: a row of the block times v.
     if (column <= row) {
       for (int r = 0; r < size; ++r, entry += width) {
         out[r] -= std::inner_product(entry, entry + width, x, 0.0);
       }
       continue;
     }
+    // Stored as block (column, row), whose row c is column c of what is needed here. The inner loop
+    // runs along memory and needs no sum across a register.
     for (int c = 0; c < width; ++c, entry += size) {
       for (int r = 0; r < size; ++r) {
         out[r] -= entry[r] * x[c];

@@ -3,12 +3,26 @@
 #include <algorithm>
 
 namespace inceres::internal {
+
+// S of the incremental mode, as a matrix that is edited (docs/algorithms.md, "Incremental Schur
+// complement"). Values lie in one array; a block keeps its offset as long as it lives, so others
+// may remember where a block is. Rows keep their index for good: a removed row has size 0 and no
+// blocks until it is revived, and the array's room is used again block by block.
+//
+// rows_[i] has the blocks (i, j ≤ i), and below_[j] the rows of the blocks under the diagonal of
+// column j: the structure of both triangles, so that a row can be removed, zeroed or ordered at the
+// cost of its own blocks. Both lists are sorted, which gives every pass over S one order.
+//
+// version_ counts edits of the structure, not of values. Whoever keeps something that depends on
+// the structure compares versions instead of being told.
+
 namespace {
 
 bool BeforeColumn(const SymmetricBlockRows::Entry& entry, int column) {
   return entry.column < column;
 }
 
+// What a block takes, with its rows padded to quads. Blocks of equal length can trade places.
 std::size_t QuadsOf(int rows, int columns) {
   return static_cast<std::size_t>(rows) * PadToQuad(columns) / kQuad;
 }
@@ -19,13 +33,16 @@ int SymmetricBlockRows::AddRow(int size) {
   ++version_;
   const int row = num_rows();
   sizes_.push_back(size);
+  // The diagonal block is there from the start and stays last in its row: others rely on back().
   rows_.push_back({{row, Allocate(size, size)}});
   below_.emplace_back();
   return row;
 }
 
+// The row's index stays, as others refer to it; only its blocks, in both triangles, go.
 void SymmetricBlockRows::RemoveRow(int row) {
   ++version_;
+  // The blocks left of the diagonal, and the row's mention in their columns.
   for (const Entry& entry : rows_[row]) {
     Release(entry.offset, sizes_[row], sizes_[entry.column]);
     if (entry.column != row) {
@@ -34,6 +51,7 @@ void SymmetricBlockRows::RemoveRow(int row) {
     }
   }
   rows_[row].clear();
+  // The blocks of its column, which belong to later rows.
   for (const int below : below_[row]) {
     auto& entries = rows_[below];
     const auto entry = std::lower_bound(entries.begin(), entries.end(), row, BeforeColumn);
@@ -47,6 +65,7 @@ void SymmetricBlockRows::RemoveRow(int row) {
 void SymmetricBlockRows::ReviveRow(int row, int size) {
   ++version_;
   sizes_[row] = size;
+  // The size may be another than before it was removed. Nothing is coupled to it yet.
   rows_[row].assign(1, {row, Allocate(size, size)});
 }
 
@@ -62,10 +81,13 @@ void SymmetricBlockRows::ZeroRow(int row) {
   }
 }
 
+// All of the array, room that is free included: one pass.
 void SymmetricBlockRows::Zero() {
   std::fill(values_.begin(), values_.end(), 0.0);
 }
 
+// For solvers that know nothing of edits: the living rows, renumbered without gaps. Kept until a
+// block or a row has come or gone. The values stay where they are, and value_begin tells where.
 const BlockPattern& SymmetricBlockRows::Pattern() const {
   if (pattern_version_ == version_) {
     return pattern_;
@@ -86,6 +108,7 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
     pattern_rows_.push_back(row);
     pattern_.offsets.push_back(pattern_.offsets.back() + sizes_[row]);
     for (const Entry& entry : rows_[row]) {
+      // A block's column is at most its row, so its place is known by now, and order is kept.
       pattern_.columns.push_back(place[entry.column]);
       pattern_.value_begin.push_back(entry.offset);
     }
@@ -111,6 +134,7 @@ std::int64_t SymmetricBlockRows::Bytes() const {
   return static_cast<std::int64_t>(bytes);
 }
 
+// A search among the row's blocks, and where there is none an insertion into both sorted lists.
 std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   auto& entries = rows_[row];
   const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
@@ -118,6 +142,7 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
     return entry->offset;
   }
   ++version_;
+  // The array may move here: pointers from values() do not survive, offsets do.
   const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
   entries.insert(entry, {column, offset});
   std::vector<int>& below = below_[column];
@@ -133,6 +158,8 @@ std::int64_t SymmetricBlockRows::Find(int row, int column) const {
 
 std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
   const std::size_t quads = QuadsOf(rows, columns);
+  // Room of the same length is taken up first, and zeroed: a window that slides does not grow.
+  // Blocks of unlike shape may have the same length, which is all that counts.
   if (quads < free_.size() && !free_[quads].empty()) {
     const std::int64_t offset = free_[quads].back();
     free_[quads].pop_back();

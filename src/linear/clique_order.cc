@@ -6,6 +6,16 @@
 #include <numeric>
 
 namespace inceres::internal {
+
+// The order in which the Bayes tree eliminates rows that an edit has loosened (docs/algorithms.md,
+// "Reduced linear systems", Bayes tree). Constrained AMD sees a graph of the loose rows and of one
+// node for each subtree that stays: a subtree is a variable that is eliminated first, and its edges
+// go to the rows of its separator. Its fill, a clique of the separator, so takes part in the
+// degrees, as it does in the factor. Rows that are to come last are a third class of constraint.
+//
+// The fronts are then found for the pattern of the loose rows alone, in which each subtree has left
+// the edges that ForEachStarEdge lists.
+
 namespace {
 
 bool IsSet(char flag) {
@@ -38,22 +48,28 @@ bool CliqueOrder::OrderByCamd(const EliminationGraph& graph) {
   const int n = graph.num_variables();
   const int num_nodes = n + graph.num_subtrees();
   columns_begin_.assign(graph.edge_begin.begin(), graph.edge_begin.end());
+  // CAMD reads the columns of either triangle: each edge is listed once, at one of its ends.
   columns_.assign(graph.edges.begin(), graph.edges.end());
   columns_.reserve(1);  // CAMD takes no null
   columns_.insert(columns_.end(), graph.members.begin(), graph.members.end());
   for (int k = 1; k <= graph.num_subtrees(); ++k) {
     columns_begin_.push_back(graph.edge_begin.back() + graph.separator_begin[k]);
   }
+  // CAMD eliminates classes by ascending number, and within a class as it likes. The numbers have
+  // to stay below that of the nodes, so a class without members gets none: without subtrees the
+  // variables begin with 0, and where all are to come last there is no second class of them.
   constraints_.assign(num_nodes, 0);
   const int lowest = num_nodes > n ? 1 : 0;  // of a variable
   const bool all_last = std::all_of(graph.last.begin(), graph.last.end(), IsSet);
   for (int i = 0; i < n; ++i) {
     constraints_[i] = lowest + (!all_last && IsSet(graph.last[i]) ? 1 : 0);
   }
+  // Its memory serves as a workspace of ListPattern later on.
   permutation_.resize(num_nodes);
   const int result = camd_order(num_nodes, columns_begin_.data(), columns_.data(),
                                 permutation_.data(), nullptr, nullptr, constraints_.data());
   order_.clear();
+  // The subtrees come first in the permutation. They have their order already and drop out.
   std::copy_if(permutation_.begin(), permutation_.end(), std::back_inserter(order_),
                [n](int node) { return node < n; });
   return result >= CAMD_OK;
@@ -61,6 +77,7 @@ bool CliqueOrder::OrderByCamd(const EliminationGraph& graph) {
 
 // What a subtree couples is what it leaves to the first variable of its separator: the others are
 // among the rows of that one's column, and so of all that follow.
+// All edges of the clique would have the same factor and be quadratic in the separator.
 template <typename Visit>
 void CliqueOrder::ForEachStarEdge(const EliminationGraph& graph, const Visit& visit) const {
   for (int k = 0; k < graph.num_subtrees(); ++k) {
@@ -76,6 +93,8 @@ void CliqueOrder::ForEachStarEdge(const EliminationGraph& graph, const Visit& vi
   }
 }
 
+// Counted first, then placed. A row's blocks may come twice, once from S and once from a subtree,
+// and in any order; only the diagonal block has to be last (FindFronts).
 void CliqueOrder::ListPattern(const EliminationGraph& graph) {
   const int n = graph.num_variables();
   position_.resize(n);
@@ -90,6 +109,7 @@ void CliqueOrder::ListPattern(const EliminationGraph& graph) {
   ForEachStarEdge(graph, [&begin](int row, int) { ++begin[row + 1]; });
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
   pattern_.columns.resize(begin.back());
+  // Only the structure and the sizes are needed; there are no values.
   pattern_.offsets.assign(1, 0);
   std::vector<int>& next = permutation_;  // its work is done
   next.assign(begin.begin(), begin.end() - 1);

@@ -7,9 +7,20 @@
 
 namespace inceres::internal {
 
+// M for CLUSTER_JACOBI and CLUSTER_TRIDIAGONAL (docs/algorithms.md, "Reduced linear systems",
+// clusters; Kushal & Agarwal 2012), and the fine half of the two-level preconditioner: the blocks
+// of S within clusters, and with neighbors those between them, in a sparse Cholesky factor. The
+// blocks that are kept are a subset of the pattern of S, so the factor reads the values of S where
+// they are.
+//
+// Leaving out blocks of a positive definite matrix between clusters keeps it so as long as whole
+// clusters are kept. With paths of clusters this need not hold; half of each block between them is
+// then kept, which is positive definite if S is (lemma 1 there).
+
 ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clusters,
                                  const Executor& executor, Status* status)
     : factor_(executor) {
+  // The pattern is copied, since it keeps fewer blocks; offsets of values stay those of S.
   pattern_.offsets = S.offsets;
   pattern_.padded = S.padded;
   pattern_.row_begin.push_back(0);
@@ -26,6 +37,7 @@ ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clu
     padded_.push_back(padded_.back() + PadToQuad(S.block_size(i)));
   }
   pattern_.value_begin.push_back(S.value_begin.back());
+  // Without blocks between clusters there is nothing to halve, and Factorize has no second try.
   if (clusters.neighbors.empty()) {
     is_between_.clear();
   }
@@ -36,6 +48,7 @@ ClusterCholesky::ClusterCholesky(const BlockPattern& S, const FrameClusters& clu
 
 Status ClusterCholesky::Factorize(const double* values, const double* diagonal) {
   const Status factored = factor_.Factorize(ReducedMatrix(pattern_, values, diagonal), {});
+  // The full blocks precondition better, so they are tried first each time.
   if (factored.ok() || is_between_.empty()) {
     return factored;
   }
@@ -44,6 +57,7 @@ Status ClusterCholesky::Factorize(const double* values, const double* diagonal) 
 }
 
 void ClusterCholesky::Halve(const double* values) {
+  // Copies values, as S itself is not to be changed: products with it go on.
   own_ = pattern_;
   own_.value_begin.assign(1, 0);
   halved_.clear();
@@ -61,6 +75,7 @@ void ClusterCholesky::Halve(const double* values) {
 }
 
 void ClusterCholesky::Apply(const double* r, double* z) {
+  // The factor takes packed vectors, conjugate gradients keep padded ones.
   const std::vector<int>& packed = pattern_.offsets;
   for (int i = 0; i < pattern_.num_blocks(); ++i) {
     std::copy_n(r + padded_[i], pattern_.block_size(i), packed_r_.data() + packed[i]);

@@ -6,6 +6,19 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// Preconditioned conjugate gradients (Golub & Van Loan, section 11.5). Beside x the loop keeps the
+// residual r = b − A x, z = M⁻¹r and the direction p. With α = rᵀz / pᵀAp a step x += α p raises
+// the decrease bᵀx − ½xᵀAx by ½ α rᵀz. These gains tell callers when to stop (Hestenes & Stiefel
+// 1952, theorem 6:1) without a look at the residual's norm.
+//
+// Vectors come in whole quads with zeros behind: sums may run over the padding. Products are told
+// to subtract, since the kernels do; so −A p is what is computed, and r += α (−A p).
+//
+// A direction without curvature ends the iteration before x takes it, so that x remains what the
+// directions before it have made of it. What is not a number is told apart from that: it says
+// nothing about A.
+
 namespace {
 
 // Four sums, so that the compiler can keep them in one register: it may not reorder a sum by
@@ -44,7 +57,9 @@ void ConjugateGradients::StartFromZero() {
 void ConjugateGradients::StartFromX(const System& system) {
   r_ = b_;
   system.SubtractProduct(x_.data(), r_.data());
+  // With r = b − A x this is bᵀx − ½xᵀAx, without another product.
   decrease_ = 0.5 * (Dot(b_, x_) + Dot(r_, x_));
+  // An x that promises nothing, or is NaN, is worse than zero.
   if (!(decrease_ > 0.0)) {
     StartFromZero();
   }
@@ -58,6 +73,7 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
   }
   p_ = z_;
   first_rz_ = rz_ = Dot(r_, z_);
+  // b = 0, or x solves the system: the first α would be 0/0.
   bool converged = rz_ == 0.0;
   while (!converged) {
     if (static_cast<int>(gains_.size()) >= max_iterations) {
@@ -65,6 +81,7 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
     }
     std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
     system->SubtractProduct(p_.data(), minus_product_.data());
+    // A NaN is neither below zero nor infinite and would go into x.
     curvature_ = -Dot(p_, minus_product_);
     if (std::isnan(curvature_) || std::isnan(rz_)) {
       return End::kBreakdown;
@@ -75,6 +92,8 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
     const double alpha = rz_ / curvature_;
     Add(alpha, p_, &x_);
     gains_.push_back(0.5 * alpha * rz_);
+    // Ceres's habit: r computed from x, which costs another product, rids it of the rounding that
+    // the recurrence has gathered.
     if (reset_period > 0 && static_cast<int>(gains_.size()) % reset_period == 0) {
       r_ = b_;
       system->SubtractProduct(x_.data(), r_.data());
@@ -87,7 +106,9 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
     }
     const double last_rz = rz_;
     rz_ = Dot(r_, z_);
+    // The decrease, the gains and rᵀz that the system looks at are those after this step.
     converged = rz_ == 0.0 || system->IsGoodEnough(*this);
+    // Fletcher and Reeves's form: M is the same throughout, so zᵀ(r − r_last) is not needed.
     const double beta = rz_ / last_rz;
     for (std::size_t k = 0; k < p_.size(); ++k) {
       p_[k] = z_[k] + beta * p_[k];

@@ -7,6 +7,18 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// Left-looking Cholesky by panels of columns (Golub & Van Loan, section 4.2; docs/algorithms.md,
+// "Reduced linear systems"). For each panel: subtract what all columns ahead of it contribute,
+// factor its diagonal block, solve for the rows below. Each entry is so updated by one long
+// product, which the kernels keep in registers, where a right-looking form would read and write the
+// rest of the matrix once a panel.
+//
+// The rows of the factor begin where the envelope of the order does: what is ahead of a row's first
+// block stays zero and is left out, rounded to whole panels and to granules of rows. Strips of rows
+// with the same beginning are the unit of work and of tasks. They are cut by the structure alone
+// and in whole granules, so the arithmetic does not depend on the number of threads.
+
 namespace {
 
 // Columns a panel: few lose little to the rounding of row starts, more read a matrix beyond the
@@ -24,6 +36,7 @@ constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a t
 Status DenseCholesky::Analyze(const ReducedMatrix& A) {
   const BlockPattern& pattern = A.pattern();
   pattern_ = &pattern;
+  // The symbolic work, kept until the pattern changes.
   order_ = OrderForEnvelope(pattern);
   size_ = pattern.size();
   padded_size_ = PadToQuad(size_);
@@ -33,6 +46,8 @@ Status DenseCholesky::Analyze(const ReducedMatrix& A) {
   if (stride_ % 128 == 0) {
     stride_ += kQuad;
   }
+  // Above the diagonal nothing is read but within a panel, so that pages of a large matrix up there
+  // are never touched. Room of a larger system before is kept: CopyIn overwrites what it holds.
   const std::size_t room = stride_ * static_cast<std::size_t>(size_);
   if (L_.size() < room) {
     L_ = ZeroedArray(room);
@@ -47,6 +62,7 @@ void DenseCholesky::FindRowStarts() {
   quad_start_.assign(padded_size_ / kQuad, padded_size_);
   for (int place = 0; place < pattern_->num_blocks(); ++place) {
     offset_of_[order_.blocks[place]] = order_.offsets[place];
+    // Down to the first column of its panel: a panel is taken as a whole or not at all.
     const int start = order_.offsets[order_.first[place]] / panel_ * panel_;
     for (int row = order_.offsets[place]; row < order_.offsets[place + 1]; ++row) {
       quad_start_[row / kQuad] = std::min(quad_start_[row / kQuad], start);
@@ -54,6 +70,7 @@ void DenseCholesky::FindRowStarts() {
   }
 }
 
+// The first column in which any of these rows has something.
 int DenseCholesky::StartOf(int top, int bottom) const {
   return *std::min_element(quad_start_.begin() + top / kQuad,
                            quad_start_.begin() + PadToQuad(bottom) / kQuad);
@@ -62,8 +79,11 @@ int DenseCholesky::StartOf(int top, int bottom) const {
 void DenseCholesky::CutStrips(int top, int first, int end) {
   strips_.clear();
   for (; top < padded_size_; top += kGranule) {
+    // Granule by granule; neighbors with the same start become one strip, up to the length of a
+    // task.
     const int bottom = std::min(top + kGranule, padded_size_);
     const int start = std::max(first, StartOf(top, bottom));
+    // These rows have nothing in the columns concerned.
     if (start >= end) {
       continue;
     }
@@ -80,6 +100,7 @@ void DenseCholesky::CutStrips(int top, int first, int end) {
 // The blocks of S keep to one side of the diagonal; in another order some belong on the other.
 void DenseCholesky::CopyIn(const ReducedMatrix& A) {
   for (int j = 0; j < size_; ++j) {
+    // From the panel's first row on: the kernels take the diagonal block as a square.
     std::fill(Column(j) + j / panel_ * panel_, Column(j) + padded_size_, 0.0);
   }
   A.ForEachBlock([this](int i, int j, const double* block, int stride) {
@@ -88,6 +109,7 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
   });
   for (int block = 0; block < pattern_->num_blocks(); ++block) {
     for (int r = 0; r < pattern_->block_size(block); ++r) {
+      // The diagonal is packed by the pattern's order, the columns by this one's.
       Column(offset_of_[block] + r)[offset_of_[block] + r] +=
           A.diagonal()[pattern_->offsets[block] + r];
     }
@@ -98,8 +120,11 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
 // and stay so: with them there is nothing left over for the kernels to do one by one.
 void DenseCholesky::UpdatePanel(int first, int width) {
   const Kernels& kernels = BestKernels();
+  // Where none of the panel's own rows has begun, no product can reach it: a strip's products begin
+  // at the later of its start and the panel's.
   CutStrips(first, StartOf(first, first + width), first);
   const int num_strips = static_cast<int>(strips_.size());
+  // One task for all of them where the matrix is small.
   executor_.For(num_strips, size_ >= kParallelSize ? 1 : num_strips, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const auto [top, bottom, start] = strips_[k];
@@ -118,6 +143,7 @@ void DenseCholesky::SolvePanel(int first, int width) {
 }
 
 Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
+  // Always all of it, whatever has changed.
   work_.factor_flops = order_.flops;
   CopyIn(A);
   factored_ = Status::Ok();
@@ -129,6 +155,7 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
       SolvePanel(first, width);
       continue;
     }
+    // Back from a scalar row to the place whose rows it is among, and to the frame of the pattern.
     const auto place =
         std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) -
         order_.offsets.begin() - 1;
@@ -159,6 +186,7 @@ Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
                              y + first, 1, y + top, padded_size_);
     }
   }
+  // Backwards the columns below are dot products: L is stored by columns, so Lᵀ by rows.
   for (int first = (size_ - 1) / panel_ * panel_; first >= 0; first -= panel_) {
     const int below = std::min(first + panel_, size_);
     CutStrips(below, first, below);

@@ -7,6 +7,17 @@
 #include "linear/envelope_order.h"
 
 namespace inceres::internal {
+
+// An order of the frames for the dense Cholesky that leaves zeros ahead of the rows (King 1970;
+// George & Liu 1981, chapter 4). King's rule works through the graph of S as a wave does: rows that
+// are done, a front of rows that are coupled to those, and rows ahead. Next comes the row whose
+// neighbors let the fewest scalar rows into the front, because the rows in the front are those that
+// the columns of the factor reach.
+//
+// Whether that helps depends on S: where all frames see the same landmarks there is nothing to
+// leave out. So the flops of both orders are counted, and the pattern's own stays where King's is
+// no better.
+
 namespace {
 
 // The graph of S: per block row the others it is coupled to.
@@ -32,6 +43,8 @@ class FrontOrdering {
     std::vector<int> order;
     order.reserve(coupled_.size());
     while (order.size() < coupled_.size()) {
+      // An empty front means that a component of the graph is done, or that nothing has begun: then
+      // the row with the fewest neighbors begins another one.
       const int next = SmallestGrowth(front_size_ > 0 ? kInFront : kAhead);
       EnterFront(next);
       for (const int other : coupled_[next]) {
@@ -50,6 +63,8 @@ class FrontOrdering {
   int SmallestGrowth(State state) const {
     int best = -1;
     for (int block = 0; block < pattern_.num_blocks(); ++block) {
+      // Strictly less: of equals the first in the pattern's order. A pass over all blocks, which is
+      // the quadratic part of the cost.
       if (state_[block] == state && (best < 0 || growth_[block] < growth_[best])) {
         best = block;
       }
@@ -62,6 +77,7 @@ class FrontOrdering {
       state_[block] = kInFront;
       ++front_size_;
       for (const int other : coupled_[block]) {
+        // Whoever is coupled to this block has one neighbor less that would enter on his account.
         growth_[other] -= pattern_.block_size(block);
       }
     }
@@ -78,6 +94,7 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
   DenseOrder order;
   order.offsets.assign(1, 0);
   order.first.resize(blocks.size());
+  // A row without blocks ahead begins at its own place.
   std::iota(order.first.begin(), order.first.end(), 0);
   std::vector<int> place(blocks.size());
   for (std::size_t k = 0; k < blocks.size(); ++k) {
@@ -86,6 +103,7 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
   }
   for (int row = 0; row < pattern.num_blocks(); ++row) {
     for (int k = pattern.row_begin[row]; k < pattern.row_begin[row + 1]; ++k) {
+      // Of a block the later of its two rows, in this order, has it ahead of its diagonal.
       const int a = place[row], b = place[pattern.columns[k]];
       int& first = order.first[std::max(a, b)];
       first = std::min(first, std::min(a, b));
@@ -94,6 +112,7 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
   order.blocks = std::move(blocks);
   for (std::size_t k = 0; k < order.blocks.size(); ++k) {
     const double rows = order.offsets[k + 1] - order.offsets[k];
+    // The whole span from the first block on counts, and the lower triangle of the diagonal block.
     order.entries +=
         rows * (order.offsets[k] - order.offsets[order.first[k]]) + 0.5 * rows * (rows + 1.0);
   }

@@ -7,10 +7,25 @@
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
+
+// L Lᵀ = S + diag(damping) row by row inside the envelope (docs/algorithms.md, "Reduced linear
+// systems", resuming; George & Liu 1981, chapter 4). With i the row and j < i, in this order,
+//
+//     L_ij = (A_ij − Σ_{k<j} L_ik L_jkᵀ) L_jj⁻ᵀ,    L_ii L_iiᵀ = A_ii − Σ_{k<i} L_ik L_ikᵀ.
+//
+// Row i needs rows up to i and nothing else: that is what lets a factorization be resumed, and why
+// a row that is computed again has the bits that it has from scratch. The sums are dot products
+// along two rows, where both have something; before the later start one of them is zero.
+//
+// A block row is stored from a whole quad on, so that rows that begin in different columns still
+// meet on the boundaries of vectors. The gap up to three columns before its first one is zero, and
+// stays zero: nothing is ever subtracted from it.
+
 namespace {
 
 // X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both
-// row-major.
+// row-major. Each row of X is solved for by itself, and in it column c needs the columns before it.
+// The reciprocals of the diagonal were kept by FactorSmall.
 void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
                           const double* inverse_pivots, double* X, int ldx) {
   for (int c = 0; c < size; ++c) {
@@ -35,6 +50,7 @@ bool IsHeld(const char* held, int row) {
 Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order,
                                    const double* damping, int first_changed, const char* held) {
   const int num_rows = order.num_places();
+  // Rows that failed last time, or that no longer exist, are not to be built upon.
   const int first = std::min({first_changed, num_valid_rows_, num_rows});
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
   num_rows_ = num_rows;
@@ -42,6 +58,7 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
   for (int i = first; i < num_rows; ++i) {
     offsets_.push_back(offsets_.back() + S.size_of(order.row(i)));
   }
+  // Counted up row by row: after a failure it tells how far the factor is right.
   num_valid_rows_ = first;
   for (int i = first; i < num_rows; ++i) {
     CopyRow(S, order, damping, held, i);
@@ -55,6 +72,7 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
   return Status::Ok();
 }
 
+// For steps of part of the frames, whose size is bounded: once reserved, no step allocates.
 void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
   for (Row& row : rows_) {
@@ -64,12 +82,14 @@ void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
   offsets_.reserve(static_cast<std::size_t>(num_rows) + 1);
 }
 
+// Row i of A, where row i of L will be. The memory of the row that had this place is used again.
 void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order,
                                const double* damping, const char* held, int i) {
   Row& row = rows_[i];
   const int size = BlockSize(i);
   row.first_column = FirstFreeColumn(S, held, order, i);
   row.held = IsHeld(held, order.row(i));
+  // The start belongs to the structure of S and to what is held, not to values.
   row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
   row.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
@@ -80,6 +100,7 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   double* diagonal = row.values.data() + offsets_[i] - row.start;
   for (int r = 0; r < size; ++r) {
     diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] +=
+        // Of a held row the identity: it never spoils the factor.
         row.held ? 1.0 : damping[offsets_[i] + r];
   }
 }
@@ -96,6 +117,7 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
       continue;
     }
     const int columns = BlockSize(j);
+    // In S this block is left of the diagonal, or on it, and its place comes before or is i.
     const double* block = S.values(entry.offset);
     double* out = row.values.data() + offsets_[j] - row.start;
     for (int r = 0; r < size; ++r) {
@@ -118,6 +140,8 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
   }
 }
 
+// All block columns from the first on, whether S has a block there or not: inside the envelope
+// there is fill.
 bool EnvelopeCholesky::FactorRow(int i) {
   const Kernels& kernels = BestKernels();
   Row& row = rows_[i];
@@ -125,6 +149,8 @@ bool EnvelopeCholesky::FactorRow(int i) {
   for (int j = row.first_column; j < i; ++j) {
     const Row& other = rows_[j];
     const int columns = BlockSize(j);
+    // Both rows are zero before their starts, so the sum begins at the later one, which is a whole
+    // quad.
     const int begin = std::max(row.start, other.start);
     double* block = row.values.data() + offsets_[j] - row.start;
     kernels.subtract_row_dots(
@@ -134,6 +160,8 @@ bool EnvelopeCholesky::FactorRow(int i) {
                          other.stride, other.inverse_pivots.data(), block, row.stride);
   }
   double* diagonal = row.values.data() + offsets_[i] - row.start;
+  // The diagonal block at last, with all of the row's other blocks done. The kernel fills the
+  // square; the lower triangle is what FactorSmall reads.
   kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride,
                             row.values.data(), row.stride, diagonal, row.stride);
   return FactorSmall(size, diagonal, row.stride, row.inverse_pivots.data());
@@ -152,11 +180,13 @@ void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double*
     const Row& row = rows_[i];
     const int size = BlockSize(i);
     double* y_i = y + offsets_[i];
+    // b of a held row is not looked at.
     if (row.held) {
       std::fill_n(y_i, size, 0.0);
       continue;
     }
     std::copy_n(b + offsets_[i], size, y_i);
+    // The product is with the y of the rows before, which is right up to here.
     const int length = offsets_[i] - row.start;
     kernels.subtract_row_dots(size, 1, length, row.values.data(), row.stride, y + row.start, length,
                               y_i, 1);
@@ -175,6 +205,7 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
   const Row& row = rows_[i];
   const int size = BlockSize(i);
   const int length = offsets_[i] - row.start;
+  // x and rest may be the same vector: an entry of rest is read before x takes its place.
   double* x_i = x + offsets_[i];
   const double* rest_i = rest + offsets_[i];
   for (int c = size - 1; c >= 0; --c) {

@@ -4,6 +4,18 @@
 #include <cmath>
 
 namespace inceres::internal {
+
+// What an order of the rows costs inside the envelope, and how to find a better one
+// (docs/algorithms.md, "Reduced linear systems", resuming). The envelope of a row begins at the
+// first place that it is coupled to; the flops follow from these starts alone, at one operation a
+// pair of block rows.
+//
+// The order sought is reversed Cuthill–McKee (Cuthill & McKee 1969; George & Liu 1981, chapter 4),
+// with a start that is given: the rows that change now come last, because what changes next is most
+// likely near them, and only what is behind a change is factored again. From them the search goes
+// out by breadth, and the list is turned around in the end. Everything is decided by structure and
+// index.
+
 namespace {
 
 // A row coupled to more than 10 √n others (and more than 16) is put last: the rule AMD has for such
@@ -15,12 +27,15 @@ bool IsHeld(const char* held, int row) {
   return held != nullptr && held[row] != 0;
 }
 
+// Blocks off the diagonal in the row and in its column.
 std::size_t Degree(const SymmetricBlockRows& S, int row) {
   return S.row(row).size() - 1 + S.below(row).size();
 }
 
 }  // namespace
 
+// S keeps to the order of arrival: of the two triangles either may have what is ahead in this
+// order.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k) {
   const int row = order.row(k);
   if (IsHeld(held, row)) {
@@ -42,6 +57,9 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrde
   return first;
 }
 
+// For each block of the row its sum is as deep as both rows reach back together. A multiplication
+// and an addition count as two, the triangular solve as columns², and of the diagonal block one
+// half is computed.
 double FlopsOfRows(const int* first, const int* offset, int begin, int end) {
   double flops = 0.0;
   for (int i = begin; i < end; ++i) {
@@ -68,6 +86,7 @@ double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrd
     first[i] = FirstFreeColumn(S, held, order, i);
     lowest = std::min(lowest, first[i]);
   }
+  // Of rows that stay only the columns count that the others meet: from the lowest start on.
   for (int i = lowest; i < first_place; ++i) {
     first[i] = std::max(lowest, FirstFreeColumn(S, held, order, i));
   }
@@ -81,6 +100,7 @@ double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrd
 const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,
                                                   const RowOrder& order, int first_place,
                                                   const std::vector<int>& last) {
+  // rows_ grows from the last place backwards.
   Begin(S, order, first_place);
   TakeDenseRows(S, order, first_place);
   next_ = rows_.size();  // neighbors of these say nothing about the order
@@ -89,6 +109,7 @@ const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,
     last_places_.push_back(order.place(row));
   }
   std::sort(last_places_.begin(), last_places_.end());
+  // In the order they have, from the back.
   for (auto place = last_places_.rbegin(); place != last_places_.rend() && *place >= first_place;
        ++place) {
     Take(order.row(*place));
@@ -105,6 +126,7 @@ const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,
 
 void EnvelopeOrdering::Begin(const SymmetricBlockRows& S, const RowOrder& order, int first_place) {
   rows_.clear();
+  // Rows that stay in front, and those without a place, count as taken and are never reached.
   taken_.assign(S.num_rows(), 1);
   for (int place = first_place; place < order.num_places(); ++place) {
     taken_[order.row(place)] = 0;
@@ -116,6 +138,8 @@ void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder
   const double limit =
       std::max(kMinDense, kDenseShare * std::sqrt(static_cast<double>(order.num_places())));
   for (int place = order.num_places() - 1; place >= first_place; --place) {
+    // Such a row would draw all others close together in the search: it says nothing about
+    // distances.
     if (static_cast<double>(Degree(S, order.row(place))) > limit) {
       Take(order.row(place));
     }
@@ -138,6 +162,7 @@ void EnvelopeOrdering::TakeConnected(const SymmetricBlockRows& S) {
     for (const int below : S.below(row)) {
       look_at(below);
     }
+    // A complete order: equal degrees are told apart by index.
     std::sort(near_.begin(), near_.end(), [&S](int a, int b) {
       return Degree(S, a) != Degree(S, b) ? Degree(S, a) < Degree(S, b) : a < b;
     });

@@ -7,6 +7,20 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// One front of a multifrontal factorization (Duff & Reid 1983; docs/algorithms.md, "Reduced linear
+// systems"). With A₁₁ the block of the pivots and A₂₁ the rows below,
+//
+//     L₁ L₁ᵀ = A₁₁,    L₂ = A₂₁ L₁⁻ᵀ,    U −= L₂ L₂ᵀ,
+//
+// where U has begun as what the children leave to rows that are not pivots here. Both the batch
+// factor and the Bayes tree work with this, each with memory of its own.
+//
+// L and U are column-major, of which the lower triangle counts, but the kernels take whole panels:
+// the entries above the diagonal within a panel are written and mean nothing. Padding rows are
+// zero, so that no kernel has a remainder to do. Strips and panels are cut by the front alone: a
+// large front on several threads has the bits that it has on one.
+
 namespace {
 
 constexpr int kFrontPanel = 24;  // columns that the kernels take at a time; whole quads
@@ -16,6 +30,8 @@ constexpr int kFrontStrip = 96;
 // What is worth a task for each of a front's strips.
 constexpr double kParallelFrontFlops = 2e6;
 
+// Calls body(from, to) for strips of [begin, end): each a task if the front is large, else all in
+// one.
 template <typename Body>
 void ForFrontStrips(const Front& front, const Executor& executor, int begin, int end, int strip,
                     const Body& body) {
@@ -33,6 +49,7 @@ void AddUpdateBlock(const double* source, int source_stride, const FrontRun& col
                     const FrontRun& rows, const Front& front, double* L, double* U) {
   if (rows.to > columns.to) {
     for (int c = 0; c < columns.length; ++c, source += source_stride) {
+      // Column by column on either side: along memory.
       double* target = FrontColumn(front, L, U, columns.to + c) + rows.to;
       for (int r = 0; r < rows.length; ++r) {
         target[r] += source[r];
@@ -41,6 +58,7 @@ void AddUpdateBlock(const double* source, int source_stride, const FrontRun& col
     return;
   }
   for (int r = 0; r < rows.length; ++r, ++source) {
+    // What is a row of the child is a column of the front: the read is strided.
     double* target = FrontColumn(front, L, U, rows.to + r) + columns.to;
     for (int c = 0; c < columns.length; ++c) {
       target[c] += source[static_cast<std::ptrdiff_t>(c) * source_stride];
@@ -50,6 +68,7 @@ void AddUpdateBlock(const double* source, int source_stride, const FrontRun& col
 
 }  // namespace
 
+// Of a column what is read of it: from the first row of its panel on.
 void ZeroFront(const Front& front, double* L, double* U) {
   for (int j = 0; j < front.width; ++j) {
     double* column = L + static_cast<std::ptrdiff_t>(j) * front.stride();
@@ -61,6 +80,7 @@ void ZeroFront(const Front& front, double* L, double* U) {
   }
 }
 
+// Run by run rather than entry by entry: between two runs the places are consecutive on both sides.
 void AddUpdateMatrix(const Front& child, const double* child_update, const FrontRun* runs,
                      int num_runs, const Front& front, double* L, double* U) {
   const int stride = child.update_stride();
@@ -70,6 +90,7 @@ void AddUpdateMatrix(const Front& child, const double* child_update, const Front
         child_update + static_cast<std::ptrdiff_t>(columns.from) * stride + columns.from;
     for (int c = 0; c < columns.length; ++c, source += stride) {
       double* target = FrontColumn(front, L, U, columns.to + c) + columns.to;
+      // Within a run on the diagonal both are lower triangles.
       for (int r = c; r < columns.length; ++r) {
         target[r] += source[r];
       }
@@ -89,6 +110,7 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
   for (int first = 0; first < front.width; first += kFrontPanel) {
     const int width = std::min(kFrontPanel, front.width - first);
     double* panel = L + static_cast<std::ptrdiff_t>(first) * stride;
+    // The pivots ahead of this panel, in one product a strip; rows beyond the pivots take part.
     if (first > 0) {
       ForFrontStrips(front, executor, first, front.num_rows(), kFrontStrip,
                      [&](int top, int bottom) {
@@ -106,8 +128,10 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
                                      stride);
     });
   }
+  // U is one product with all pivots as its depth: read and written once.
   const double* rows = L + front.below();
   const int update_stride = front.update_stride();
+  // By columns of U, and each from its own diagonal down.
   ForFrontStrips(front, executor, 0, front.height, kFrontPanel, [&](int first, int end) {
     kernels.subtract_outer(
         update_stride - first, end - first, front.width, rows + first, stride, rows + first, stride,
@@ -116,6 +140,8 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
   return -1;
 }
 
+// A panel's triangle, then its rows below take their part out, those beyond the pivots included:
+// what is in y₂ afterwards goes to the parent.
 void SolveFrontForward(const Front& front, const double* L, double* y) {
   const int stride = front.stride();
   for (int first = 0; first < front.width; first += kFrontPanel) {
@@ -128,6 +154,7 @@ void SolveFrontForward(const Front& front, const double* L, double* y) {
   }
 }
 
+// The other way round. y₂ is what the parents have found; it has to be there, and its padding zero.
 void SolveFrontBackward(const Front& front, const double* L, double* y) {
   const int stride = front.stride();
   for (int first = (front.width - 1) / kFrontPanel * kFrontPanel; first >= 0;

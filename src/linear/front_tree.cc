@@ -5,6 +5,22 @@
 #include "linear/symbolic_factor.h"
 
 namespace inceres::internal {
+
+// From a symbolic factor in blocks to an assembly tree in scalars, with tasks and memory (Liu 1992;
+// docs/algorithms.md, "Reduced linear systems"). All of it depends on the pattern alone and is done
+// once for a structure.
+//
+// A front's parent has its first row beyond the pivots among its own pivots, and all of the others
+// among its rows: that is what the elimination tree guarantees, and it makes the assembly a matter
+// of runs of consecutive rows. Fronts are in postorder, so children come before parents and every
+// subtree is a range.
+//
+// Tasks are segments: a subtree that is heavy, and has a heavy sibling, is one of its own, and what
+// is left above runs when those it waits for are done. Update matrices live from their elimination
+// to the parent's assembly. Within a segment they are placed as in a stack with gaps, planned here
+// by going through the fronts in order; segments do not share memory, since they run at the same
+// time.
+
 namespace {
 
 // What is worth a task of its own: a subtree of so many flops, and of such a share of all.
@@ -20,6 +36,7 @@ class TreeBuilder {
     tree->order = factor.order;
     tree->dissected = factor.dissected;
     position_.resize(n);
+    // By position: where each block of the order begins, in scalars.
     offsets_ = {0};
     for (int at = 0; at < n; ++at) {
       position_[tree->order[at]] = at;
@@ -31,6 +48,7 @@ class TreeBuilder {
       Front& front = tree->fronts[f];
       front.position_begin = factor.front_begin[f];
       front.position_end = factor.front_begin[f + 1];
+      // Pivots of a front are consecutive positions.
       std::fill(front_of_.begin() + front.position_begin, front_of_.begin() + front.position_end,
                 static_cast<int>(f));
     }
@@ -59,17 +77,21 @@ class TreeBuilder {
       int place = 0;
       for (int k = row_begin_[f]; k < row_begin_[f + 1]; ++k) {
         if (k == row_begin_[f] + num_pivots) {
+          // The first row beyond the pivots: it begins on a quad of its own, and the front that
+          // eliminates it is the parent.
           place = front.below();
           front.parent = front_of_[rows_[k]];
         }
         places_[k] = place;
         place += SizeAt(rows_[k]);
       }
+      // A root has no row beyond its pivots.
       front.height = front.parent < 0 ? 0 : place - front.below();
     }
   }
 
   // Cuts a list into so many places a front, still empty; how many that makes.
+  // The ends are pushed on as the places are filled.
   int Reserve(const std::vector<int>& count, int Front::*begin, int Front::*end) {
     int next = 0;
     for (std::size_t f = 0; f < tree_->fronts.size(); ++f) {
@@ -79,6 +101,7 @@ class TreeBuilder {
     return next;
   }
 
+  // The children of a front are put side by side, by counting.
   void LinkChildren() {
     std::vector<int> count(tree_->fronts.size(), 0);
     for (const Front& front : tree_->fronts) {
@@ -89,6 +112,7 @@ class TreeBuilder {
     tree_->children.resize(Reserve(count, &Front::child_begin, &Front::child_end));
     for (std::size_t f = 0; f < tree_->fronts.size(); ++f) {
       if (tree_->fronts[f].parent >= 0) {
+        // Ascending, for f ascends: the order in which update matrices are added, and of the sums.
         tree_->children[tree_->fronts[tree_->fronts[f].parent].child_end++] = static_cast<int>(f);
       }
     }
@@ -102,12 +126,15 @@ class TreeBuilder {
       int in_parent = front.parent < 0 ? 0 : row_begin_[front.parent];
       for (int k = row_begin_[f] + front.position_end - front.position_begin; k < row_begin_[f + 1];
            ++k) {
+        // Both lists ascend and the parent's has all: one pass over it.
         while (rows_[in_parent] != rows_[k]) {
           ++in_parent;
         }
+        // From a row of the update matrix to a row of the parent's front.
         const FrontRun run{places_[k] - front.below(), places_[in_parent], SizeAt(rows_[k])};
         FrontRun* last =
             static_cast<int>(tree_->runs.size()) > front.run_begin ? &tree_->runs.back() : nullptr;
+        // Rows of the child follow each other without gaps, so the parent's places decide.
         if (last != nullptr && last->to + last->length == run.to) {
           last->length += run.length;
         } else {
@@ -118,13 +145,17 @@ class TreeBuilder {
     }
   }
 
+  // First scalar row of a position in a front that has it: a binary search among its rows.
   int PlaceOf(int position, int front) const {
     const auto end = rows_.begin() + row_begin_[front + 1];
     return places_[std::lower_bound(rows_.begin() + row_begin_[front], end, position) -
                    rows_.begin()];
   }
 
+  // The blocks of S front by front, so that a front is assembled from a list and S is read once.
   void FindPieces() {
+    // A block is assembled where the first of its two rows is a pivot: it lies in that one's
+    // columns.
     const auto front_of_block = [this](int i, int j) {
       return front_of_[std::min(position_[i], position_[j])];
     };
@@ -166,6 +197,7 @@ class UpdatePlanner {
     }
     std::size_t begin = 0;
     auto at = waiting_.begin();
+    // First fit: past each piece that is too near until there is room.
     for (; at != waiting_.end() && at->begin < begin + size; ++at) {
       begin = at->end;
     }
@@ -207,10 +239,12 @@ class Scheduler {
     const auto parent_or_last = [&](int f) {
       return tree_.fronts[f].parent < 0 ? num_fronts : tree_.fronts[f].parent;
     };
+    // Many segments of little work would cost more than they spread.
     const auto is_heavy = [&](int f) {
       return flops[f] > std::max(kHeavyFlops, kHeavyShare * tree_.flops);
     };
     for (int f = 0; f < num_fronts; ++f) {
+      // Children come first, so what is in flops[f] by now is that of the subtrees below.
       flops[f] += tree_.fronts[f].flops();
       num_heavy[parent_or_last(f)] += is_heavy(f) ? 1 : 0;
       if (tree_.fronts[f].parent >= 0) {
@@ -219,9 +253,12 @@ class Scheduler {
     }
     tree_.segments.assign(1, FrontSegment());
     tree_.segment_of.assign(tree_.fronts.size() + 1, 0);
+    // From the roots down: a front takes its parent's segment unless it begins one. All roots count
+    // as children of one more front, whose segment is 0.
     for (int f = num_fronts - 1; f >= 0; --f) {
       const int parent = parent_or_last(f);
       tree_.segment_of[f] = tree_.segment_of[parent];
+      // A heavy child without a heavy sibling has nobody to run beside.
       if (is_heavy(f) && num_heavy[parent] > 1) {
         tree_.segment_of[f] = static_cast<int>(tree_.segments.size());
         tree_.segments[tree_.segment_of[parent]].before.push_back(tree_.segment_of[f]);
@@ -239,6 +276,8 @@ class Scheduler {
     tree_.opened_by.assign(tree_.fronts.size(), FrontTree::kNone);
     for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
       const Front& front = tree_.fronts[f];
+      // What waits when the last child is eliminated: the update matrices of all others. Children
+      // in other segments do not count; they wait elsewhere, in any case.
       std::size_t waiting = 0;
       int first = FrontTree::kNone;
       int last = FrontTree::kNone;
@@ -256,6 +295,7 @@ class Scheduler {
   }
 
   void PlanMemory() {
+    // Columns of the factor, and vectors, stay: each front has its own.
     tree_.factor_begin.clear();
     tree_.vector_begin.clear();
     tree_.factor_size = tree_.vectors_size = tree_.updates_size = 0;
@@ -266,6 +306,7 @@ class Scheduler {
       tree_.vectors_size += static_cast<std::size_t>(front.num_rows());
     }
     tree_.update_begin.assign(tree_.fronts.size(), 0);
+    // One stretch for each segment, however they run.
     for (const FrontSegment& segment : tree_.segments) {
       tree_.updates_size += PlanUpdates(segment, tree_.updates_size);
     }
@@ -280,6 +321,8 @@ class Scheduler {
     };
     for (const int f : segment.fronts) {
       const Front& front = tree_.fronts[f];
+      // A front that is not open yet is placed while its children still wait: it is assembled from
+      // them.
       if (tree_.opened_by[f] == FrontTree::kNone) {
         place(f);
         for (int k = front.child_begin; k < front.child_end; ++k) {
@@ -289,6 +332,7 @@ class Scheduler {
           }
         }
       }
+      // Its update matrix goes to the parent at once, which its first child opens.
       if (tree_.IsTakenEarly(f)) {
         if (tree_.opened_by[front.parent] == f) {
           place(front.parent);
@@ -312,6 +356,7 @@ std::size_t FrontTree::Bytes() const {
 
 Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect) {
   *tree = FrontTree();
+  // No frames: an empty tree, with one segment that has nothing to do.
   if (pattern.num_blocks() == 0) {
     return Status::Ok();
   }

@@ -6,6 +6,15 @@
 
 namespace inceres::internal {
 
+// PCG with the factor M of an earlier A (docs/algorithms.md, "Reduced linear systems"; Nocedal &
+// Wright, section 7.1). Near the minimum S changes little from one iteration to the next, so M⁻¹A
+// is near the identity and a few products with A replace a factorization. Kept between calls: the
+// factor and how many iterations the last solve took. Nothing is taken over of a solution: each
+// solve begins with zero, so its result depends on A, M and b alone.
+//
+// Whatever goes wrong in the iteration, too slow, no curvature, not a number, has one answer:
+// factor A itself and solve directly. That gives the right x or the right error.
+
 Status LaggedPcg::Analyze(const ReducedMatrix& A) {
   factored_ = false;
   num_factorizations_ = 0;
@@ -13,7 +22,10 @@ Status LaggedPcg::Analyze(const ReducedMatrix& A) {
 }
 
 Status LaggedPcg::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
+  // A view: the matrix stays as it is until the last Solve, as the contract of ReducedSolver has
+  // it.
   A_ = A;
+  // A last solve that took long tells that A has gone far from M: the factor is renewed now.
   return factored_ && work_.iterations <= kRenewAfter ? Status::Ok() : Renew();
 }
 
@@ -21,6 +33,7 @@ Status LaggedPcg::Renew() {
   ++num_factorizations_;
   const Status status = factor_->Factorize(*A_, {});
   factored_ = status.ok();
+  // The count is that of the factor: a new one has none against it.
   work_.iterations = 0;
   return status;
 }
@@ -31,6 +44,7 @@ Status LaggedPcg::Solve(const double* b, const Rows& /*changed_b*/,
     return Status::Error(StatusCode::kSingular, "the reduced system is not factored");
   }
   const int size = A_->pattern().size();
+  // Packed vectors, with padding at the very end only.
   iteration_.Resize(PadToQuad(size));
   std::copy_n(b, size, iteration_.b());
   iteration_.StartFromZero();
@@ -45,6 +59,8 @@ Status LaggedPcg::Solve(const double* b, const Rows& /*changed_b*/,
 }
 
 void LaggedPcg::SubtractProduct(const double* v, double* y) const {
+  // One pass over the lower triangle, on the calling thread: a block (i, j) serves both y_i and
+  // y_j.
   const BlockPattern& pattern = A_->pattern();
   for (int k = 0; k < pattern.size(); ++k) {
     y[k] -= A_->diagonal()[k] * v[k];

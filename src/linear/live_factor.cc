@@ -9,6 +9,15 @@
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
+
+// Products with A⁻¹ from the factor that a solver holds (docs/algorithms.md, "From a live factor").
+// VᵀA⁻¹V = (L⁻¹V)ᵀ(L⁻¹V) is symmetric by its form, needs the forward half only, and is a sum of
+// squares on the diagonal: a variance cannot come out negative. L⁻¹V has entries only where the
+// columns of V reach: in the Bayes tree the paths from their cliques to the root, in the envelope
+// everything from the first of their rows on.
+//
+// All vectors are copies. The solver's own y and x, by which it resumes, are not touched.
+
 namespace {
 
 using Eigen::MatrixXd;
@@ -18,6 +27,8 @@ class FrontVectors {
  public:
   FrontVectors(const CliqueTree& tree, std::vector<int> cliques, int columns)
       : tree_(tree), cliques_(std::move(cliques)), place_(tree.cliques().size(), -1) {
+    // Stamps rise from children to parents: a forward pass in this order finds all that is below it
+    // done.
     std::sort(cliques_.begin(), cliques_.end(),
               [&](int a, int b) { return tree.clique(a).stamp < tree.clique(b).stamp; });
     std::size_t size = 0;
@@ -41,6 +52,8 @@ class FrontVectors {
     if (clique.front.parent == CliqueTree::kNone) {
       return;
     }
+    // y₂ after the pivots were taken out is what the parent gets, by the runs that its update
+    // matrix has.
     const double* update = y + clique.front.below();
     double* above = Of(clique.front.parent, column);
     for (const FrontRun& run : clique.runs) {
@@ -64,6 +77,7 @@ std::vector<int> PathsToRoot(const CliqueTree& tree, const std::vector<int>& row
   for (const int row : rows) {
     for (int c = tree.CliqueOf(row); c != CliqueTree::kNone && listed[c] == 0;
          c = tree.clique(c).front.parent) {
+      // The path ends where another one has been: above it everything is listed.
       listed[c] = 1;
       cliques.push_back(c);
     }
@@ -84,11 +98,15 @@ std::vector<int> AllCliques(const CliqueTree& tree) {
 }  // namespace
 
 LiveFactor::LiveFactor(ReducedSolver* solver) {
+  // Its two solvers take turns: the one that took the last factorization has the factor of today.
   if (const auto* automatic = dynamic_cast<AutomaticSolver*>(solver)) {
     solver = automatic->chosen();
   }
+  // At most one of the three is set. Of another solver, such as conjugate gradients, none is: there
+  // is no factor.
   tree_ = dynamic_cast<BayesTree*>(solver);
   resumed_ = dynamic_cast<ResumedSolver*>(solver);
+  // Solve of these two remembers no b and no x, so it may be called between the solves of others.
   const bool is_stateless = dynamic_cast<DenseCholesky*>(solver) != nullptr ||
                             dynamic_cast<SparseCholesky*>(solver) != nullptr;
   other_ = is_stateless ? solver : nullptr;
@@ -104,6 +122,7 @@ Status LiveFactor::Product(const SparseColumns& V, const std::vector<int>& offse
     *product = EnvelopeProduct(V);
     return Status::Ok();
   }
+  // Without a factor to look into: a solve for each column, and the product made symmetric.
   MatrixXd right = MatrixXd::Zero(offsets.back(), V.values.cols());
   for (std::size_t k = 0; k < V.rows.size(); ++k) {
     const int size = offsets[V.rows[k] + 1] - offsets[V.rows[k]];
@@ -122,6 +141,7 @@ Status LiveFactor::Product(const SparseColumns& V, const std::vector<int>& offse
 MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
   const CliqueTree& tree = tree_->tree();
   const int columns = static_cast<int>(V.values.cols());
+  // Zeros but in the rows of V, each of which is a pivot of the clique it begins in.
   FrontVectors y(tree, PathsToRoot(tree, V.rows), columns);
   for (std::size_t k = 0; k < V.rows.size(); ++k) {
     const int row = V.rows[k];
@@ -138,11 +158,14 @@ MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
     const Front& front = tree.clique(c).front;
     const Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>> pivots(
         y.Of(c, 0), front.width, columns, Eigen::OuterStride<>(front.num_rows()));
+    // The share of this clique: its pivots' rows of L⁻¹V. Those beyond belong to cliques further
+    // up.
     product.noalias() += pivots.transpose().lazyProduct(pivots);
   }
   return product;
 }
 
+// Before the first row y is zero, so the product of what is behind it is that of all.
 MatrixXd LiveFactor::EnvelopeProduct(const SparseColumns& V) const {
   const EnvelopeCholesky& L = resumed_->cholesky();
   const RowOrder& order = resumed_->order();
@@ -151,6 +174,7 @@ MatrixXd LiveFactor::EnvelopeProduct(const SparseColumns& V) const {
     first = std::min(first, order.place(row));
   }
   // From quad to quad: rows of L begin on one, which may be before the first.
+  // Zeros outside the rows of V, which all columns overwrite: b need not be cleared between them.
   AlignedVector<double> b(L.offsets().back(), 0.0);
   AlignedVector<double> y(L.offsets().back() + kQuad, 0.0);
   const int begin = L.offsets()[first], size = L.offsets().back() - begin;
@@ -178,13 +202,17 @@ Status LiveFactor::Solve(const std::vector<int>& offsets, const double* b, doubl
   return Status::Ok();
 }
 
+// Forward through all cliques, children first, then backward, parents first. x is packed by rows of
+// S and serves as the place where a clique finds what its separator got.
 void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, double* x) const {
   const CliqueTree& tree = tree_->tree();
+  // A b with entries everywhere reaches all cliques.
   FrontVectors y(tree, AllCliques(tree), 1);
   for (const int c : y.cliques()) {
     const Clique& clique = tree.clique(c);
     for (int k = 0; k < clique.num_pivots; ++k) {
       const double* b_row = b + offsets[clique.rows[k]];
+      // Added to what the children have left there.
       std::transform(b_row, b_row + tree.SizeOf(clique.rows[k]), y.Of(c, 0) + clique.places[k],
                      y.Of(c, 0) + clique.places[k], [](double a, double sum) { return a + sum; });
     }
@@ -193,9 +221,11 @@ void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, d
   for (auto c = y.cliques().rbegin(); c != y.cliques().rend(); ++c) {
     const Clique& clique = tree.clique(*c);
     double* y_c = y.Of(*c, 0);
+    // x of the separator, which cliques further up have found by now.
     for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
       std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]), y_c + clique.places[k]);
     }
+    // The padding is multiplied by that of L: no garbage may be in it.
     std::fill(y_c + clique.front.below() + clique.front.height, y_c + clique.front.num_rows(), 0.0);
     SolveFrontBackward(clique.front, clique.L.data(), y_c);
     for (int k = 0; k < clique.num_pivots; ++k) {
@@ -204,6 +234,7 @@ void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, d
   }
 }
 
+// The envelope has its rows by places: b goes there, x comes back.
 void LiveFactor::SolveByEnvelope(const std::vector<int>& offsets, const double* b,
                                  double* x) const {
   const EnvelopeCholesky& L = resumed_->cholesky();

@@ -5,6 +5,20 @@
 #include <sstream>
 
 namespace inceres::internal {
+
+// The incremental PCG (docs/algorithms.md, "Reduced linear systems", when PCG ends; ICE-BA). Kept
+// between calls: the blocks of M and their inverses, and in the caller's x what the last solution
+// has left to apply, from which the iteration starts.
+//
+// The end. Iteration k adds the gain ½ α_k rᵀz to the decrease, and the squared error of x in the
+// norm of the energy is twice the sum of the gains to come. They are not known, but the sum of the
+// last few is a bound of the error some iterations back, and convergence makes that a bound of the
+// error now (Hestenes & Stiefel 1952, theorem 6:1; Strakoš & Tichý 2002). x ends when that sum is
+// below η² of the whole decrease.
+//
+// S is read by blocks on the calling thread: one thread, one order of every sum. Held rows have no
+// block in M, and their blocks in S are passed over.
+
 namespace {
 
 constexpr int kMinWindow = 6;  // iterations the estimate of the error looks back
@@ -14,6 +28,7 @@ constexpr double kWindowShare = 0.25;
 }  // namespace
 
 Status PcgSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
+  // The values are read where S has them; of a factorization there is only the preconditioner.
   S_ = A.rows();
   factored_ = preconditioner_.Update(A, changed);
   work_ = Work();
@@ -28,13 +43,17 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
   }
   iteration_.Resize(preconditioner_.padded_offsets().back());
   PadFree(b, iteration_.b());
+  // Held rows begin, and stay, at zero: x of a frame that does not move.
   PadFree(x, iteration_.x());
+  // It compares what x promises with zero, so that a stale x does no harm.
   iteration_.StartFromX(*this);
   const ConjugateGradients::End end = iteration_.Iterate(this, options_.max_iterations);
   work_.iterations = static_cast<int>(iteration_.gains().size());
+  // There is no half solve: every row of x is written.
   work_.forward_rows = 0;
   work_.solved_rows = preconditioner_.num_rows();
   work_.converged = end == ConjugateGradients::End::kConverged;
+  // Too many iterations are no error: x is a step downhill, and Work::converged says what it is.
   if (end == ConjugateGradients::End::kNotPositiveDefinite ||
       end == ConjugateGradients::End::kBreakdown) {
     std::ostringstream text;
@@ -54,8 +73,11 @@ bool PcgSolver::Precondition(const double* r, double* z) {
 bool PcgSolver::IsGoodEnough(const ConjugateGradients& iteration) const {
   const std::vector<double>& gains = iteration.gains();
   const auto count = static_cast<int>(gains.size());
+  // The window grows with the iterations: where convergence has plateaus a short one would end on
+  // the first.
   const int window = std::max(kMinWindow, static_cast<int>(kWindowShare * count));
   const double recent = std::accumulate(gains.end() - std::min(count, window), gains.end(), 0.0);
+  // Fewer gains than the window are no estimate.
   return count >= window &&
          recent <= options_.relative_tolerance * options_.relative_tolerance * iteration.decrease();
 }
@@ -63,6 +85,7 @@ bool PcgSolver::IsGoodEnough(const ConjugateGradients& iteration) const {
 void PcgSolver::SubtractProduct(const double* v, double* y) const {
   const Kernels& kernels = BestKernels();
   const std::vector<int>& offsets = preconditioner_.padded_offsets();
+  // The diagonal blocks with their damping, which S does not have.
   preconditioner_.SubtractProduct(v, y);
   for (int i = 0; i < S_->num_rows(); ++i) {
     if (!preconditioner_.IsFree(i)) {
@@ -79,6 +102,8 @@ void PcgSolver::SubtractProduct(const double* v, double* y) const {
       const int stride = PadToQuad(S_->size_of(j));
       kernels.subtract_row_dots(size, 1, stride, block, stride, v + offsets[j], stride,
                                 y + offsets[i], 1);
+      // One read of a block off the diagonal serves both halves: y_i −= S_ij v_j and y_j −= S_ijᵀ
+      // v_i.
       kernels.subtract_outer(stride, 1, size, block, stride, v + offsets[i], 1, y + offsets[j],
                              stride);
     }

@@ -3,6 +3,12 @@
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
+
+// What factoring S will cost, before anything is factored: the batch choice between dense and
+// sparse (docs/algorithms.md, "Reduced linear systems"), and what a choice of landmarks to
+// eliminate is compared by. A prediction is made of counts, with constants for how fast they are
+// worked off.
+
 namespace {
 
 // Both factor with the same kernels, 14 to 25 GFlop/s on one thread; the sparse one takes fewer
@@ -24,6 +30,7 @@ bool IsSolvedDensely(double size, double fill) {
 
 double FillOf(const BlockPattern& pattern) {
   const auto n = static_cast<double>(pattern.size());
+  // Diagonal blocks are stored whole, so a full S of few blocks comes out a little above 1.
   return static_cast<double>(pattern.value_begin.back()) / (0.5 * n * (n + 1.0));
 }
 
@@ -37,6 +44,7 @@ Status PredictReducedSolver(const BlockPattern& pattern, ReducedPrediction* pred
     *prediction = PredictFullSystem(pattern.size());
     return Status::Ok();
   }
+  // The symbolic analysis is all that is asked of the solver: no memory for values, no threads.
   const Executor executor(1);
   SparseCholesky solver(executor);
   const Status planned = solver.Predict(pattern);

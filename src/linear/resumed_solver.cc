@@ -4,6 +4,25 @@
 #include <numeric>
 
 namespace inceres::internal {
+
+// The envelope factor that is resumed (docs/algorithms.md, "Reduced linear systems", resuming;
+// Kaess et al. 2012, algorithm 7, for the wildfire). What is right is kept as leading rows, each a
+// number:
+//
+//     num_exact_        rows of L that belong to S
+//     num_current_y_    rows of y = L⁻¹b that belong to L and b
+//     num_passed_on_    rows of L as they were at the last Solve
+//
+// A change lowers them, a factorization or a substitution raises them again. Since row i depends on
+// rows up to i alone, one number is enough, and what a call does not reach keeps its bits.
+//
+// Backwards it is the other way round: x_i depends on the rows behind i. reached_before_ is the
+// first row that something changed since the last Solve was coupled to. Going back from the last
+// row, the substitution may end when no changed row reaches further up; passed_on_ holds the x that
+// the rows above have seen, so that small changes add up until they are passed on.
+//
+// An order that has aged is replaced from num_exact_ on only: what is before it stays factored.
+
 namespace {
 
 // Flops a block of S to be refactored below which another order is not looked for. Looking takes
@@ -26,6 +45,7 @@ int ResumedSolver::FirstPlace(const Rows& rows) const {
     const int place = order_.place(row);
     first = place >= 0 ? std::min(first, place) : first;
   };
+  // Rows have their places in any order, so each of them is looked at.
   if (rows.rows != nullptr) {
     std::for_each(rows.rows->begin(), rows.rows->end(), look_at);
   } else if (rows.first_row <= 0) {
@@ -39,6 +59,7 @@ int ResumedSolver::FirstPlace(const Rows& rows) const {
 }
 
 // Where a row has gone or come back, x of the rows behind it is no longer where it was.
+// Only x has this packing; L, y and the copies of x are by places.
 void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
   const std::size_t known = row_offsets_.size();
   row_offsets_.resize(S.num_rows() + 1);
@@ -53,9 +74,12 @@ void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
 }
 
 ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& changed) {
+  // Before the order follows S, so that a row that has left still tells where it was.
   num_exact_ = std::min({num_exact_, FirstPlace(changed), cholesky_.num_valid_rows()});
+  // What is computed from rows of L is worth no more than they are.
   num_current_y_ = std::min(num_current_y_, num_exact_);
   num_passed_on_ = std::min(num_passed_on_, num_exact_);
+  // Rows that have gone leave the order behind num_exact_, new ones come at its end.
   order_.Follow(*A.rows(), num_exact_);
   FollowPacking(*A.rows());
   plan_ = Predict(A, FirstPlace(changed));
@@ -70,6 +94,7 @@ ResumedSolver::Plan ResumedSolver::Predict(const ReducedMatrix& A, int first_cha
     return EnvelopeFlops(*A.rows(), A.constant(), order_, place, &workspace_);
   };
   const double flops = flops_from(num_exact_);
+  // The same change once more begins where it begins, not where earlier misses have left L.
   return {flops, first_changed <= num_exact_ ? flops : flops_from(first_changed)};
 }
 
@@ -78,16 +103,19 @@ bool ResumedSolver::OrderMayHaveAged(const SymmetricBlockRows& S) const {
   for (int place = num_exact_; place < order_.num_places(); ++place) {
     blocks += S.row(order_.row(place)).size();
   }
+  // By the blocks of S alone the factorization would be cheap: where it is not, fill is to blame.
   return plan_.flops > kLookFlops * static_cast<double>(blocks);
 }
 
 void ResumedSolver::Reorder(const ReducedMatrix& A, const Rows& changed) {
   tail_.assign(order_.rows().begin() + num_exact_, order_.rows().end());
+  // If most of the rows have changed, these tell nothing of where the next change will be.
   if (changed.rows != nullptr && 2 * changed.rows->size() <= tail_.size()) {
     last_ = *changed.rows;
   } else {
     last_.assign(1, *std::max_element(tail_.begin(), tail_.end()));  // the newest
   }
+  // Tried in place and taken back if it is no better: both orders have the same rows.
   order_.SetTail(ordering_.Reorder(*A.rows(), order_, num_exact_, last_));
   const Plan fresh = Predict(A, FirstPlace(changed));
   if (kAging * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
@@ -108,6 +136,7 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
     reached_before_ = std::min(
         reached_before_, cholesky_.FirstColumn(i));  // a row held now may have been coupled to many
   }
+  // By places, as the factor wants it; before num_exact_ it is as it was.
   damping_.resize(row_offsets_.back());
   int offset = cholesky_.offsets()[num_exact_];
   for (int place = num_exact_; place < order_.num_places(); ++place) {
@@ -118,10 +147,12 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
   }
   factored_ = cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
   work_.factored_rows = cholesky_.num_valid_rows() - num_exact_;
+  // After a failure the rows before the bad pivot are right, and the next call begins there.
   num_exact_ = cholesky_.num_valid_rows();
   return factored_;
 }
 
+// The x that the caller holds is another solver's from now on.
 void ResumedSolver::MissSolve(const Rows& changed_b) {
   num_current_y_ = std::min(num_current_y_, FirstPlace(changed_b));
   ForgetSolution();
@@ -131,6 +162,7 @@ void ResumedSolver::MissSolve(const Rows& changed_b) {
 int ResumedSolver::SubstituteForward(const double* b, const Rows& changed_b) {
   const int num_rows = order_.num_places();
   const std::vector<int>& offsets = cholesky_.offsets();
+  // y follows from b in the order of places: everything behind a changed row changes.
   const int first = std::min(num_current_y_, FirstPlace(changed_b));
   GrowTo(offsets.back());
   for (int place = first; place < num_rows; ++place) {
@@ -147,6 +179,7 @@ Status ResumedSolver::SolveForGain(const double* b, const Rows& changed_b, doubl
   if (!factored_.ok()) {
     return factored_;
   }
+  // y is up to date now, so a Solve that follows would not see that these rows have changed.
   reached_before_ = std::min(reached_before_, SubstituteForward(b, changed_b));
   const auto end = y_.begin() + cholesky_.offsets().back();
   *gain = 0.5 * std::inner_product(y_.begin(), end, y_.begin(), 0.0);
@@ -168,11 +201,14 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
   int place = num_rows;
   while (place > reached) {
     --place;
+    // rest_ is y less what later rows contribute: filled from y only as far up as rows reach.
     CopyRest(offsets[cholesky_.FirstColumn(place)], &filled);
     cholesky_.BackSubstituteRow(place, rest_.data(), x_.data());
+    // A row of L that is another passes on whatever its x is; the rows above used the old one.
     if (place >= num_passed_on_ || HasChanged(place, truncation)) {
       std::copy(x_.begin() + offsets[place], x_.begin() + offsets[place + 1],
                 passed_on_.begin() + offsets[place]);
+      // The rows up to its first column get another rest, and are found anew.
       reached = std::min(reached, cholesky_.FirstColumn(place));
     }
   }
@@ -202,6 +238,7 @@ bool ResumedSolver::HasChanged(int place, const Truncation& truncation) const {
     const double difference = x_[k] - passed_on_[k];
     change += weights[k - begin] * difference * difference;
   }
+  // A change that is not a number is passed on.
   return !(change <= truncation.threshold);
 }
 
@@ -215,6 +252,7 @@ void ResumedSolver::HandOut(int first_place, double* x) {
                 x + row_offsets_[row]);
   }
   std::sort(solved_.begin(), solved_.end());
+  // ReducedSolver::Rows wants ids that ascend.
   work_.solved = {solved_.empty() ? order_.num_places() : solved_.front(), &solved_};
 }
 

@@ -10,6 +10,15 @@
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
+
+// Which reduced solver a solve gets. In a batch solve the pattern is known, so the choice is made
+// once, by predicted cost, and the solver comes analyzed. An incremental solve has no pattern yet:
+// its automatic solver chooses call by call. A factory of the user goes before all of it.
+//
+// Conjugate gradients with an earlier factor still factor now and then, so they win only where a
+// product with S, and one with the factor, is far cheaper than a factorization: large systems with
+// much fill.
+
 namespace {
 
 // Conjugate gradients with an earlier factor, beside a factorization in each step: the iterations
@@ -27,6 +36,7 @@ struct Direct {
   double entries = 0.0;  // of the factor
 };
 
+// A solver and what its analysis predicts. The matrix has no values at this time.
 template <typename Solver>
 Direct Make(const BlockPattern& pattern, const Executor& executor, Status* status) {
   auto solver = std::make_unique<Solver>(executor);
@@ -43,6 +53,7 @@ Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status
 
 // An iteration reads S once and the factor twice.
 bool PcgIsCheaper(const Direct& direct, const BlockPattern& pattern) {
+  // Reading is what an iteration costs: it takes two flops for each entry read.
   const double iteration =
       kFlopsPerEntryRead * (static_cast<double>(pattern.value_begin.back()) + 2.0 * direct.entries);
   return kPcgIterations * iteration < (1.0 - kPcgFactorizations) * direct.flops;
@@ -79,6 +90,7 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind,
     case ReducedSolverKind::kAutomaticInexact:
       break;
   }
+  // The factor that PCG is preconditioned by is the one that would have solved the system.
   Direct direct = MakeCheaper(pattern, executor, status);
   if (kind == ReducedSolverKind::kAutomaticInexact && !PcgIsCheaper(direct, pattern)) {
     return std::move(direct.solver);

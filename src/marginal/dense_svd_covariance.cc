@@ -10,11 +10,21 @@
 
 namespace inceres::internal {
 
+// Covariance by the singular values of J (Golub & Van Loan, sections 5.5.2 and 8.6; Ceres's
+// DENSE_SVD, docs/ceres_contract.md, "Covariance"). With J = U Σ Vᵀ, (JᵀJ)⁻¹ = (V Σ⁻¹)(V Σ⁻¹)ᵀ: the
+// root V Σ⁻¹ is kept, a block of the covariance is the product of the rows of two variables.
+// Working on J and not on JᵀJ keeps the digits that squaring the condition number would cost.
+// Directions with small singular values are left out of V, which makes the inverse that of Moore
+// and Penrose.
+//
+// Landmarks are not eliminated: the rank that is judged is that of all of J.
+
 DenseSvdCovariance::DenseSvdCovariance(const FactorGraph& graph, const std::vector<double>& state,
                                        const CovarianceOptions& options)
     : graph_(graph),
       options_(options),
       executor_(options.num_threads),
+      // Landmarks count as frames here: they have columns like all others.
       layout_(graph, /*eliminate_landmarks=*/false),
       evaluator_(graph, layout_, executor_) {
   evaluator_.points().SetCurrent(state);
@@ -25,10 +35,13 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
   for (const Linearization& family : evaluator_.families()) {
     num_rows += Eigen::Index{family.num_factors} * family.residual_size;
   }
+  // Factors know their variables by quads of a padded vector; the matrix has packed columns.
   std::vector<int> column_of_quad(layout_.quad_offset.back());
   for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
     column_of_quad[layout_.quad_offset[k]] = layout_.packed_offset[k];
   }
+  // Variables that no factor touches have no place in the layout. Columns of zeros make J as wide
+  // as all that may move, so that they count where its rank is judged.
   Eigen::Index num_untouched = 0;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     if (graph_.HasVariable(id) && !graph_.IsConstant(id) && !Has(id)) {
@@ -44,6 +57,7 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
         const SlotJacobians& slot = family.slots[s];
         if (quad >= 0) {
           using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+          // Added, not assigned: a factor may have one variable in two slots.
           J.block(row, column_of_quad[quad], family.residual_size, slot.columns) +=
               Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
                   slot.data + std::ptrdiff_t{i} * slot.factor_stride, family.residual_size,
@@ -65,18 +79,23 @@ Status DenseSvdCovariance::Compute() {
   Eigen::MatrixXd J = DenseJacobian();
   if (J.rows() > J.cols()) {  // the singular values are those of R
     Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(J);
+    // Q is not needed: V belongs to R as well.
     J = qr.matrixQR().topRows(J.cols()).triangularView<Eigen::Upper>().toDenseMatrix();
   }
   const Eigen::BDCSVD<Eigen::MatrixXd> svd(J, Eigen::ComputeThinV);
   const Eigen::VectorXd& values = svd.singularValues();
+  // A negative rank: automatic truncation.
   const bool truncates = options_.null_space_rank < 0;
   const Eigen::Index max_rank =
       std::clamp<Eigen::Index>(values.size() - options_.null_space_rank, 0, values.size());
+  // The option speaks of JᵀJ, whose eigenvalues are squares.
   const double smallest = std::sqrt(options_.min_reciprocal_condition_number);
   Eigen::Index rank = 0;
+  // Values descend. One that is zero has no inverse whatever the options allow.
   while (rank < max_rank && values[rank] >= smallest * values[0] && values[rank] > 0.0) {
     ++rank;
   }
+  // Of those that were to be kept one is too small.
   if (rank < max_rank && !truncates) {
     const double ratio = values[0] > 0.0 ? values[rank] / values[0] : 0.0;
     return Status::Error(

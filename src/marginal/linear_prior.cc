@@ -5,12 +5,20 @@
 #include <cmath>
 
 namespace inceres {
+
+// The factor e(x) = e₀ + J δ with δ = (x ⊟ x₀) block by block (docs/algorithms.md,
+// "Marginalization"; Leutenegger et al. 2015, section 3.5). J is frozen: it is copied as the
+// tangent Jacobian at every x, so that JᵀJ, the information that the marginalized factors had, is
+// the same in all iterations (HasConstantJacobian). A family has priors of one shape, of which each
+// has its own x₀, J and e₀.
+
 namespace {
 
 std::vector<FactorFamily::Slot> SlotsOf(const LinearPrior& prior) {
   std::vector<FactorFamily::Slot> slots;
   slots.reserve(prior.blocks.size());
   for (const LinearPrior::Block& block : prior.blocks) {
+    // The Jacobian that slots speak of is the tangent one: the prior knows its manifolds by itself.
     slots.push_back({static_cast<int>(block.x0.size()), block.tangent_size});
   }
   return slots;
@@ -18,6 +26,7 @@ std::vector<FactorFamily::Slot> SlotsOf(const LinearPrior& prior) {
 
 bool Subtract(const LinearPrior::Block& block, const double* x, double* delta) {
   if (block.manifold != nullptr) {
+    // It may be undefined, as between opposite points of a sphere.
     return block.manifold->Minus(x, block.x0.data(), delta);
   }
   std::transform(x, x + block.x0.size(), block.x0.begin(), delta,
@@ -27,6 +36,7 @@ bool Subtract(const LinearPrior::Block& block, const double* x, double* delta) {
 
 }  // namespace
 
+// Of J, all blocks side by side.
 int LinearPrior::num_columns() const {
   int columns = 0;
   for (const Block& block : blocks) {
@@ -40,6 +50,7 @@ LinearPriorFamily::LinearPriorFamily(const LinearPrior& shape)
       num_columns_(shape.num_columns()) {
 }
 
+// Equal sizes block by block; which manifolds they are on may differ, for a prior brings its own.
 bool LinearPriorFamily::Fits(const LinearPrior& prior) const {
   const std::vector<Slot> slots = SlotsOf(prior);
   bool fits = static_cast<int>(slots.size()) == num_slots() &&
@@ -57,6 +68,8 @@ void LinearPriorFamily::Place(int index, const LinearPrior& prior) {
 }
 
 EvaluationFailure LinearPriorFamily::Evaluate(const FactorBatch& batch) const {
+  // Evaluate may run on several threads at once, so δ is on the stack of each, and nothing is
+  // allocated for priors of usual size.
   constexpr int kInline = 256;
   double stack[kInline];
   std::vector<double> heap(num_columns_ > kInline ? static_cast<std::size_t>(num_columns_) : 0);
@@ -73,6 +86,7 @@ EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch
   const double* const* parameters = batch.parameters + static_cast<std::ptrdiff_t>(i) * num_slots();
   double* next = delta;
   for (int s = 0; s < num_slots(); ++s) {
+    // δ of all variables one behind the other, as J has its columns.
     if (!Subtract(prior.blocks[static_cast<std::size_t>(s)], parameters[s], next)) {
       return {i,
               "a variable is too far from where the prior was linearized for their difference to "
@@ -81,6 +95,7 @@ EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch
     next += slot(s).tangent_size;
   }
   double* e = batch.residuals + static_cast<std::ptrdiff_t>(i) * residual_size();
+  // One test for the whole residual: a sum with an entry that is not finite is not finite either.
   double sum = 0.0;
   const double* J = prior.J.data();
   for (std::size_t r = 0; r < prior.e0.size(); ++r, J += num_columns_) {
@@ -94,8 +109,10 @@ EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch
   if (!std::isfinite(sum)) {
     return {i, "a residual is not finite"};
   }
+  // From here on J moves from block to block: each slot takes its columns of every row.
   J = prior.J.data();
   for (int s = 0; batch.jacobians != nullptr && s < num_slots(); J += slot(s++).tangent_size) {
+    // A constant, or a slot whose Jacobian nobody wants.
     if (!batch.tangent_maps[static_cast<std::ptrdiff_t>(i) * num_slots() + s]->wanted()) {
       continue;
     }
@@ -113,6 +130,7 @@ const LinearPrior* FindLinearPrior(const FactorGraph& graph, FactorId factor) {
   if (!graph.HasFactor(factor.family, factor.index)) {
     return nullptr;
   }
+  // A user's family may be derived from LinearPriorFamily, and counts.
   const auto* family = dynamic_cast<const LinearPriorFamily*>(&graph.family(factor.family));
   return family == nullptr ? nullptr : &family->prior(factor.index);
 }

@@ -11,8 +11,19 @@
 
 namespace inceres::internal {
 
+// The linear system of one marginalization, without H (docs/algorithms.md, "Marginalization"). Rows
+// [J_m J_r f] of the factors are gathered; a landmark's rows are reduced by an orthogonal
+// transformation of their own as they come in, because they have entries for that landmark and its
+// frames only, and what is left goes to a common stack. Then the marginalized frames are eliminated
+// from the stack. An orthogonal transformation changes neither JᵀJ nor Jᵀf, so the rows that are
+// left have the Schur complement as their JᵀJ, with the digits that H would have squared away.
+//
+// The stack is row-major and grows by rows of one width: marginalized frames, kept variables, f.
+// Landmarks have no columns in it. A variable without columns, such as a constant, counts as known.
+
 void MarginalSystem::AddMarginalized(VariableId id) {
   if (graph_.role(id) == Role::kLandmark) {
+    // The number is the order of the request, in which they are eliminated later.
     landmarks_.emplace(id, static_cast<int>(landmarks_.size()));
     return;
   }
@@ -22,6 +33,7 @@ void MarginalSystem::AddMarginalized(VariableId id) {
 }
 
 void MarginalSystem::AddKept(VariableId id) {
+  // Behind all marginalized ones, which is why those have to come first.
   columns_.emplace(id, NumColumns());
   num_kept_columns_ += graph_.TangentSize(id);
 }
@@ -43,6 +55,7 @@ void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& col
     }
   }
   for (int r = 0; r < factor.rows; ++r) {
+    // The right-hand side is the last column, and takes part in every transformation.
     (*A)(row + r, A->cols() - 1) = factor.f[r];
   }
 }
@@ -51,6 +64,7 @@ void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& col
 
 void MarginalSystem::Append(const Eigen::MatrixXd& rows, Eigen::Index first_row,
                             Eigen::Index first_column, const std::vector<int>& columns) {
+  // Rows from first_row on, spread to the columns of the stack; what they do not have is zero.
   const auto width = static_cast<std::size_t>(NumColumns()) + 1;
   for (Eigen::Index r = first_row; r < rows.rows(); ++r) {
     const std::size_t at = stack_.size();
@@ -76,6 +90,8 @@ Status MarginalSystem::RankLoss(const char* kind, const std::vector<VariableId>&
 
 Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const RowsOf& rows_of,
                                  std::vector<VariableId>* offenders) {
+  // Factors by marginalized landmark, of which each has one at most. The others are stacked at
+  // once.
   std::vector<std::vector<FactorId>> of_landmark(landmarks_.size());
   std::vector<VariableId> landmark_ids(landmarks_.size());
   for (const auto& [id, number] : landmarks_) {
@@ -104,6 +120,7 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
     };
     CopyRows(factor, num_slots, column_of, 0, &A);
     columns.resize(static_cast<std::size_t>(NumColumns()));
+    // The rows are as wide as the stack already.
     std::iota(columns.begin(), columns.end(), 0);
     Append(A, 0, 0, columns);
   }
@@ -113,6 +130,7 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
       return status;
     }
   }
+  // By now all landmarks have been looked at: the status names every one at fault.
   return offenders->empty() ? EliminateFrames(offenders) : RankLoss("landmarks", *offenders);
 }
 
@@ -122,6 +140,7 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
                                          const RowsOf& rows_of,
                                          std::vector<VariableId>* offenders) {
   const int size = graph_.TangentSize(id);
+  // A is as wide as the landmark and the frames it is seen from, not as the whole system.
   std::unordered_map<VariableId, int> local;  // first column in A
   std::vector<int> columns;                   // of A behind the landmark's: where they go
   local.emplace(id, 0);
@@ -132,6 +151,8 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
       const VariableId other = graph_.Variables(factor.family, factor.index)[s];
       const auto global = columns_.find(other);
       if (global != columns_.end() &&
+          // A frame gets its columns with the first factor that touches it: an order that the
+          // factors give.
           local.emplace(other, size + static_cast<int>(columns.size())).second) {
         for (int c = 0; c < graph_.TangentSize(other); ++c) {
           columns.push_back(global->second + c);
@@ -151,11 +172,14 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
     const VariableId* ids = graph_.Variables(factor_id.family, factor_id.index);
     const auto column_of = [&](int s) {
       const auto found = local.find(ids[s]);
+      // No column: a constant, or what is not part of the system.
       return found == local.end() ? -1 : found->second;
     };
     CopyRows(factor, graph_.family(factor_id.family).num_slots(), column_of, row, &A);
     row += factor.rows;
   }
+  // Where the rank falls short, fewer rows are used up, and what the others say of the frames
+  // stays.
   const EliminationOutcome outcome = EliminateColumns(size, options_.rank_tolerance, &A);
   if (outcome.rank < size && !options_.allow_rank_loss) {
     offenders->push_back(id);
@@ -174,6 +198,7 @@ Status MarginalSystem::EliminateFrames(std::vector<VariableId>* offenders) {
       EliminateColumns(num_frame_columns_, options_.rank_tolerance, &A);
   for (const VariableId id : frames_) {
     const int first = columns_.at(id);
+    // A dependent column is an offense of the frame that it belongs to.
     const auto mine = [&](int column) {
       return column >= first && column < first + graph_.TangentSize(id);
     };
@@ -185,11 +210,15 @@ Status MarginalSystem::EliminateFrames(std::vector<VariableId>* offenders) {
     return RankLoss("variables", *offenders);
   }
   offenders->clear();
+  // What the eliminated frames cannot explain away.
   result_ = A.bottomRightCorner(rows - outcome.rank, num_kept_columns_ + 1);
+  // Square from here on, with rows of zeros where there is less to say.
   fixed_cost_ = 0.5 * ReduceToTriangle(&result_);
   return Status::Ok();
 }
 
+// J = U Σ Vᵀ: the eigenvalues of JᵀJ are σ². Of what stays, Σ Vᵀ is the root of the information and
+// Uᵀe₀ its residual, so that Jᵀe₀ is right in the directions that are kept.
 int TruncatePrior(const MarginalizationOptions& options, Eigen::MatrixXd* prior) {
   const Eigen::Index n = prior->rows();
   if (options.threshold == PriorThreshold::kNone || n == 0) {
@@ -199,6 +228,8 @@ int TruncatePrior(const MarginalizationOptions& options, Eigen::MatrixXd* prior)
   Eigen::VectorXd scale = Eigen::VectorXd::Ones(n);
   if (relative) {
     const Eigen::VectorXd norms = prior->leftCols(n).colwise().norm();
+    // OKVIS scales the information to a unit diagonal first: units of rotations and positions drop
+    // out of the comparison. A column of zeros stays as it is.
     scale = (norms.array() > 0.0).select(norms, 1.0);
   }
   const Eigen::BDCSVD<Eigen::MatrixXd> svd(prior->leftCols(n) * scale.cwiseInverse().asDiagonal(),

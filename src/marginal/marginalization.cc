@@ -15,6 +15,16 @@
 
 namespace inceres {
 
+// Marginalization as a transaction on a graph (docs/algorithms.md, "Marginalization"): check what
+// is asked for, collect the factors concerned and the variables that stay, compute the prior, and
+// apply one edit that removes what goes and adds the prior. Everything that may fail comes before
+// the edit, and the edit is carried out whole or not at all; so on an error nothing has changed.
+//
+// The algebra is MarginalSystem's. Here it is decided which variables have columns: marginalized
+// ones that move, and neighbors that stay, in the order of the request and then by id. Rows come
+// from the Jacobians that a live solver keeps, where it has them, or from an evaluation at the
+// current values; damping plays no part.
+
 Status MarginalizationOptions::Validate() const {
   if (!(epsilon >= 0.0) || !std::isfinite(epsilon)) {
     return internal::Invalid("MarginalizationOptions::epsilon must be finite and not negative");
@@ -44,10 +54,12 @@ class OwnPriorFamily final : public LinearPriorFamily {
   std::weak_ptr<OwnPriorFamily> self_;
 };
 
+// The order in which factors are taken: that of the graph.
 bool Before(FactorId a, FactorId b) {
   return std::tie(a.family, a.index) < std::tie(b.family, b.index);
 }
 
+// One call: what it finds out lives in its members, and it runs once.
 class Marginalizer {
  public:
   Marginalizer(const MarginalizationTarget& target, const MarginalizationRequest& request,
@@ -60,6 +72,7 @@ class Marginalizer {
 
   MarginalizationSummary Run() {
     Status& status = summary_.status;
+    // Step by step, the first failure being the result.
     const auto then = [&](auto step) { status = status.ok() ? (this->*step)() : status; };
     status = options_.Validate();
     then(&Marginalizer::CheckIds);
@@ -88,6 +101,7 @@ class Marginalizer {
                          "variable " + std::to_string(id) + " " + what);
   }
 
+  // Both lists of the request are looked at with one set: a variable goes one way or the other.
   Status CheckIds() {
     for (const std::vector<VariableId>* ids : {&request_.marginalized, &request_.dropped}) {
       for (const VariableId id : *ids) {
@@ -115,7 +129,10 @@ class Marginalizer {
   // Factors of the marginalized variables, but for those that are dropped, by themselves or with a
   // variable.
   void CollectFactors() {
+    // Costs a pass over the graph the first time, unless it tracks the factors of its variables
+    // already.
     graph_.TrackFactors();
+    // What is dropped says nothing to the prior, even if it touches a marginalized variable.
     std::vector<FactorId> lost = request_.dropped_factors;
     for (const VariableId id : request_.dropped) {
       graph_.ForEachFactorOf(id, [&](FactorId factor) { lost.push_back(factor); });
@@ -130,6 +147,8 @@ class Marginalizer {
     }
     std::sort(factors_.begin(), factors_.end(), Before);
     const auto same = [](FactorId a, FactorId b) { return !Before(a, b) && !Before(b, a); };
+    // A factor between two marginalized variables was found through either. Sorted by family and
+    // index, the rows come in an order that does not depend on that of the request.
     factors_.erase(std::unique(factors_.begin(), factors_.end(), same), factors_.end());
   }
 
@@ -139,12 +158,14 @@ class Marginalizer {
            (options_.keep_constants && going_.count(id) == 0 && graph_.TangentSize(id) > 0);
   }
 
+  // Marginalized columns before kept ones: MarginalSystem relies on it.
   void CollectKept() {
     for (const VariableId id : request_.marginalized) {
       if (HasColumns(id)) {
         system_.AddMarginalized(id);
       }
     }
+    // Whoever shares a factor with a marginalized variable and does not go.
     std::set<VariableId> neighbors;
     for (const FactorId& factor : factors_) {
       const VariableId* ids = graph_.Variables(factor.family, factor.index);
@@ -154,11 +175,15 @@ class Marginalizer {
     }
     std::vector<VariableId>& kept = summary_.kept;
     std::copy_if(request_.order.begin(), request_.order.end(), std::back_inserter(kept),
+                 // Those that the request names, where the prior has them; erased, so that the
+                 // others are left.
                  [&](VariableId id) { return neighbors.erase(id) > 0; });
     kept.insert(kept.end(), neighbors.begin(), neighbors.end());
     std::for_each(kept.begin(), kept.end(), [this](VariableId id) { system_.AddKept(id); });
   }
 
+  // The prior becomes a factor, and a factor may touch one landmark that is not constant: the block
+  // structure of P rests on that.
   Status CheckLandmarks() {
     std::vector<VariableId> landmarks;
     std::copy_if(summary_.kept.begin(), summary_.kept.end(), std::back_inserter(landmarks),
@@ -177,6 +202,7 @@ class Marginalizer {
             "); a factor touches at most one: marginalize them too, or drop their factors");
   }
 
+  // The half of the edit that is known before the prior is.
   GraphEdit Removal() const {
     GraphEdit edit(graph_);
     std::for_each(request_.dropped_factors.begin(), request_.dropped_factors.end(),
@@ -193,9 +219,12 @@ class Marginalizer {
   }
 
   Status ComputePrior() {
+    // Jacobians of variables that have columns, and no others, whatever the graph says of
+    // constancy.
     const auto wanted = [this](VariableId id) { return system_.Has(id); };
     FactorLinearizer linearizer(graph_, target_.values, wanted);
     const auto rows_of = [&](FactorId id, LinearizedFactor* factor) {
+      // The kept Jacobian is that of the factor's last linearization: no evaluation.
       if (target_.cached != nullptr && target_.cached(id, wanted, factor)) {
         ++summary_.num_cached_factors;
         return Status::Ok();
@@ -207,6 +236,7 @@ class Marginalizer {
       return status;
     }
     Eigen::MatrixXd rows = system_.result();
+    // The factors themselves were finite; products of their entries need not be.
     if (!rows.allFinite()) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            "the prior is not finite: the factors' weights overflow");
@@ -214,6 +244,7 @@ class Marginalizer {
     summary_.num_factors = static_cast<int>(factors_.size());
     summary_.fixed_cost = system_.fixed_cost();
     summary_.num_truncated = TruncatePrior(options_, &rows);
+    // After truncation, as rows of zeros say nothing. No prior is added without any.
     summary_.rank =
         static_cast<int>((rows.leftCols(rows.cols() - 1).array() != 0.0).rowwise().any().count());
     WritePrior(rows);
@@ -224,6 +255,7 @@ class Marginalizer {
     for (const VariableId id : summary_.kept) {
       const double* x = target_.values(id);
       prior_.blocks.push_back(
+          // x₀ is where the variables are now. The manifold is shared with the graph.
           {{x, x + graph_.AmbientSize(id)}, graph_.shared_manifold(id), graph_.TangentSize(id)});
     }
     const Eigen::Index n = rows.rows();
@@ -238,6 +270,8 @@ class Marginalizer {
   }
 
   // A family of marginalization's own for priors of this shape.
+  // Priors of one shape share a family, so a window that slides for ever has a bounded number of
+  // them.
   FamilyHandle<OwnPriorFamily> FamilyForPrior() {
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       const auto* own = dynamic_cast<const OwnPriorFamily*>(&graph_.family(id));
@@ -257,9 +291,12 @@ class Marginalizer {
     if (summary_.rank > 0) {
       summary_.prior = edit.AddFactor(family, prior_, summary_.kept);
     } else {
+      // Nothing is left to say about anybody.
       summary_.kept.clear();
     }
     for (const VariableId id : summary_.kept) {
+      // Pinned for all of their factors (docs/algorithms.md, "Marginalization": first-estimate
+      // Jacobians). Whoever is pinned already stays where he is.
       if (options_.first_estimate_jacobians && graph_.PinnedValues(id) == nullptr) {
         edit.PinLinearization(id, target_.values(id));
       }
@@ -286,6 +323,7 @@ MarginalizationSummary MarginalizeOn(const MarginalizationTarget& target,
   try {
     return Marginalizer(target, request, options).Run();
   } catch (const std::bad_alloc&) {
+    // Memory that runs out is a status like the others and is not thrown at the caller.
     MarginalizationSummary failed;
     failed.status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
     return failed;
@@ -304,6 +342,7 @@ MarginalizationSummary Marginalize(const MarginalizationRequest& request,
   }
   internal::MarginalizationTarget target;
   target.graph = graph;
+  // A graph by itself holds its values; nothing of it has been linearized.
   target.values = [graph](VariableId id) { return graph->Values(id); };
   target.apply = [graph](const GraphEdit& edit) { return graph->Apply(edit); };
   return internal::MarginalizeOn(target, request, options);

@@ -6,6 +6,17 @@
 #include "inceres/solver/marginalization.h"
 
 namespace inceres {
+
+// Three rules that choose what goes when frames leave a window (docs/algorithms.md,
+// "Marginalization"): VINS-Mono's for the oldest frame and for the second-newest, and OKVIS's. They
+// read the graph and write a request. What they have in common: for each landmark that a leaving
+// frame sees, how many factors it has and which of these touch a leaving frame. A landmark is then
+// marginalized (its factors go into the prior), dropped (they are lost), or kept without the
+// factors that would tie the prior to it; the prior may join one landmark at most.
+//
+// Landmarks are taken in the order of their ids: the request, and with it the order of elimination,
+// is the same in every run.
+
 namespace {
 
 bool IsFreeLandmark(const FactorGraph& graph, VariableId id) {
@@ -42,6 +53,7 @@ class Tracked {
   const FactorGraph* graph_;
 };
 
+// Constants are not among them: they stay, and tell the prior what is known exactly.
 std::set<VariableId> LandmarksSeenBy(const FactorGraph& graph,
                                      const std::vector<VariableId>& frames) {
   std::set<VariableId> landmarks;
@@ -75,6 +87,7 @@ int CountFactors(const FactorGraph& graph, VariableId landmark, const std::set<V
 
 MarginalizationRequest OldestFrameRule(const FactorGraph& graph,
                                        const std::vector<VariableId>& frames, int min_factors) {
+  // Where no frame counts as newest, no landmark is kept for its sake: all go, or are dropped.
   return KeyframeRule(graph, frames, {}, min_factors);
 }
 
@@ -87,9 +100,12 @@ MarginalizationRequest SecondNewestFrameRule(const FactorGraph& original,
   const std::set<VariableId> leaving(frames.begin(), frames.end());
   std::vector<FactorId> touching;
   for (const VariableId landmark : LandmarksSeenBy(graph, frames)) {
+    // All of its factors go with the frame: nothing would hold it.
     if (CountFactors(graph, landmark, leaving, &touching) == static_cast<int>(touching.size())) {
       request.dropped.push_back(landmark);
     } else {
+      // The measurements of the leaving frame are lost, so that the landmark stays out of the
+      // prior.
       request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(),
                                      touching.end());
     }
@@ -109,6 +125,7 @@ MarginalizationRequest KeyframeRule(const FactorGraph& original,
   std::vector<FactorId> touching;
   for (const VariableId landmark : LandmarksSeenBy(graph, leaving)) {
     const int num_factors = CountFactors(graph, landmark, gone, &touching);
+    // It stays only if something other than the leaving frames still measures it.
     if (visible.count(landmark) > 0 && static_cast<int>(touching.size()) < num_factors) {
       request.dropped_factors.insert(request.dropped_factors.end(), touching.begin(),
                                      touching.end());

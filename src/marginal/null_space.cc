@@ -9,6 +9,16 @@
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
+
+// The directions that S leaves open, for the covariance to name (docs/algorithms.md, "Covariance";
+// Golub & Van Loan, section 8.2). Subspace iteration with (D^-½ S D^-½ + ε)⁻¹: in units of D
+// variables of unlike units compare, and the shift ε lets a singular S have a factor. The inverse
+// makes the small eigenvalues large; a direction of eigenvalue λ grows by 1/(λ + ε) an iteration,
+// so those below the threshold leave all others behind within a few.
+//
+// The eigenvalues come from the Rayleigh quotient of the inverse at the end, ½(T + Tᵀ) because
+// rounding leaves T a little unsymmetric.
+
 namespace {
 
 using Eigen::MatrixXd;
@@ -27,9 +37,12 @@ class ShiftedInverse {
     const VectorXd none = VectorXd::Zero(diagonal.size());
     ok_ = factor_.Analyze(ReducedMatrix(pattern, S, none.data())).ok();
     const auto factorize = [&] {
+      // ε D is added to S, which is ε in the scaled matrix.
       const VectorXd shifted = shift_ * diagonal;
       return factor_.Factorize(ReducedMatrix(pattern, S, shifted.data()), {}).ok();
     };
+    // Rounding may leave S with a pivot below zero: tenfold more until there is a factor, or no
+    // point in it, for what is open would drown in the shift.
     while (ok_ && !factorize()) {
       shift_ *= 10.0;
       ok_ = shift_ <= kLargestShift;
@@ -43,6 +56,7 @@ class ShiftedInverse {
   MatrixXd operator*(const MatrixXd& Q) {
     MatrixXd result(Q.rows(), Q.cols());
     for (Eigen::Index c = 0; c < Q.cols(); ++c) {
+      // D^½ (S + εD)⁻¹ D^½: S itself is never scaled.
       const VectorXd right = scale_.cwiseProduct(Q.col(c));
       VectorXd left(Q.rows());
       ok_ = factor_.Solve(right.data(), {}, {}, left.data()).ok() && ok_;
@@ -63,6 +77,8 @@ MatrixXd Orthonormal(const MatrixXd& columns) {
          MatrixXd::Identity(columns.rows(), columns.cols());
 }
 
+// The start has to have a share of every direction and be the same in every run: numbers of a
+// linear congruential generator, from −1 to 1.
 MatrixXd Start(Eigen::Index rows, Eigen::Index columns) {
   MatrixXd start(rows, columns);
   std::uint32_t bits = 1;
@@ -83,6 +99,7 @@ MatrixXd FindNullSpace(const BlockPattern& pattern, const double* S, const Vecto
   }
   MatrixXd Q = Start(diagonal.size(), std::min<Eigen::Index>(most, diagonal.size()));
   for (int i = 0; i < kIterations; ++i) {
+    // Made orthonormal each time, or all columns would turn to the first.
     Q = Orthonormal(inverse * Q);
   }
   const MatrixXd T = Q.transpose() * (inverse * Q);
@@ -92,6 +109,7 @@ MatrixXd FindNullSpace(const BlockPattern& pattern, const double* S, const Vecto
   const auto value = [&](Eigen::Index k) {
     return 1.0 / eigen.eigenvalues()[Q.cols() - 1 - k] - inverse.shift();
   };
+  // The largest eigenvalue of the inverse comes first: it is the smallest of S.
   while (inverse.ok() && found < Q.cols() && value(found) <= threshold) {
     ++found;
   }

@@ -7,6 +7,16 @@
 #include <Eigen/QR>
 
 namespace inceres::internal {
+
+// Householder QR that is exact row by row (Cox & Higham 1998; docs/algorithms.md,
+// "Marginalization"). The rows of one system may differ by many orders of magnitude in weight. A
+// reflection mixes rows, and with rows in any order the rounding of a large one ends up in a small
+// one. Rows sorted by size, and columns taken by what is left of them, bound the error in each row
+// by that row's own size.
+//
+// What is computed of A = [J_m J_r f] is its first `count` columns' elimination: the rows below the
+// rank are orthogonal to all that J_m could explain.
+
 namespace {
 
 // Largest first, by what they say about the columns of J. Ties keep their order.
@@ -14,9 +24,11 @@ void SortRows(Eigen::MatrixXd* A) {
   if (A->cols() < 2) {
     return;
   }
+  // f does not count: a large residual does not make a row a heavy one.
   const Eigen::VectorXd sizes = A->leftCols(A->cols() - 1).cwiseAbs().rowwise().maxCoeff();
   std::vector<Eigen::Index> order(static_cast<std::size_t>(A->rows()));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
+  // Stable: the result is the same in every run.
   std::stable_sort(order.begin(), order.end(),
                    [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
   Eigen::MatrixXd sorted(A->rows(), A->cols());
@@ -35,8 +47,11 @@ void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>
   double beta = 0.0;
   double tau = 0.0;
   Eigen::VectorXd essential(rows - 1);
+  // The reflection is 1 − τ u uᵀ with u = (1, essential).
   v.makeHouseholder(essential, tau, beta);
   Eigen::VectorXd workspace(A->cols());
+  // Only columns that are still to be eliminated, and those that stay: finished ones are not
+  // brought up to date, since nobody reads them.
   for (const Eigen::Index column : columns) {
     A->col(column).tail(rows).applyHouseholderOnTheLeft(essential, tau, workspace.data());
   }
@@ -49,11 +64,13 @@ void Reflect(Eigen::Index k, Eigen::Index pivot, const std::vector<Eigen::Index>
 EliminationOutcome EliminateColumns(int count, double tolerance, Eigen::MatrixXd* A) {
   EliminationOutcome outcome;
   if (A->rows() == 0 || count == 0) {
+    // Without rows nothing is measured.
     outcome.dependent.resize(static_cast<std::size_t>(count));
     std::iota(outcome.dependent.begin(), outcome.dependent.end(), 0);
     return outcome;
   }
   SortRows(A);
+  // stableNorm scales before it squares, so that no weight overflows or vanishes in a norm.
   const Eigen::VectorXd norms = A->leftCols(count).colwise().stableNorm();
   std::vector<Eigen::Index> left(static_cast<std::size_t>(count));
   std::iota(left.begin(), left.end(), Eigen::Index{0});
@@ -70,6 +87,8 @@ EliminationOutcome EliminateColumns(int count, double tolerance, Eigen::MatrixXd
         best = column;
       }
     }
+    // All that are left are dependent, or hold numbers that are not: the comparison is false for
+    // these.
     if (!(largest > tolerance)) {
       break;
     }
@@ -91,6 +110,7 @@ double ReduceToTriangle(Eigen::MatrixXd* A) {
     triangle.topRows(A->rows()) = *A;
   } else {
     SortRows(A);
+    // f is the last column of the factorization: below n its one entry is what no x explains.
     const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(*A);
     triangle = A->topRows(n).triangularView<Eigen::Upper>();
     rest = (*A)(n, n) * (*A)(n, n);

@@ -8,6 +8,24 @@
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
+
+// The batch Schur complement, gathered (docs/algorithms.md, "Schur complement"; Triggs et al. 1999,
+// section 6.1):
+//
+//     L Lᵀ = P + Λ_l,   U_inv = L⁻¹,   Y = W U_invᵀ,   z = U_inv l,
+//     S = C − Y Yᵀ,   b = c − Y z,   δ_l = U_invᵀ (z − Yᵀ δ_c).
+//
+// Chunk by chunk: first the landmarks of the chunk, in parallel, each writing its own U_inv, z and
+// blocks of Y; then the blocks of S that share a landmark of the chunk, in parallel, each summed by
+// one task in the order of its plan. So no task adds to what another one writes, and the bits are
+// the same for any number of threads. The first chunk begins a block with C, the later ones add to
+// it.
+//
+// Kept after Eliminate: U_inv and z of all landmarks, and Y where there is one chunk. Where there
+// are more, Y was overwritten, and the way back takes Wᵀδ_c from the Jacobians, as it does where
+// blocks of Y have their last column apart. Where no block of S is formed and there are several
+// chunks, nothing is worth a Y at all, and b comes from the Jacobians too.
+
 namespace {
 
 constexpr int kBlockGrain = 4;
@@ -39,9 +57,12 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       hessian_(hessian),
       kernels_(BestKernels()),
       coupled_(evaluator, incidences, hessian),
+      // Whether Y is written: for blocks of S, or for b and the way back.
       keeps_all_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+  // U_inv and z here, P and η in the Hessian.
   const std::size_t of_landmarks = num_landmarks * 2 * (hessian.landmark_stride() + kQuad);
+  // Memory is asked for before it is taken, so that a problem that is too large is refused by name.
   evaluator.Take(static_cast<std::int64_t>(sizeof(double) * of_landmarks),
                  "the blocks of the landmarks");
   evaluator.Take(incidences.y_quads * kQuad * static_cast<std::int64_t>(sizeof(double)),
@@ -49,10 +70,12 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
   U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
   z_ = ZeroedArray(num_landmarks * kQuad);
   Y_ = ZeroedArray(incidences.y_quads * kQuad);
+  // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
   S_ = ZeroedArray(plans.pattern.value_begin.back());
   b_.resize(plans.pattern.size());
   const Layout& layout = evaluator.layout();
   padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);
+  // For b: of each frame its blocks of Y and the z they meet, in the order of the chunks.
   rhs_terms_.reserve(incidences.frame_incidences.size());
   for (const int q : incidences.frame_incidences) {
     const auto k = static_cast<std::size_t>(q);
@@ -65,11 +88,13 @@ void Elimination::CollectChunkBlocks() {
   const auto num_blocks = static_cast<int>(plans_.block_row.size());
   const auto visit = [&](const auto& add) {
     for (int block = 0; block < num_blocks; ++block) {
+      // All blocks, whether or not the first chunk has something for them: it copies C.
       add(0, ChunkBlock{block, plans_.schur.segments_begin[block]});
       int last = 0;
       for (int s = plans_.schur.segments_begin[block]; s < plans_.schur.segments_begin[block + 1];
            ++s) {
         const int chunk = plans_.schur_sources[plans_.schur.segments[s].source].chunk;
+        // Segments of a block ascend by chunk: each chunk is noted with the first of its segments.
         if (chunk != last) {
           add(chunk, ChunkBlock{block, s});
           last = chunk;
@@ -86,16 +111,20 @@ void Elimination::CollectChunkBlocks() {
   visit([&](int chunk, const ChunkBlock& place) { chunk_blocks_[next[chunk]++] = place; });
 }
 
+// Packed vectors of the landmarks alone begin where the frames end.
 int Elimination::DampingOffset(int landmark) const {
   const Layout& layout = evaluator_.layout();
   return layout.packed_offset[layout.num_frames + landmark] - layout.frame_size();
 }
 
+// The block alone: whether it has a factor is known before any of its Y is computed.
 bool Elimination::Factorize(int landmark, const double* damping) {
   return InvertCholeskyFactor(incidences_.sizes[landmark], hessian_.P(landmark), damping,
                               U_inv_.data() + landmark * hessian_.landmark_stride());
 }
 
+// z = U_inv l, and the landmark's blocks of Y family by family: where two factors share a frame,
+// the second adds to the block that the first has begun.
 void Elimination::EliminateLandmark(int landmark) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
@@ -103,6 +132,7 @@ void Elimination::EliminateLandmark(int landmark) {
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
+  // Y_li = Σ J_cᵀ (J_l U_invᵀ), straight from the Jacobians: W is never stored.
   for (int k = incidences_.factors_begin[l]; keeps_all_ && k < incidences_.factors_begin[l + 1];
        ++k) {
     kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
@@ -113,6 +143,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
   const Executor& executor = evaluator_.executor();
   const int num_landmarks = incidences_.num_landmarks();
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
+    // Of several landmarks that fail the first is named, whichever task met it.
     LowestIndex singular(num_landmarks);
     const int first = incidences_.chunk_begin[chunk];
     executor.For(incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain,
@@ -142,6 +173,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
         [&](int begin, int end) { FormBlocks(chunk, first_block + begin, first_block + end); });
   }
   if (!keeps_all_) {
+    // Y was not written, so what FormRightHandSide has left in b is of no use.
     TakeRightHandSideFromJacobians();
   }
   return Status::Ok();
@@ -170,6 +202,7 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   const int stride = PadToQuad(columns);
   double* out = S_.data() + pattern.value_begin[k];
   if (chunk == 0) {
+    // Null: no factor touches both frames, so the pair is there for its landmarks only.
     const double* C_ij = hessian_.FrameBlock(place.block);
     if (C_ij != nullptr) {
       std::copy(C_ij, C_ij + rows * columns, out);
@@ -184,8 +217,10 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   if (place.first_segment == end || source_of(place.first_segment).chunk != chunk) {
     return;  // the first chunk adds nothing here
   }
+  // Summed apart, in rows padded for the kernel, and added to the packed block at the end.
   double* sum = scratch->Zeroed(rows, columns);
   const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
+  // A segment for each landmark size: the kernel takes products of one depth.
   for (int s = place.first_segment; s < end && source_of(s).chunk == chunk; ++s) {
     const ProductPlan::Segment& segment = plans_.schur.segments[s];
     BlockProducts products;
@@ -200,6 +235,7 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
     products.symmetric = is_diagonal;
     kernels_.accumulate_products(products, -1.0, sum);
   }
+  // The kernel fills the lower triangle of a symmetric block; the whole square is stored.
   if (is_diagonal) {
     MirrorLowerTriangle(rows, stride, sum);
   }
@@ -211,6 +247,7 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
+  // A frame's incidences are sorted by chunk: a chunk's are found by its first landmark.
   const auto begin_of = [&](int of_chunk) {
     const int* all = incidences_.frame_incidences.data();
     const int landmark = incidences_.chunk_begin[of_chunk];
@@ -222,6 +259,7 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   SubtractOfFrame(z_.data(), frame, begin_of(chunk), begin_of(chunk + 1), sum);
   for (int k = 0; k < size; ++k) {
     const int at = pattern.offsets[i] + k;
+    // c = −g of the frames, where b begins.
     b_[at] = sum[k] + (chunk == 0 ? -hessian_.gradient()[at] : b_[at]);
   }
 }
@@ -234,9 +272,12 @@ void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end
   };
   while (begin < end) {
     int last = begin;
+    // Within a chunk they are sorted by landmark size: runs of one depth, as the kernel wants them.
     while (last < end && size_of(last) == size_of(begin)) {
       ++last;
     }
+    // In memory a block of Y has the landmark's rows, so its transpose times v_l is what the kernel
+    // takes.
     VectorProducts products;
     products.a = Y_.data();
     products.v = v;
@@ -252,6 +293,7 @@ void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end
 
 // b = c − W U_invᵀ z.
 void Elimination::TakeRightHandSideFromJacobians() {
+  // The vector serves as a workspace here; BackSubstitute fills it anew.
   std::fill(padded_frame_step_.begin(), padded_frame_step_.end(), 0.0);
   coupled_.Subtract(z_.data(), U_inv_.data(), padded_frame_step_.data());
   const Layout& layout = evaluator_.layout();
@@ -264,6 +306,7 @@ void Elimination::TakeRightHandSideFromJacobians() {
   }
 }
 
+// δ_l = U_invᵀ (z − Yᵀ δ_c), landmark by landmark, each independent of the others.
 void Elimination::BackSubstitute(const double* frame_step, double* landmark_step) {
   const Layout& layout = evaluator_.layout();
   for (int i = 0; i < layout.num_frames; ++i) {
@@ -285,6 +328,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
+  // Y of all landmarks is still there, in the layout that the kernel reads.
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {
     kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
                              incidences_.begin[l + 1] - incidences_.begin[l], Y_.data(),
@@ -295,6 +339,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
     for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
       kernels_.multiply_coupling(incidences_.factors[k], padded_frame_step_.data(), w);
     }
+    // Yᵀδ_c = U_inv Wᵀδ_c, with Wᵀδ_c from the Jacobians.
     MultiplyLower(size, U_inv, w, U_inv_w);
     for (int k = 0; k < size; ++k) {
       y[k] -= U_inv_w[k];

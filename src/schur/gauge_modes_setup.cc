@@ -8,6 +8,13 @@
 
 namespace inceres::internal {
 
+// The symbolic half of GaugeModes (docs/algorithms.md, "Reduced linear systems", two levels). The
+// modes of the frames solve J_c v = −J_l w in least squares over the factors of Euclidean
+// landmarks, so what is set up is: by family and pair of slots, the factors that count, sorted by
+// frame; and the pattern of J_cᵀJ_c over these factors, for the sparse Cholesky. Done once for a
+// structure.
+
+// A source for each pair of a slot with a Euclidean landmark and another slot that has a frame.
 void GaugeModes::CollectSources() {
   std::int64_t of_landmarks = 0, of_points = 0;
   for (const Linearization& cache : evaluator_.families()) {
@@ -15,6 +22,7 @@ void GaugeModes::CollectSources() {
       std::vector<std::int32_t> factors;
       for (int i = 0; i < cache.num_factors; ++i) {
         const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(i) + p];
+        // Of all landmarks, Euclidean or not: the share decides whether modes are of any use.
         of_landmarks += evaluator_.layout().LandmarkOf(id) >= 0 ? 1 : 0;
         if (LandmarkThrough(cache, i, p) >= 0) {
           factors.push_back(i);
@@ -28,6 +36,7 @@ void GaugeModes::CollectSources() {
       }
     }
   }
+  // Counted by factors, so a few points that are held in another way do not matter.
   are_euclidean_ = 2 * of_points > of_landmarks;
 }
 
@@ -37,6 +46,8 @@ void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_sl
   source.begin.assign(evaluator_.layout().num_frames + 1, 0);
   for (const std::int32_t i : factors) {
     const int frame = FrameThrough(cache, i, slot);
+    // Counted, then placed. A frame of −1 (a constant, a shared one) falls to entry 0, with nothing
+    // added.
     source.begin[frame + 1] += frame >= 0 ? 1 : 0;
   }
   std::partial_sum(source.begin.begin(), source.begin.end(), source.begin.begin());
@@ -48,11 +59,14 @@ void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_sl
       source.factors[next[frame]++] = i;
     }
   }
+  // The slot may belong to shared frames only: such a source would have nothing to say.
   if (!source.factors.empty()) {
     sources_.push_back(std::move(source));
   }
 }
 
+// Two frames are coupled if a factor of a source touches both. The diagonal block is there for all
+// frames, also for those without such a factor, and is last in its row.
 void GaugeModes::BuildPattern() {
   const Layout& layout = evaluator_.layout();
   pattern_.offsets.assign(layout.packed_offset.begin(),
@@ -67,11 +81,14 @@ void GaugeModes::BuildPattern() {
       for (int k = source.begin[row]; k < source.begin[row + 1]; ++k) {
         for (int s = 0; s < cache.num_slots; ++s) {
           const int other = FrameThrough(cache, source.factors[k], s);
+          // The last one found comes again and again: this keeps the list short before it is
+          // sorted.
           if (other >= 0 && other < row && other != columns.back()) {
             columns.push_back(other);
           }
         }
       }
+      // After each source, so that the list does not grow beyond what one of them repeats.
       std::sort(columns.begin(), columns.end());
       columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     }
@@ -86,6 +103,7 @@ void GaugeModes::BuildPattern() {
   const auto size = static_cast<std::size_t>(pattern_.size());
   C_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
   diagonal_.resize(size);
+  // Seven modes side by side, in rows of eight.
   R_.resize(size * kStride);
   V_.resize(size * kStride);
   squares_.resize(static_cast<std::size_t>(layout.num_frames) * kStride);

@@ -10,6 +10,21 @@
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
+
+// Landmark refinement of the batch mode (docs/algorithms.md, "Landmark refinement"; Jeong et al.
+// 2012, embedded point iterations). With the frames of the candidate held, each landmark takes one
+// damped step δ_l = −(P + λ diag P)⁻¹ g of its own and keeps it if the cost of its factors falls.
+// One round is two evaluations: with the landmarks' Jacobians for those that are asked, and
+// residuals alone for those that have moved. Between the two every landmark is independent, so
+// tasks share nothing, and sums over landmarks are made in their order.
+//
+// Kept between calls: λ of each landmark, what each gained last time, and how long to rest. A round
+// costs about as much as a fifth of an iteration, so who is asked, and when, is decided by what
+// earlier rounds and a sample have gained against the step of the frames.
+//
+// The candidate's residuals are overwritten, and corrected for the losses in place: they are worth
+// nothing after a Run. A residual or cost that is not a number makes a landmark stay where it is.
+
 namespace {
 
 constexpr int kLandmarkGrain = 64;
@@ -44,6 +59,8 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
       kernels_(BestKernels()),
       identity_(kQuad + 1),
       jacobians_(evaluator->families().size()) {
+  // A factor's slots get one of three maps: constant, of no interest, or the identity of the
+  // landmark's size, which makes the family yield the Jacobian in the landmark's own coordinates.
   constant_.kind = TangentMap::Kind::kConstant;
   unwanted_.kind = TangentMap::Kind::kUnwanted;
   for (int size = 0; size <= kQuad; ++size) {
@@ -53,6 +70,7 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
     BuildJacobians(cache);
   }
   BuildGroups();
+  // At first nearly Gauss–Newton, and all landmarks are asked.
   damping_.assign(layout_.num_landmarks(), kInitialDamping);
   trials_.resize(layout_.num_landmarks());
   chosen_.assign(layout_.num_landmarks(), true);
@@ -69,10 +87,13 @@ void InnerIterations::BuildJacobians(const Linearization& cache) {
     for (int s = 0; s < num_slots; ++s) {
       const VariableId id = graph.Variables(cache.id, i)[s];
       const TangentMap*& map = jacobians.maps[std::size_t(i) * num_slots + s];
+      // Not part of the solve: held.
       if (layout_.Position(id) < 0) {
         map = &constant_;
       } else if (layout_.LandmarkOf(id) < 0 || graph.manifold(id) != nullptr ||
                  graph.bounds(id) != nullptr) {
+        // Frames, and landmarks that a plain sum of vectors would lead off their manifold or out of
+        // bounds.
         map = &unwanted_;
       } else {
         map = &identity_[graph.TangentSize(id)];
@@ -82,6 +103,7 @@ void InnerIterations::BuildJacobians(const Linearization& cache) {
     }
   }
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.residual_size} * kQuad;
+  // One Jacobian a factor, rows four apart: at most one of its slots writes there.
   jacobians.values.resize(any ? cache.num_factors * factor_stride : 0);
   jacobians.views.assign(num_slots, {jacobians.values.data(), factor_stride, kQuad});
   jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
@@ -109,6 +131,7 @@ void InnerIterations::BuildGroups() {
     families[next[landmark]] = family;
     sightings_[next[landmark]++] = factor;
   });
+  // next[l] is the end of landmark l by now, and with that the beginning of the one behind it.
   groups_begin_.push_back(0);
   for (int landmark = 0, at = 0; landmark < layout_.num_landmarks(); ++landmark) {
     while (at < next[landmark]) {
@@ -123,16 +146,20 @@ void InnerIterations::BuildGroups() {
 }
 
 bool InnerIterations::IsDue(double step_gain) {
+  // The gain of the step before is taken down in any case, also where the landmarks rest.
   const bool creeps = step_gain > kCreepShare * std::exchange(last_step_gain_, step_gain);
+  // A step that does not creep does not count as one of the rest.
   return creeps && (to_go_ == 0 || to_go_-- == 0);
 }
 
 void InnerIterations::Pace(double gain, double step_gain) {
   const bool worthwhile = IsWorthwhile(gain, step_gain);
   const bool all_were_asked = std::exchange(all_are_chosen_, !worthwhile);
+  // Below zero where it was not worth it: then all are chosen, for a gain is never negative.
   const double min_gain = worthwhile ? kChosenShare * gain / layout_.num_landmarks() : -1.0;
   std::transform(trials_.begin(), trials_.end(), chosen_.begin(),
                  [min_gain](const Trial& trial) { return trial.gain > min_gain; });
+  // A rest follows only where all were asked: a few that gained little may have been the wrong few.
   rest_ = worthwhile || !all_were_asked ? 0 : std::max(1, 2 * rest_);
   to_go_ = rest_;
 }
@@ -140,18 +167,24 @@ void InnerIterations::Pace(double gain, double step_gain) {
 double InnerIterations::Run(double min_gain, double step_gain) {
   const int num_landmarks = layout_.num_landmarks();
   for (Trial& trial : trials_) {
+    // Of landmarks that are not asked this time, too.
     trial.gain = 0.0;
   }
+  // The families read and write the candidate from here on.
   evaluator_.PointToCandidate();
+  // Where all would be asked, and there are enough for a sample to say something: every eighth
+  // first.
   const bool samples =
       all_are_chosen_ && step_gain > 0.0 && num_landmarks >= kSampleStride * kMinSample;
   if (samples) {
     for (int l = 0; l < num_landmarks; ++l) {
       chosen_[l] = l % kSampleStride == next_sample_;
     }
+    // Another eighth next time, so that none is never asked.
     next_sample_ = (next_sample_ + 1) % kSampleStride;
   }
   RunChosen(min_gain);
+  // The sample's gain, scaled up, tells what all would gain: then the other seven eighths follow.
   if (samples && IsWorthwhile(kSampleStride * SumOfGains(), step_gain)) {
     std::transform(chosen_.begin(), chosen_.end(), chosen_.begin(),
                    [](char chosen) { return static_cast<char>(chosen == 0); });
@@ -162,6 +195,7 @@ double InnerIterations::Run(double min_gain, double step_gain) {
   return SumOfGains();
 }
 
+// In the order of the landmarks: the same bits for any number of threads.
 double InnerIterations::SumOfGains() const {
   return std::accumulate(trials_.begin(), trials_.end(), 0.0,
                          [](double sum, const Trial& trial) { return sum + trial.gain; });
@@ -170,12 +204,14 @@ double InnerIterations::SumOfGains() const {
 void InnerIterations::RunChosen(double min_gain) {
   const Executor& executor = evaluator_.executor();
   const int num_landmarks = layout_.num_landmarks();
+  // Residuals and Jacobians at the candidate, then a step for each landmark.
   Evaluate(/*jacobians=*/true, [this](int landmark) { return landmark >= 0 && chosen_[landmark]; });
   executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
       Propose(l, min_gain);
     }
   });
+  // Residuals where the landmarks have gone to; those that did not move are not evaluated again.
   Evaluate(/*jacobians=*/false,
            [this](int landmark) { return landmark >= 0 && trials_[landmark].moves; });
   executor.For(num_landmarks, kLandmarkGrain, [&](int begin, int end) {
@@ -197,6 +233,8 @@ void InnerIterations::Evaluate(bool jacobians, const Selected& selected) {
                                     ++i;
                                     continue;
                                   }
+                                  // Neighbors are evaluated in one call. How they are cut into
+                                  // tasks does not change the values.
                                   const int first = i;
                                   while (i < end && selected(landmarks[i])) {
                                     ++i;
@@ -219,6 +257,8 @@ void InnerIterations::EvaluateRun(FamilyId family, int begin, int end, bool jaco
   if (!failure.failed()) {
     return;
   }
+  // The factor at fault is found by evaluating one at a time; the others of the batch are right
+  // then.
   if (end == begin + 1) {
     const int rows = cache.residual_size;
     std::fill_n(cache.candidate_residuals.data() + std::ptrdiff_t{begin} * rows, rows,
@@ -245,6 +285,7 @@ void InnerIterations::Propose(int landmark, double min_gain) {
   NormalEquations equations;
   const int size = layout_.TangentSize(layout_.num_frames + landmark);
   for (int k = groups_begin_[landmark]; k < groups_begin_[landmark + 1]; ++k) {
+    // By family and in ascending order: one order of the sums.
     Accumulate(groups_[k], size, &equations);
   }
   double scaled[kQuad];
@@ -252,21 +293,27 @@ void InnerIterations::Propose(int landmark, double min_gain) {
   double z[kQuad];
   double step[kQuad];
   for (int k = 0; k < size; ++k) {
+    // λ diag P: independent of the units of the landmark.
     scaled[k] = damping_[landmark] * equations.P[k * kQuad + k];
   }
+  // Its factors do not determine it, or P is not finite: it stays.
   if (!InvertCholeskyFactor(size, equations.P, scaled, U_inv)) {
     return;
   }
+  // z = U_inv η and δ = U_invᵀ z, so that zᵀz = gᵀ(P + Λ)⁻¹g.
   MultiplyLower(size, U_inv, equations.eta, z);
   MultiplyLowerTransposed(size, U_inv, z, step);
   // gᵀ(P + Λ)⁻¹g is at most twice what the model promises.
   if (!(0.5 * std::inner_product(z, z + size, z, 0.0) > min_gain)) {
     return;
   }
+  // The cost before is that of the evaluation with Jacobians: of the same factors in the same order
+  // as Judge sums them, so that the difference is one of like sums.
   trial.moves = true;
   trial.cost = equations.cost;
   double* x = Values(landmark);
   std::copy_n(x, size, trial.start);
+  // ⊞ of a vector space: landmarks on a manifold were left out.
   std::transform(x, x + size, step, x, std::plus<>());
 }
 
@@ -277,12 +324,14 @@ void InnerIterations::Judge(int landmark) {
     return;
   }
   const double gain = trial.cost - Cost(landmark);
+  // NaN compares false and counts as a failure.
   if (gain > 0.0) {
     damping_[landmark] = std::max(kMinDamping, damping_[landmark] / kDampingFactor);
     trial.gain = gain;
     return;
   }
   damping_[landmark] = std::min(kMaxDamping, damping_[landmark] * kDampingFactor);
+  // The values themselves, bit by bit, and not the step taken back.
   std::copy_n(trial.start, layout_.TangentSize(layout_.num_frames + landmark), Values(landmark));
 }
 
@@ -290,12 +339,15 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
   const Linearization& cache = evaluator_.families()[group.family];
   const SlotJacobians& blocks = jacobians_[group.family].blocks;
   const int rows = cache.residual_size;
+  // One slot that all of these factors have: the shared memory of the landmark's Jacobian.
   constexpr std::int32_t kHasJacobian = 0;
   for (int k = group.begin; k < group.end; ++k) {
     const std::int32_t factor = sightings_[k];
     const Loss* loss = cache.graph->loss(cache.id, factor);
     double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
     equations->cost +=
+        // First order in the loss: LossCurvature::kNone leaves P = Σ ρ' J_lᵀJ_l, which is never
+        // indefinite.
         RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
   }
   LandmarkFactors factors;
@@ -304,6 +356,7 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
   factors.residual_size = rows;
   factors.jacobians = &blocks;
   factors.residuals = cache.candidate_residuals.data();
+  // The kernel reads one slot and the residuals; frames do not come in.
   kernels_.landmark_gram(size, factors, equations->P, equations->eta);
 }
 

@@ -12,6 +12,19 @@
 #include "linear/aggregation.h"
 
 namespace inceres::internal {
+
+// Clusters of frames for CLUSTER_JACOBI and CLUSTER_TRIDIAGONAL, by the rules of Ceres 2.1
+// (docs/algorithms.md, "Reduced linear systems", clusters). The sources are Simon, Snavely & Seitz
+// 2007 for canonical views and Kushal & Agarwal 2012 for the preconditioner. What is wanted is not
+// a good clustering but Ceres's: the same clusters give the same iterations of conjugate gradients.
+//
+// Ceres keeps frames and centers in unordered containers and lets the order in them decide ties and
+// numbers. So the containers here are of the same kind and are filled in the same order. Where no
+// similarities are equal, and each frame is like some center, that order decides nothing but
+// numbers.
+//
+// The graph of similarities has each frame as its own neighbor, with weight 1.
+
 namespace {
 
 // Ceres's.
@@ -27,6 +40,7 @@ WeightedGraph Similarities(const LandmarkIncidences& incidences) {
     return static_cast<double>(incidences.frame_begin[frame + 1] - incidences.frame_begin[frame]);
   };
   WeightedGraph graph;
+  // common is all zeros between two frames: each entry that was counted up is taken out again.
   std::vector<int> common(num_frames, 0), found;
   for (int i = 0; i < num_frames; ++i) {
     found.assign(1, i);
@@ -39,6 +53,7 @@ WeightedGraph Similarities(const LandmarkIncidences& incidences) {
         }
       }
     }
+    // Ascending neighbors: one order of the sums of gains.
     std::sort(found.begin(), found.end());
     for (const int j : found) {
       graph.neighbors.push_back(j);
@@ -61,6 +76,7 @@ std::vector<int> OrderOfVertices(int count) {
 
 // Numbers clusters in the order in which an unordered map from frames meets them.
 std::vector<int> Renumber(const std::vector<int>& order, const std::vector<int>& cluster_of) {
+  // Ceres keeps the membership in such a map and numbers clusters as it comes across them.
   std::unordered_map<int, int> membership;
   for (const int frame : order) {
     membership.emplace(frame, cluster_of[frame]);
@@ -80,6 +96,9 @@ class CanonicalViews {
         similarity_(graph.num_vertices(), 0.0),
         center_of_(graph.num_vertices(), -1) {}
 
+  // Greedy: each round takes the view that adds most. The gain of a view falls as centers come, for
+  // the similarities to the nearest center rise, but is not kept: all are computed again each
+  // round.
   std::vector<int> Cluster(const std::vector<int>& order) {
     std::unordered_set<int> views;
     for (const int view : order) {
@@ -89,6 +108,7 @@ class CanonicalViews {
     std::size_t num_centers = 0;
     while (!views.empty()) {
       int best = -1;
+      // A gain may be negative, and the first three centers are taken all the same.
       double most = -std::numeric_limits<double>::max();
       for (const int view : views) {
         const double gain = Gain(view);
@@ -97,6 +117,7 @@ class CanonicalViews {
           best = view;
         }
       }
+      // The gain has the penalty in it: a center is worth it while it adds more than that.
       if (most <= 0.0 && num_centers >= kFewestCenters) {
         break;
       }
@@ -113,6 +134,7 @@ class CanonicalViews {
   }
 
  private:
+  // By how much the similarities to the nearest center would rise in sum, less the penalty.
   double Gain(int view) const {
     double gain = 0.0;
     for (int k = graph_.begin[view]; k < graph_.begin[view + 1]; ++k) {
@@ -120,6 +142,7 @@ class CanonicalViews {
     }
     return gain - kCenterPenalty;
   }
+  // Frames go to the center they are most like; of equals the earlier center keeps them.
   void Assign(int center) {
     for (int k = graph_.begin[center]; k < graph_.begin[center + 1]; ++k) {
       const int view = graph_.neighbors[k];
@@ -143,6 +166,7 @@ class DisjointSets {
   }
   int Find(int v) {
     while (parent_[v] != v) {
+      // Paths are halved on the way.
       v = parent_[v] = parent_[parent_[v]];
     }
     return v;
@@ -151,6 +175,7 @@ class DisjointSets {
   bool Join(int a, int b) {
     a = Find(a);
     b = Find(b);
+    // Where a and b are the same this sets a root to itself.
     parent_[std::max(a, b)] = std::min(a, b);
     return a != b;
   }
@@ -159,6 +184,8 @@ class DisjointSets {
   std::vector<int> parent_;
 };
 
+// Connected components of the pairs that are alike enough. The numbers are those of lowest frames,
+// with gaps; Renumber closes them.
 std::vector<int> SingleLinkage(const WeightedGraph& graph) {
   DisjointSets sets(graph.num_vertices());
   for (int v = 0; v < graph.num_vertices(); ++v) {
@@ -186,22 +213,28 @@ std::vector<std::pair<int, int>> FindPaths(const LandmarkIncidences& incidences,
     for (int q = incidences.begin[l]; q < incidences.begin[l + 1]; ++q) {
       seen.push_back(cluster_of[incidences.frames[q]]);
     }
+    // A landmark counts once for a pair of clusters, however many of their frames see it.
     std::sort(seen.begin(), seen.end());
     seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
     for (std::size_t a = 0; a < seen.size(); ++a) {
       for (std::size_t b = a + 1; b < seen.size(); ++b) {
+        // The lower cluster first: one number for a pair.
         ++common[std::int64_t{seen[a]} * count + seen[b]];
       }
     }
   }
   pairs.assign(common.begin(), common.end());
   std::sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
+    // The most landmarks first, among equals the higher pair: a complete order, whatever the map
+    // had.
     return std::tie(a.second, a.first) > std::tie(b.second, b.first);
   });
   std::vector<std::pair<int, int>> neighbors(count, {-1, -1});
   DisjointSets sets(count);
   for (const auto& [pair, landmarks] : pairs) {
     const int a = static_cast<int>(pair / count), b = static_cast<int>(pair % count);
+    // Two neighbors at most, and no cycle: what comes about are paths. Join has to come last, for
+    // it changes the sets.
     if (neighbors[a].second < 0 && neighbors[b].second < 0 && sets.Join(a, b)) {
       (neighbors[a].first < 0 ? neighbors[a].first : neighbors[a].second) = b;
       (neighbors[b].first < 0 ? neighbors[b].first : neighbors[b].second) = a;
@@ -217,6 +250,7 @@ FrameClusters FindVisibilityClusters(const LandmarkIncidences& incidences, bool 
   const WeightedGraph graph = Similarities(incidences);
   const std::vector<int> order = OrderOfVertices(graph.num_vertices());
   FrameClusters clusters;
+  // The order stands for that in which Ceres's graph has its vertices: it decides ties and numbers.
   clusters.cluster_of =
       Renumber(order, single_linkage ? SingleLinkage(graph) : CanonicalViews(graph).Cluster(order));
   if (tridiagonal) {
