@@ -45,8 +45,11 @@ int CountLandmarks(const FactorGraph& graph, const std::vector<VariableId>& ids)
 // More than one frame may be too many, after a marginalization that failed.
 Status Window::Slide(WindowSummary* summary) {
   Status status;
+  bool keeps_second_newest = keeps_second_newest_;
   while (status.ok() && static_cast<int>(frames_.size()) > options_.size) {
-    status = keeps_second_newest_ ? MarginalizeOldest(summary) : DropSecondNewest(summary);
+    status = keeps_second_newest ? MarginalizeOldest(summary) : DropSecondNewest(summary);
+    // The next in its place was a keyframe when it was the second-newest.
+    keeps_second_newest = true;
   }
   return status;
 }

@@ -5,6 +5,11 @@
 
 namespace inceres::internal {
 
+// The part of S and b that comes of frames alone, Σ J_cᵀJ_c and −Σ J_cᵀq, factor by factor
+// (docs/algorithms.md, "Incremental Schur complement"). A factor whose Jacobians change has its old
+// rows copied first: both, −A_outᵀA_out + AᵀA, then go through a block of S at once, which reads
+// and writes it once instead of twice, and cancels where little has changed before it is added.
+
 void FactorContributions::Connect(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
   const std::size_t num_pairs =

@@ -5,6 +5,10 @@
 
 namespace inceres::internal {
 
+// What a landmark takes from S and b by being eliminated (docs/algorithms.md, "Incremental Schur
+// complement"). What goes out is always what went in, the Y and z in memory, whatever its Jacobians
+// are by then: S is a sum of what landmarks have given, and drifts by rounding only.
+
 void LandmarkContributions::Add(std::int32_t landmark, double sign) {
   const Contribution contribution = blocks_.Rows(landmark, &rows_);
   sums_.AddProducts(contribution, sign, blocks_.Targets(landmark).data());
@@ -12,6 +16,11 @@ void LandmarkContributions::Add(std::int32_t landmark, double sign) {
   sums_.Touch(FramesOf(landmark));
 }
 
+// A landmark eliminated anew takes the place of what it was in one pass over its blocks of S:
+//
+//     S := S + Y_out Y_outᵀ − Y Yᵀ,   b := b + Y_out z_out − Y z.
+//
+// Y and z are written over by the elimination, so what is in S is copied before.
 void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* eta) {
   const std::ptrdiff_t size = blocks_.SizeOfY(landmark);
   if (size > static_cast<std::ptrdiff_t>(Y_out_.size())) {

@@ -45,8 +45,9 @@ bool IsUnderflow(const char* first, const char* last) {
     // Fewer than 300 digits with a negative exponent cannot make a number beyond 1e308.
     return exponent[1] == '-' && last - first < 300;
   }
-  const char digit = *first == '-' ? first[1] : *first;
-  return digit == '0' || digit == '.';
+  // Without one it is the digits before the point that make a number large.
+  const char* point = std::find(first, last, '.');
+  return std::all_of(first + (*first == '-' ? 1 : 0), point, [](char c) { return c == '0'; });
 }
 
 }  // namespace

@@ -67,7 +67,9 @@ Status AutomaticSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
 }
 
 bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed) {
-  if (chosen_ == &tree_ && PlanTree(A) && (tree_flops_ <= kCheap || num_unasked_ > 0)) {
+  // A tree that cannot plan, for want of memory, has not taken up what has changed.
+  const bool tree_is_behind = chosen_ == &tree_ && !PlanTree(A);
+  if (chosen_ == &tree_ && !tree_is_behind && (tree_flops_ <= kCheap || num_unasked_ > 0)) {
     // The tree is cheap by itself, or the resumed factor was dearer not long ago: it is not even
     // asked for its prediction, which costs a pass over its envelope.
     num_unasked_ = std::max(0, num_unasked_ - 1);
@@ -79,7 +81,7 @@ bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed)
   // the price of its absence. The savings so far are set against it.
   const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
   const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
-  if (resumed <= kCheap || !LooksAtTree(A, resumed)) {
+  if (tree_is_behind || resumed <= kCheap || !LooksAtTree(A, resumed)) {
     return false;
   }
   // The resumed factor wins: from now on it is asked each time again.

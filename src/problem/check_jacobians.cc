@@ -20,16 +20,18 @@ using internal::FamilyCheck;
 using internal::Invalid;
 using internal::SlotPoint;
 
-// Constants are checked as if they were free; what has no tangent space, a borrowed constant for
-// instance, cannot be.
+// Constants are checked as if they were free, if they could be: of one whose tangent space is not
+// the slot's there is nothing to compare, nor of a borrowed one, which has none.
 std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
+  const FactorFamily& family = graph.family(id);
   std::vector<SlotPoint> point;
-  point.reserve(static_cast<std::size_t>(graph.family(id).num_slots()));
+  point.reserve(static_cast<std::size_t>(family.num_slots()));
   const VariableId* variables = graph.Variables(id, factor);
-  for (int s = 0; s < graph.family(id).num_slots(); ++s) {
+  for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId variable = variables[s];
-    point.push_back(
-        {graph.Values(variable), graph.manifold(variable), graph.TangentSize(variable) > 0});
+    const int size = graph.TangentSize(variable);
+    point.push_back({graph.Values(variable), graph.manifold(variable),
+                     size > 0 && size == family.slot(s).tangent_size});
   }
   return point;
 }
@@ -39,7 +41,8 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
                  JacobianReport* report) {
   const int num_places = graph.NumFactors(id);
   // Evenly spread: every step-th place, rounded up, so that at most max_factors are looked at.
-  const int step = std::max(1, (num_places + options.max_factors - 1) / options.max_factors);
+  const int step = std::max(
+      1, num_places / options.max_factors + (num_places % options.max_factors > 0 ? 1 : 0));
   FamilyCheck check(graph.family(id), id, num_places, options, report);
   for (int factor = 0; factor < num_places; factor += step) {
     // A free place has no variables to look at.

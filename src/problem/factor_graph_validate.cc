@@ -156,17 +156,17 @@ Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) 
   for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
     const double lower = bounds.lower[k];
     const double upper = bounds.upper[k];
-    const std::string entry = "value " + std::to_string(k) + " of " + VariableName(id);
+    const auto entry = [&] { return "value " + std::to_string(k) + " of " + VariableName(id); };
     if (std::isnan(lower) || std::isnan(upper)) {
-      return Invalid(entry + " has a bound that is not a number");
+      return Invalid(entry() + " has a bound that is not a number");
     }
     // Of a free variable, equal bounds are refused too: nothing could move between them.
     if (!IsConstant(id) && !(lower < upper)) {
-      return Invalid(entry + " has the lower bound " + std::to_string(lower) +
+      return Invalid(entry() + " has the lower bound " + std::to_string(lower) +
                      ", which is not below its upper bound " + std::to_string(upper));
     }
     if (IsConstant(id) && (values[k] < lower || values[k] > upper)) {
-      return Invalid(entry + " is constant at " + std::to_string(values[k]) +
+      return Invalid(entry() + " is constant at " + std::to_string(values[k]) +
                      ", outside its bounds " + std::to_string(lower) + " and " +
                      std::to_string(upper));
     }

@@ -23,6 +23,15 @@ double ReadPositive(GraphReader* reader) {
   return reader->ok() ? value : 1.0;
 }
 
+// A weight of 0 switches a factor off.
+double ReadWeight(GraphReader* reader) {
+  const double value = reader->ReadDouble();
+  if (!(value >= 0.0 && std::isfinite(value))) {
+    reader->Fail("a weight is " + std::to_string(value) + " but must not be negative");
+  }
+  return reader->ok() ? value : 1.0;
+}
+
 // A loss that is its scale a.
 template <typename L>
 // Huber, soft-L1, Cauchy, arctan and Tukey are made with one number each.
@@ -62,7 +71,7 @@ void AddBuiltInLosses(GraphFormats* formats) {
       },
       [](GraphReader* reader) {
         const std::shared_ptr<const Loss> loss = reader->ReadLoss();
-        return std::make_shared<ScaledLoss>(loss, reader->ReadDouble());
+        return std::make_shared<ScaledLoss>(loss, ReadWeight(reader));
       });
   // f(g(s)): the outer one first, in the file as in the constructor.
   formats->AddLoss<ComposedLoss>(

@@ -154,7 +154,12 @@ Status SaveGraph(const std::string& path, const FactorGraph& graph, const GraphF
 Status LoadGraph(const std::string& path, FactorGraph* graph, LoadedFamilies* families,
                  const GraphFormats& formats, const ReadOptions& options) {
   std::string bytes;
-  Status status = ReadAll(path, options, &bytes);
+  Status status;
+  try {
+    status = ReadAll(path, options, &bytes);
+  } catch (const std::bad_alloc&) {
+    return Status::Error(StatusCode::kUnavailable, path + ": there is no memory for it");
+  }
   if (!status.ok()) {
     return status;
   }

@@ -1,3 +1,4 @@
+#include <cstdint>
 #include <cstring>
 
 #include "inceres/storage/graph_formats.h"
@@ -104,7 +105,8 @@ std::string GraphReader::ReadString() {
 // Divides rather than multiplies, for a product could overflow.
 std::size_t GraphReader::ReadCount(std::size_t bytes_each) {
   const std::int64_t count = ReadLong();
-  if (ok() && (count < 0 || static_cast<std::uint64_t>(count) > remaining() / bytes_each)) {
+  const std::size_t room = bytes_each > 0 ? remaining() / bytes_each : SIZE_MAX;
+  if (ok() && (count < 0 || static_cast<std::uint64_t>(count) > room)) {
     Fail("a count of " + std::to_string(count) + " items, for which there is no room");
   }
   return ok() ? static_cast<std::size_t>(count) : 0;

@@ -157,7 +157,7 @@ void GraphParser::ParseFamily() {
   GraphParts::Family family;
   family.family = families_.back();
   const auto num_slots = static_cast<std::size_t>(family.family->num_slots());
-  const std::size_t num_factors = reader_.ReadCount(num_slots > 0 ? 4 * num_slots : 1);
+  const std::size_t num_factors = reader_.ReadCount(4 * num_slots);
   // Of factors without variables there is nothing to count but the measurements.
   if (num_factors > static_cast<std::size_t>(family.family->size())) {
     reader_.Fail(name + " has " + std::to_string(num_factors) + " factors but " +

@@ -233,7 +233,7 @@ ObserverAction TrustRegionMinimizer::AskObservers() {
              : action;
 }
 
-// Ceres asks before a candidate is accepted. (CeresRules::k22 leaves the norm of the first steps 0.)
+// Ceres asks before a candidate is accepted. CeresRules::k22 leaves the norm of the first steps 0.
 bool TrustRegionMinimizer::TolerancesReached() {
   if (loop_.rules == CeresRules::k21 || any_step_accepted_) {
     iteration_.step_norm = evaluation_.CandidateDistance(nullptr);

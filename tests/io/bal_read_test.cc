@@ -126,6 +126,8 @@ TEST_F(BalReadTest, ExtremeNumbers) {
   EXPECT_EQ(problem_.observations[1].x, 0.0);
   EXPECT_TRUE(std::signbit(problem_.observations[1].y));
   ExpectError(Replaced(kSmall, "-1.5", "1e400"), 2, "observation 0: x: '1e400' is too large");
+  ExpectError(Replaced(kSmall, "-1.5", "0" + std::string(400, '9')), 2,
+              "observation 0: x: '0999999999");
   ExpectError(Replaced(kSmall, "-1.5", "-" + std::string(400, '9')), 2,
               "observation 0: x: '-9999999999");
 }

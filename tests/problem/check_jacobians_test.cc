@@ -131,6 +131,27 @@ TEST_F(CheckJacobiansOfAGraph, LooksAtConstantsToo) {
   EXPECT_EQ(CheckJacobians(graph_).worst.factor, 2);
 }
 
+// A constant may have another tangent space than its slot: then there is nothing to compare.
+TEST(CheckJacobiansOfConstants, LeavesOutWhatTheSlotHasNoTangentSpaceFor) {
+  FactorGraph graph;
+  const FamilyHandle<DirectionFamily> family = graph.AddFamily(std::make_shared<DirectionFamily>());
+  const double q[] = {0.0, 0.0, 0.0, 1.0};
+  const VariableId x = graph.AddVariable(q, 4, Role::kFrame);  // without a manifold
+  graph.SetConstant(x, true);
+  graph.Connect(family, &x);
+  ASSERT_TRUE(graph.Validate().ok());
+  const JacobianReport report = CheckJacobians(graph);
+  EXPECT_TRUE(report.ok()) << report.ToString();
+  EXPECT_EQ(report.num_entries, 0);
+}
+
+TEST_F(CheckJacobiansOfAGraph, TakesAllFactorsByTheLargestNumber) {
+  Build(0.0);
+  JacobianCheckOptions options;
+  options.max_factors = std::numeric_limits<int>::max();
+  EXPECT_EQ(CheckJacobians(graph_, family_, options).num_factors, 5);
+}
+
 TEST_F(CheckJacobiansOfAGraph, SaysWhatCannotBeEvaluated) {
   Build(0.0, -2.0);
   const JacobianReport report = CheckJacobians(graph_, family_);

@@ -111,6 +111,57 @@ TEST_F(UsersTypes, AreKeptByFormatsOfTheirs) {
   EXPECT_NEAR(*loaded.Values(0), 1.7, 1e-6);
 }
 
+// A cost that depends on nothing: of its factors a file has the measurements only.
+class ConstantFamily final : public AmbientFamily<ConstantFamily> {
+ public:
+  ConstantFamily() : AmbientFamily(1, {}) {}
+  int size() const override { return count; }
+  const char* Name() const override { return "constant"; }
+  bool EvaluateOne(int, const double* const*, double* residuals, double**) const {
+    residuals[0] = 1.0;
+    return true;
+  }
+
+  int count = 100;
+};
+
+TEST(FactorsWithoutVariables, ComeBack) {
+  GraphFormats formats;
+  formats.AddFamily<ConstantFamily>(
+      "test.constant", [](const ConstantFamily&, GraphWriter*) {},
+      [](GraphReader*) { return std::make_shared<ConstantFamily>(); });
+  FactorGraph graph;
+  const auto family = graph.AddFamily(std::make_shared<ConstantFamily>());
+  for (int i = 0; i < 100; ++i) {
+    graph.Connect(family, nullptr);
+  }
+  std::string bytes;
+  ASSERT_TRUE(SaveGraphToBytes(graph, formats, &bytes).ok());
+  FactorGraph loaded;
+  const Status status = LoadGraphFromBytes(bytes, formats, &loaded);
+  ASSERT_TRUE(status.ok()) << status.message;
+  EXPECT_EQ(loaded.num_factors(), 100);
+}
+
+// What a file must not bring: the losses here take any number.
+TEST(ScaledLosses, OfNegativeWeightAreRefused) {
+  for (const auto& [weight, passes] : {std::pair(0.0, true), std::pair(-1.0, false)}) {
+    FactorGraph graph;
+    const double start = 1.0;
+    const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+    graph.AddFactor(graph.AddFamily(std::make_shared<TargetFamily>()), 1.0, {x},
+                    std::make_shared<ScaledLoss>(nullptr, weight));
+    GraphFormats formats;
+    Register(&formats);
+    std::string bytes;
+    ASSERT_TRUE(SaveGraphToBytes(graph, formats, &bytes).ok());
+    FactorGraph loaded;
+    const Status status = LoadGraphFromBytes(bytes, formats, &loaded);
+    EXPECT_EQ(status.ok(), passes) << status.message;
+    EXPECT_EQ(status.message.find("a weight is -1") != std::string::npos, !passes);
+  }
+}
+
 TEST_F(UsersTypes, WithoutAFormatAreNamedWhenSaved) {
   GraphFormats formats;
   Status status = SaveGraphToBytes(graph_, formats, &bytes_);
