@@ -8,6 +8,10 @@
 
 namespace inceres {
 
+// Texts of an Update: the progress table, one line an iteration, and the reports. A '-' after the
+// name of a step marks one that was not accepted; the cost of its line is that of the state it has
+// left in place.
+
 using internal::Formatted;
 using internal::ReportLine;
 using internal::ReportSeconds;
@@ -18,6 +22,7 @@ std::string UpdateProgressHeading() {
 }
 
 std::string ProgressRow(const UpdateIteration& row) {
+  // Flags with a blank keep the columns of positive and negative numbers apart.
   return Formatted(
       "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8d   % 3.2e   % 3.2e",
       row.iteration, ToString(row.step), row.step_is_successful ? ' ' : '-', row.cost,
@@ -40,6 +45,7 @@ std::string Work(const UpdateSummary& summary) {
                      ReportLine("Solved rows", summary.num_solved_rows) +
                      ReportLine("Moved frames", summary.num_moved_frames) +
                      ReportLine("Visited landmarks", summary.num_visited_landmarks);
+  // No line where there are none.
   if (summary.num_undetermined_landmarks > 0) {
     text += ReportLine("Undetermined landmarks", summary.num_undetermined_landmarks);
   }
