@@ -3,6 +3,14 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// Memory of one family's linearization and the calls that fill it. Arrays grow by capacity and
+// keep what they have, since incremental mode adds factors to a family whose other Jacobians stay
+// in use; slots, views and tables move together whenever the Jacobians get another place.
+//
+// Pins (first-estimate Jacobians) split a linearization in two: one call with Jacobians at the
+// pinned values, and for factors with a pin another one for the residual where the variables are.
+
 namespace {
 
 // `used` of the old values stay.
@@ -22,6 +30,7 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
       num_slots(family->num_slots()),
       slots(num_slots),
       views(num_slots) {
+  // Blocks are padded to quads in each row; the padding is zero from the start and stays so.
   for (int s = 0; s < num_slots; ++s) {
     const int columns = family->slot(s).tangent_size;
     slots[s] = {nullptr, std::ptrdiff_t{residual_size} * PadToQuad(columns), PadToQuad(columns),
@@ -34,10 +43,12 @@ void Linearization::GrowTables(int num_places) {
   const std::size_t num_entries = static_cast<std::size_t>(num_places) * num_slots;
   parameters.resize(num_entries);
   tangent_maps.resize(num_entries);
+  // Empty without any pin, which is the usual case and then costs nothing.
   pins.resize(pins.empty() ? 0 : num_entries);
   jacobian_parameters_.resize(pins.size());
   const std::size_t num_residuals =
       static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
+  // At least doubled: factors come a few at a time.
   if (num_residuals > residuals.size()) {
     Enlarge(std::max(num_residuals, 2 * residuals.size()), residuals.size(), &residuals);
   }
@@ -51,6 +62,8 @@ void Linearization::Grow(int num_places, int new_capacity) {
     for (const SlotJacobians& slot : slots) {
       size += slot.factor_stride;
     }
+    // All slots in one array, each with room for `capacity` factors: with more room all of them
+    // move.
     ZeroedArray J(static_cast<std::size_t>(size) * capacity);
     double* next = J.data();
     for (int s = 0; s < num_slots; ++s) {
@@ -65,6 +78,7 @@ void Linearization::Grow(int num_places, int new_capacity) {
             static_cast<std::size_t>(before) * residual_size, &candidate_residuals);
   }
   GrowTables(num_places);
+  // -1: no block until it is connected.
   tangent_offsets.resize(parameters.size(), -1);
 }
 
@@ -75,6 +89,7 @@ void Linearization::Connect(std::size_t entry, const double* x, const double* pi
   Pin(entry, pinned);
 }
 
+// The column of pins appears with the first one.
 void Linearization::Pin(std::size_t entry, const double* pinned) {
   if (pinned != nullptr && pins.empty()) {
     pins.resize(parameters.size(), nullptr);
@@ -85,11 +100,13 @@ void Linearization::Pin(std::size_t entry, const double* pinned) {
   }
 }
 
+// One pinned variable is enough: the residual there was taken at the pinned value.
 bool Linearization::IsPinned(int factor) const {
   const auto first = pins.begin() + Entry(factor);
   return std::any_of(first, first + num_slots, [](const double* pin) { return pin != nullptr; });
 }
 
+// Without Jacobians tangent maps are not needed.
 FactorBatch Linearization::CandidateBatch(int begin, int end) {
   FactorBatch batch;
   batch.begin = begin;
@@ -113,6 +130,7 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
 EvaluationFailure Linearization::Linearize(int begin, int end) {
   FactorBatch batch = LinearizationBatch(begin, end);
   batch.prepared = prepared_;
+  // Families without a pin take one call.
   return pins.empty() ? family->Evaluate(batch) : LinearizePinned(batch);
 }
 
@@ -131,6 +149,8 @@ EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::
 }
 
 // Jacobians at the pinned values, then residuals where the variables are.
+// Residuals at the pinned values are written as well, and those of factors without a pin are
+// right.
 EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   for (std::ptrdiff_t entry = Entry(batch.begin); entry < Entry(batch.end); ++entry) {
     jacobian_parameters_[entry] = pins[entry] != nullptr ? pins[entry] : parameters[entry];
@@ -138,6 +158,7 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   batch.parameters = jacobian_parameters_.data();
   EvaluationFailure failure = family->Evaluate(batch);
   batch.parameters = parameters.data();
+  // Residuals only, factor by factor where a pin has misplaced them.
   batch.tangent_maps = nullptr;
   batch.jacobians = nullptr;
   for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {

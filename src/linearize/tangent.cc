@@ -5,6 +5,11 @@
 
 #include "inceres/problem/ambient_family.h"
 
+// M = ∂(x ⊞ δ)/∂δ at δ = 0, and what kind it is (docs/algorithms.md, "Linearization"). An identity
+// or a selection of columns makes J M a copy; only a dense M needs a product. The kind is found
+// from the numbers at each point, by exact comparison with 0 and 1, so that user manifolds need
+// not declare it and a map that is special at one point only is treated right at the next.
+
 namespace inceres::internal {
 namespace {
 
@@ -46,6 +51,7 @@ bool FindSelection(const TangentMap& map, int* selection) {
 }
 
 // Row k of M is that of the identity, whose entry there is known.
+// Together with a unit column k: the product then copies column k and leaves it out of all others.
 bool IsUnitRow(const TangentMap& map, int k) {
   const double* row = map.plus_jacobian + k * map.tangent_size;
   for (int c = 0; c < map.tangent_size; ++c) {
@@ -66,8 +72,10 @@ int CountIdentityColumns(const TangentMap& map, const int* selection) {
 }
 
 // Returns null, or what is wrong with M.
+// Ceres's test of outputs: filled with a value nobody computes, then checked for it and for NaN.
 const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x,
                                  std::vector<double>* M) {
+  // First-estimate Jacobians: the map belongs to the pinned values as well.
   const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
   const int count = static_cast<int>(M->size());
   MarkUnwritten(M->data(), count);
@@ -86,6 +94,7 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
   } else if (FindSelection(*map, selection)) {
     map->kind = TangentMap::Kind::kSelection;
     map->selection = selection;
+    // Leading columns that stay where they are, as those of a product with a Euclidean first part.
     map->num_identity_columns = 0;
     while (map->num_identity_columns < map->tangent_size &&
            selection[map->num_identity_columns] == map->num_identity_columns) {
@@ -97,6 +106,7 @@ void ClassifyTangentMap(TangentMap* map, int* selection) {
   }
 }
 
+// Without a manifold a plain sum.
 bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
                   double* moved) {
   if (const Manifold* manifold = graph.manifold(id)) {
@@ -110,12 +120,14 @@ void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
   map_ = TangentMap();
   map_.ambient_size = graph.AmbientSize(id);
   map_.tangent_size = graph.TangentSize(id);
+  // Until it is computed, and always of a variable without a manifold.
   map_.kind = wanted ? TangentMap::Kind::kIdentity : TangentMap::Kind::kConstant;
   const bool curved = wanted && graph.manifold(id) != nullptr;
   if (curved && curved_ == nullptr) {
     curved_ = std::make_unique<Curved>();
   }
   if (curved_ != nullptr) {
+    // A variable whose manifold is gone keeps the struct, with no size: is_curved() asks for M.
     curved_->M.resize(curved ? map_.ambient_size * map_.tangent_size : 0);
     curved_->selection.resize(curved ? map_.tangent_size : 0);
     curved_->stale = true;
@@ -132,6 +144,7 @@ const char* Tangent::Compute(const FactorGraph& graph, VariableId id, const doub
   return nullptr;
 }
 
+// Into a second matrix: the map of the current point is still in use until the step is accepted.
 const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x) {
   curved_->candidate_M.resize(curved_->M.size());
   return EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
@@ -141,6 +154,8 @@ void Tangent::AcceptCandidate() {
   if (curved_->candidate_M.empty()) {
     return MarkMoved();  // nobody has asked
   }
+  // The older matrix becomes the room of the next candidate. The address of map_ stays; its data
+  // moves.
   curved_->M.swap(curved_->candidate_M);
   map_.plus_jacobian = curved_->M.data();
   ClassifyTangentMap(&map_, curved_->selection.data());
