@@ -11,10 +11,16 @@
 
 namespace inceres::internal {
 
+// Line search along the projection of a step into the bounds (docs/ceres_contract.md, "Line search
+// for bounds"): φ(t) = F(Plus(x, tδ)) with Plus clamped, slope gᵀδ at 0. The slope is that of the
+// unclamped line, so a step that runs along a bound may gain less than the slope says, and is
+// shortened.
+
 // The model's decrease is not computed again for a shortened step: Ceres leaves it, too.
 void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
   LineSearchSummary& search = summary_.line_search;
   const StageTimer timer(&search.total_seconds);
+  // Evaluations charge their own stages; what they took here is told apart afterwards.
   const double residuals_before = summary_.seconds.residuals;
   const double jacobians_before = summary_.seconds.jacobians;
   const std::vector<double>& g = model_.Gradient();
@@ -25,6 +31,7 @@ void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
   for (const double entry : *step) {
     function.step_max_norm = std::max(function.step_max_norm, std::fabs(entry));
   }
+  // Without a t the step stays as it was, which Ceres tries, too.
   if (const std::optional<double> t = SearchArmijo(options_, function, &search)) {
     std::transform(step->begin(), step->end(), step->begin(),
                    [&](double entry) { return entry * *t; });
@@ -39,6 +46,7 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
   scaled_step_.resize(step.size());
   std::transform(step.begin(), step.end(), scaled_step_.begin(),
                  [t](double entry) { return t * entry; });
+  // A trial where Plus fails has no value and is found wanting.
   if (!evaluation_.evaluator().points().MoveCandidate(scaled_step_.data())) {
     return sample;
   }
@@ -58,6 +66,8 @@ void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSam
                                         /*new_point=*/true);
   }
   ++summary_.work.num_jacobian_evaluations;
+  // An evaluator of its own, made at the first use: a gradient there needs Jacobians, and those of
+  // the current point must stay for the step that follows.
   if (trial_ == nullptr) {
     trial_ =
         std::make_unique<Evaluator>(evaluator.graph(), evaluator.layout(), evaluator.executor());

@@ -6,6 +6,10 @@
 
 namespace inceres::internal {
 
+// Householder QR of [J; √Λ] for Jacobians stored by slot; DenseColumnsQrModel does the same for
+// whole rows. Rounding acts on J and not on JᵀJ, so that a problem with condition number κ loses
+// digits by κ and not by κ². J is formed dense at each linearization, and copied for each damping.
+
 DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
   const Layout& layout = evaluator.layout();
   for (const Linearization& cache : evaluator.families()) {
@@ -13,6 +17,8 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) 
   }
   packed_of_quad_.assign(layout.quad_offset.back(), 0);
   for (std::size_t i = 0; i < layout.variables.size(); ++i) {
+    // Offsets come in quads from the linearization; only quads at which a variable begins are
+    // looked up.
     packed_of_quad_[layout.quad_offset[i]] = layout.packed_offset[i];
   }
   J_.resize(num_residuals_, layout.size());
@@ -22,6 +28,7 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) 
 }
 
 void DenseQrModel::Refresh() {
+  // Blocks between are zero; blocks that are there are written over.
   J_.setZero();
   int row = 0;
   for (const Linearization& cache : evaluator_.families()) {
@@ -35,6 +42,7 @@ void DenseQrModel::Refresh() {
             cache
                 .tangent_offsets[static_cast<std::size_t>(i) * static_cast<std::size_t>(num_slots) +
                                  static_cast<std::size_t>(s)];
+        // A constant has no columns.
         if (offset < 0) {
           continue;
         }
@@ -58,9 +66,11 @@ Status DenseQrModel::Solve(const double* damping, double* step) {
   const Eigen::Index n = J_.cols();
   stacked_.resize(num_residuals_ + n, n);
   stacked_.topRows(num_residuals_) = J_;
+  // √Λ below, with a right-hand side of zeros.
   stacked_.bottomRows(n) = Eigen::Map<const Eigen::VectorXd>(damping, n).cwiseSqrt().asDiagonal();
   Eigen::VectorXd rhs = Eigen::VectorXd::Zero(num_residuals_ + n);
   rhs.head(num_residuals_) = -f_;
+  // In place: stacked_ is overwritten, J_ stays.
   const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(stacked_);
   Eigen::Map<Eigen::VectorXd> solution(step, n);
   solution = qr.solve(rhs);

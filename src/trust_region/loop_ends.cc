@@ -7,6 +7,10 @@
 
 namespace inceres::internal {
 
+// Ends of the loop (docs/ceres_contract.md, "Termination and messages"). The words and the way
+// numbers are printed are Ceres's to the letter, for programs may compare them. The tests between
+// iterations come in its order, so that of two that hold the same one is reported.
+
 bool EndSolve(Termination termination, std::initializer_list<const char*> words, Summary* summary) {
   summary->termination = termination;
   summary->message.clear();
@@ -17,6 +21,7 @@ bool EndSolve(Termination termination, std::initializer_list<const char*> words,
   return false;
 }
 
+// After an iteration was recorded and shown to callbacks. Limits come before convergence.
 bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                  const SolverOptions& options, Summary* summary) {
   if (elapsed_seconds >= options.max_solver_time_in_seconds) {
@@ -32,6 +37,7 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                      std::to_string(iteration.iteration).c_str(), "."},
                     summary);
   }
+  // Only a step that was taken has a gradient of its own.
   if (iteration.step_is_successful && iteration.gradient_max_norm <= options.gradient_tolerance) {
     return EndSolve(Termination::kConvergence,
                     {"Gradient tolerance reached. Gradient max norm: ",
@@ -51,6 +57,7 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
 
 bool EndsByParameterTolerance(double step_norm, double state_norm, double tolerance,
                               Summary* summary) {
+  // Written as Ceres does: NaN ends the solve.
   if (step_norm > tolerance * (state_norm + tolerance)) {
     return false;
   }
@@ -68,7 +75,9 @@ bool EndsByFunctionTolerance(double cost_change, double cost, double fixed_cost,
   if (std::fabs(cost_change) > tolerance * (cost - fixed_cost)) {
     return false;
   }
+  // The candidate is discarded, its gain is reported only.
   summary->discarded_cost_change = cost_change;
+  // What is printed is relative to the whole cost, which fixed factors are part of.
   EndSolve(Termination::kConvergence,
            {"Function tolerance reached. |cost_change|/cost: ",
             Scientific(std::fabs(cost_change) / cost).text(), " <= ", Scientific(tolerance).text()},

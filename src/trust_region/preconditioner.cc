@@ -5,6 +5,9 @@
 
 namespace inceres::internal {
 
+// Block Jacobi. Blocks are read where C or S has them; their inverses are made for each damping,
+// since Λ_c is added before.
+
 BlockPreconditioner::BlockPreconditioner(const std::vector<int>& offsets,
                                          std::vector<const double*> blocks,
                                          const Executor& executor)

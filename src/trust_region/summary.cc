@@ -7,6 +7,9 @@ namespace inceres {
 
 using internal::JsonObject;
 
+// Summaries as JSON (docs/json.md has the fields). The names are those of that page, and not
+// always those of the members: num_inner_iterations counts steps of single landmarks.
+
 namespace {
 
 std::string ToJson(const IterationSummary& iteration) {
@@ -105,6 +108,7 @@ const char* ToString(Termination termination) {
     case Termination::kUserFailure:
       return "USER_FAILURE";
   }
+  // Of a number that is none of them.
   return "UNKNOWN";
 }
 
