@@ -45,6 +45,7 @@ ExactCovariance::ExactCovariance(const FactorGraph& graph, const IncrementalSyst
       layout_(graph, /*eliminate_landmarks=*/false),
       evaluator_(graph, layout_, system.executor()) {
   evaluator_.points().SetCurrent(StateOf(graph, system));
+  // Both layouts pad each variable to the same number of quads, so that one shift a variable does.
   quad_of_.resize(layout_.quad_offset.back());
   for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
     for (std::int32_t q = layout_.quad_offset[k]; q < layout_.quad_offset[k + 1]; ++q) {
@@ -68,6 +69,8 @@ ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
   for (const Linearization& family : evaluator_.families()) {
     J_v.resize(family.residual_size);
     for (int i = 0; i < family.num_factors; ++i) {
+      // A pass over the slots' blocks, visit(row, entry, its place in the system's vectors): J v
+      // and Jᵀ u are two of these, with the same addressing.
       const auto for_each_entry = [&](const auto& visit) {
         for (int s = 0; s < family.num_slots; ++s) {
           const std::int32_t quad = family.tangent_offsets[family.Entry(i) + s];
@@ -104,6 +107,7 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
   // Each iteration adds α rᵀz to xᵀHx, so `energy` is xᵀHx so far, and rᵀM⁻¹r is about the squared
   // error in the norm of the energy. Their ratio does not depend on the units of the variables.
   for (int i = 0; status.ok() && rz > tolerance * energy; ++i) {
+    // Not converged is no answer here: a variance too small would pass for a certain one.
     if (i == max_iterations) {
       return Status::Error(StatusCode::kUnavailable,
                            "conjugate gradients have not converged after " + std::to_string(i) +
@@ -125,6 +129,7 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     z.setZero();
     status = preconditioner_.Apply(r->data(), z.data());
     const double next = r->dot(z);
+    // The direction of steepest descent in the norm of M, made conjugate to the ones before.
     p = z + next / rz * p;
     rz = next;
   }
@@ -134,6 +139,8 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
 Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double tolerance,
                                 int max_iterations, Eigen::MatrixXd* joint) {
   std::vector<std::ptrdiff_t> places;
+  // Each scalar has its place in the padded vectors, and a variable to be named if it is
+  // undetermined.
   std::vector<VariableId> owners;
   for (const VariableId id : ids) {
     for (int k = 0; k < graph_.TangentSize(id); ++k) {

@@ -57,8 +57,8 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
   const int num_pairs = num_slots * (num_slots + 1) / 2;
   std::int32_t* blocks = blocks_[ref.family].data() + std::ptrdiff_t{ref.factor} * num_pairs;
   if (blocks[0] < 0) {
-    // The lower triangle of the factor's frames, row by row, as the kernels count. Held frames and
-    // constants have no row here, so fewer entries than num_pairs may be in use.
+    // The lower triangle of the factor's frames, row by row, as the kernels count. Slots outside
+    // the system have no row, so fewer entries than num_pairs may be in use.
     for (std::size_t r = 0, at = 0; r < rows_of_.size(); ++r) {
       for (std::size_t c = 0; c <= r; ++c, ++at) {
         blocks[at] = sums_.BlockOf(rows_of_[r], rows_of_[c]);
@@ -79,6 +79,8 @@ void FactorContributions::AddRows(const Contribution& contribution, const double
   sums_.Touch(rows_of_);
 }
 
+// BlocksOf may add blocks to S and move its values, so it comes before the kernels are given
+// pointers.
 void FactorContributions::Add(FactorRef ref, double sign) {
   const Contribution contribution = RowsOf(ref);
   if (contribution.count > 0) {

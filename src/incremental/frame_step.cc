@@ -37,6 +37,8 @@ FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor
       half_solves_(dynamic_cast<HalfSolves*>(solver_.get())) {
 }
 
+// S and b as they are now, factored with this damping. Counts go to the summary, also after a
+// failure.
 Status FrameStep::Factorize(DampingForm form, double mu, IncrementalSchur* schur,
                             UpdateTrace* trace) {
   if (solver_ == nullptr) {
@@ -90,6 +92,7 @@ Status FrameStep::Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* t
   return solved;
 }
 
+// Nothing of a step is asked for.
 Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur) {
   if (solver_ == nullptr || schur->size() == 0) {
     return Status::Ok();
@@ -134,6 +137,7 @@ double FrameStep::AddGain(double start) const {
   return sum;
 }
 
+// In the variables' own units.
 double FrameStep::Norm() const {
   double squared = 0.0;
   for (const double entry : values_) {

@@ -19,6 +19,8 @@ constexpr std::size_t kFreeRows = 4;
 
 }  // namespace
 
+// Returns a new last row, or a free one when there are many: a window that slides would otherwise
+// make S grow without end.
 std::int32_t IncrementalStructure::AddFrame(VariableId id, std::int32_t quad, int size) {
   auto row = static_cast<std::int32_t>(frames_.size());
   // The last one: the factor of S resumes at the row, and rows further up stay as they are.
@@ -48,6 +50,7 @@ void IncrementalStructure::RemoveFrame(std::int32_t row) {
   free_rows_.push_back(row);
 }
 
+// Landmarks have no order that would matter: any free place does, the last one freed first.
 std::int32_t IncrementalStructure::AddLandmark(VariableId id, std::int32_t quad, int size) {
   auto index = static_cast<std::int32_t>(landmarks_.size());
   if (free_landmarks_.empty()) {
@@ -87,6 +90,7 @@ void IncrementalStructure::GrowTables(FactorRef ref) {
   }
 }
 
+// What takes part is told by the caller: -1 for variables that are outside the system.
 void IncrementalStructure::Connect(FactorRef ref, const std::int32_t* frames,
                                    std::int32_t landmark) {
   GrowTables(ref);
@@ -105,6 +109,8 @@ void IncrementalStructure::Connect(FactorRef ref, const std::int32_t* frames,
   }
 }
 
+// The landmark lists the factor; each of its frames joins the separator, with the place at which
+// it lists the landmark in turn.
 void IncrementalStructure::ConnectToLandmark(FactorRef ref, const std::int32_t* frames,
                                              std::int32_t landmark) {
   Landmark& l = landmarks_[landmark];
@@ -149,16 +155,21 @@ void IncrementalStructure::Separate(std::int32_t landmark, std::int32_t frame) {
   };
   Landmark& l = landmarks_[landmark];
   const auto at = index_of(landmark);
+  // The last entry takes the free place in the frame's list, and its landmark is told where it now
+  // is.
   const std::int32_t place = l.places[at];
   std::vector<std::int32_t>& listed = frames_[frame].landmarks;
   listed[place] = listed.back();
   // This landmark may itself be the one that moved; its entry is erased below.
   landmarks_[listed[place]].places[index_of(listed[place])] = place;
   listed.pop_back();
+  // Erased, not swapped: the separator stays in its order.
   l.frames.erase(l.frames.begin() + at);
   l.places.erase(l.places.begin() + at);
 }
 
+// The lists lose the factor; the tables keep what they had at its place, which nobody asks for
+// until it is used again.
 void IncrementalStructure::Disconnect(FactorRef ref) {
   const int num_slots = families_[ref.family].num_slots();
   const std::int32_t landmark = LandmarkOfFactor(ref);

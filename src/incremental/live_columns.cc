@@ -25,6 +25,7 @@ Block InverseRootOf(const IncrementalSchur& schur, int landmark) {
 }
 
 // Yᵀ of one of its frames: rows of the landmark, columns of the frame.
+// Y is stored as landmark-size rows of padded frame-size entries, as LandmarkIncidences has it.
 Block YTransposed(const BlockRow& row, int landmark_size) {
   return {row.A, landmark_size, row.size, Eigen::OuterStride<>(row.quads * kQuad)};
 }
@@ -49,6 +50,7 @@ std::vector<int> OffsetsOfRows(const IncrementalSchur& schur) {
 LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<VariableId>& ids)
     : system_(system), ids_(ids) {
   const IncrementalSchur& schur = system.schur();
+  // Columns in the order of the request, as wide as the variables' tangent spaces.
   for (const VariableId id : ids) {
     const int frame = system.FrameOf(id);
     offsets_.push_back(offsets_.back() + (frame >= 0
@@ -66,6 +68,7 @@ LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<Vari
       FillLandmark(system.LandmarkOf(ids[k]), offsets_[k]);
       continue;
     }
+    // V_.rows ascends: the row's place is found by bisection.
     const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
     V_.values
         .block(V_.begin[at], offsets_[k], schur.frames()[frame].size, schur.frames()[frame].size)
@@ -73,6 +76,7 @@ LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<Vari
   }
 }
 
+// Rows of the frames themselves, and of the frames that requested landmarks are seen from.
 void LiveColumns::ListRows() {
   const IncrementalSchur& schur = system_.schur();
   for (const VariableId id : ids_) {
@@ -86,6 +90,7 @@ void LiveColumns::ListRows() {
   }
   std::sort(V_.rows.begin(), V_.rows.end());
   V_.rows.erase(std::unique(V_.rows.begin(), V_.rows.end()), V_.rows.end());
+  // Packed within V: rows of S that V does not have take no room.
   V_.begin.assign(1, 0);
   for (const int row : V_.rows) {
     V_.begin.push_back(V_.begin.back() + schur.frames()[row].size);
@@ -99,6 +104,7 @@ void LiveColumns::AddRow(int row) {
   }
 }
 
+// −Y U_inv, row by row of the landmark's separator.
 void LiveColumns::FillLandmark(int landmark, int column) {
   const IncrementalSchur& schur = system_.schur();
   const int size = schur.landmarks()[landmark].size;
@@ -116,6 +122,7 @@ void LiveColumns::FillLandmark(int landmark, int column) {
   }
 }
 
+// What a landmark has of its own, with all frames known.
 void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
   for (std::size_t k = 0; k < ids_.size(); ++k) {
     const int landmark = system_.LandmarkOf(ids_[k]);
@@ -145,6 +152,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
     if (CountsInS(schur, l)) {
       const auto& landmark = schur.landmarks()[l];
       const Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
+      // Forwards: r_c − Y U_inv r_l, landmark by landmark.
       schur.blocks().Rows(l, &rows);
       for (const BlockRow& row : rows) {
         segment(padded.data(), row.frame, row.size) -=
@@ -181,6 +189,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
         u -= YTransposed(row, landmark.size) *
              segment(static_cast<const double*>(x), row.frame, row.size);
       }
+      // Writes the landmark's part last: rows of frames in x are only read from here on.
       segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
     }
   }

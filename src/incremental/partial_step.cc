@@ -34,6 +34,7 @@ void SubtractTransposedProduct(int rows, int columns, const double* B, const dou
 
 }  // namespace
 
+// A whole S that fits into the largest A gains nothing from a search.
 bool PartialStep::IsWorthwhile(const IncrementalSchur& schur) const {
   return schur.size() > limits_.max_scalars;
 }
@@ -66,12 +67,14 @@ bool PartialStep::Find(const IncrementalSchur& schur, const ReducedVectors& redu
   return true;
 }
 
+// Counted before anything is allocated or appended.
 bool PartialStep::HasRoomFor(const IncrementalSchur& schur, const IndexSet& frames) const {
   int scalars = 0;
   frames.ForEach([&](std::int32_t i) { scalars += schur.frames()[i].size; });
   return scalars <= limits_.max_scalars;
 }
 
+// A as given, in one go: for new frames (new_frame_steps.cc).
 bool PartialStep::Solve(const IncrementalSchur& schur, const ReducedVectors& reduced,
                         const IndexSet& frames) {
   MakeRoom(schur);
@@ -125,6 +128,7 @@ void PartialStep::MakeRoom(const IncrementalSchur& schur) {
   }
 }
 
+// The frames with a pull to speak of, with the rest b as if no frame had moved.
 void PartialStep::Begin(const IncrementalSchur& schur, const ReducedVectors& reduced) {
   MakeRoom(schur);
   order_.Clear();
@@ -146,6 +150,7 @@ void PartialStep::Begin(const IncrementalSchur& schur, const ReducedVectors& red
   }
 }
 
+// Adding a frame twice does no harm: it is a set.
 void PartialStep::BeginRest(const IncrementalSchur& schur, const ReducedVectors& reduced,
                             std::int32_t frame) {
   std::copy(reduced.b().begin() + schur.FrameOffset(frame),
@@ -168,6 +173,7 @@ void PartialStep::Grow(const IncrementalSchur& schur, const ReducedVectors& redu
       Append(schur, reduced, i);
     }
   });
+  // y and x grow with A; the next calls fill them.
   y_.resize(b_.size());
   x_.resize(b_.size());
 }

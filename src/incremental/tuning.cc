@@ -43,6 +43,7 @@ void Set(const std::string& setting, Tuning* tuning) {
   Refuse(setting);
 }
 
+// Settings are taken one after the other: the last one of a name counts.
 Tuning FirstTuning() {
   Tuning tuning;
   const char* settings = std::getenv("INCERES_TUNING");
@@ -55,6 +56,7 @@ Tuning FirstTuning() {
   return tuning;
 }
 #else
+// Without the ablation the environment is not read at all.
 Tuning FirstTuning() {
   return Tuning();
 }
@@ -65,6 +67,7 @@ Tuning FirstTuning() {
 // Pointers into the caller's Tuning: a write through them is what changes it.
 std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   std::vector<NamedThreshold> all;
+  // A threshold is a real number or a count; the other pointer is null.
   const auto real = [&](const char* name, double* value) { all.push_back({name, value, nullptr}); };
   const auto count = [&](const char* name, int* value) { all.push_back({name, nullptr, value}); };
   real("stop.share", &tuning->stop.share);

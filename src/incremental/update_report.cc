@@ -22,7 +22,7 @@ std::string UpdateProgressHeading() {
 }
 
 std::string ProgressRow(const UpdateIteration& row) {
-  // Flags with a blank keep the columns of positive and negative numbers apart.
+  // The blank flag leaves room for a sign, so that columns stay where they are.
   return Formatted(
       "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8d   % 3.2e   % 3.2e",
       row.iteration, ToString(row.step), row.step_is_successful ? ' ' : '-', row.cost,
@@ -33,6 +33,7 @@ std::string ProgressRow(const UpdateIteration& row) {
 
 namespace {
 
+// What the Update did, by counts: steps first, then the work behind them.
 std::string Work(const UpdateSummary& summary) {
   std::string text = ReportLine("Iterations", summary.num_iterations) +
                      ReportLine("Of the batch solver", summary.num_batch_iterations) +
@@ -65,6 +66,7 @@ std::string Seconds(const UpdateSummary& summary) {
 
 }  // namespace
 
+// One line, for logs: an Update a frame makes many of them.
 std::string UpdateSummary::BriefReport() const {
   return Formatted(
       "inceres Update: Iterations: %d (%d batch), Initial cost: %e, Final cost: %e, "
@@ -80,6 +82,7 @@ std::string UpdateSummary::FullReport() const {
           ReportLine("Left undone", remaining_decrease) + "\n";
   text += Work(*this) + "\n" + Seconds(*this) + "\n" +
           internal::ReportTermination(ToString(termination), message);
+  // A refused step is told even where the Update went on and converged.
   return text + (failed_step.empty() ? "" : "Refused step: " + failed_step + "\n");
 }
 

@@ -25,6 +25,7 @@ UpdateTrace::UpdateTrace(UpdateObserver* observer, UpdateSummary* summary)
   summary_.iterations.reserve(kUsualRows);
 }
 
+// What the next row's differences are taken from.
 UpdateTrace::Counts UpdateTrace::CountsNow() const {
   return {summary_.num_moved_frames, summary_.num_visited_landmarks,
           summary_.num_relinearized_factors, summary_.num_evaluated_factors,

@@ -39,6 +39,7 @@ bool BorrowsValues(const FactorGraph& graph) {
 
 // Of the factors from begin to end, at the point where they were evaluated; robustifies them if
 // with Jacobians.
+// The order within a group is that of the factors.
 double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
                 Linearization* family_cache) {
   Linearization& cache = *family_cache;
@@ -93,6 +94,8 @@ void Evaluator::BuildChunks(FamilyId id) {
       (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
   const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
+    // Cut at multiples of chunk_size from the family's beginning, so that a free place shifts no
+    // later cut.
     int end = std::min((begin / chunk_size + 1) * chunk_size, num_factors);
     for (int i = begin; gaps && i < end; ++i) {
       end = graph_->HasFactor(id, i) ? end : i;
@@ -103,10 +106,13 @@ void Evaluator::BuildChunks(FamilyId id) {
       sums_.resize(sums_.size() +
                    static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
     }
+    // A free place ends a chunk and is passed over.
     begin = std::max(end, begin + 1);
   }
 }
 
+// Same structure, so chunks, tables and offsets stay; what is rebound is what a graph owns:
+// families, losses, pins, and values that lie elsewhere.
 void Evaluator::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
   points_.Rebind(graph);
@@ -139,6 +145,7 @@ void Evaluator::BuildFamily(FamilyId id) {
     PlaceWholeRows(layout_, &cache);
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
+  // Entries are independent of each other.
   executor_.For(static_cast<int>(cache.parameters.size()), kEntryGrain, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       // null at a free place
@@ -173,6 +180,7 @@ void Evaluator::FindAllParameters(FamilyId id) {
 }
 
 // Of all factors of the family, or of none where there is no room for them.
+// Neighboring factors mostly share variables slot by slot, so that the lookup is spared.
 void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id,
                                std::vector<const double*>* parameters) const {
   const int num_slots = graph_->family(id).num_slots();
@@ -244,6 +252,7 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   return failure;
 }
 
+// With the values at which it failed, by name.
 Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
                                   const EvaluationFailure& failure) const {
   const Linearization& cache = families_[id];
@@ -255,6 +264,7 @@ Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
 }
 
 // Announces all factors of a family that asks for it.
+// In the order of the chunks, so the list ascends.
 Status Evaluator::Prepare(bool jacobians, FamilyId id) {
   if (!families_[id].family->Prepares()) {
     return Status::Ok();
@@ -292,6 +302,8 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   return Status::Ok();
 }
 
+// PlusJacobian at the candidate comes first, as in Ceres, and a failure there is one of the
+// evaluation.
 Status Evaluator::EvaluateCandidateCost(double* cost) {
   const Status status = points_.ComputeCandidateTangents();
   return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
@@ -327,6 +339,7 @@ int Evaluator::Recenter() {
   return num_changed;
 }
 
+// A known point has been evaluated for its cost: its tangent maps came with that.
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
   if (!known_point) {
     Status status = points_.ComputeTangents();

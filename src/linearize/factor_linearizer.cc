@@ -20,6 +20,7 @@ FactorLinearizer::FactorLinearizer(const FactorGraph& graph, ValuesOf values,
   constant_.kind = TangentMap::Kind::kConstant;
 }
 
+// The address of a map's element stays, so tables may point to it.
 Status FactorLinearizer::MapOf(VariableId id, const TangentMap** map) {
   const auto [found, added] = tangents_.try_emplace(id);
   Tangent& tangent = found->second;

@@ -31,6 +31,7 @@ std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const
 
 }  // namespace
 
+// First who touches whom, then how blocks are stored, then where: each step needs the one before.
 LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk,
                                        bool may_have_tail) {
   const Layout& layout = evaluator.layout();
@@ -47,6 +48,8 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   SetTargets();
 }
 
+// Per family and slot, the factors of each landmark. A slot that holds a landmark in one factor
+// may hold a frame in another.
 void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
@@ -121,6 +124,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
+  // One number a frame tells whether it is known to this landmark: no search through a separator.
   std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
   begin.push_back(0);
   for (std::size_t l = 0; l < sizes.size(); ++l) {
@@ -131,6 +135,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
           evaluator.families().begin(), evaluator.families().end(),
           [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       auto& targets = y_targets_[owner->id];
+      // In the order in which the kernels go through the factors.
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
         for (int s = 0; s < entry.num_slots; ++s) {
@@ -169,6 +174,7 @@ void LandmarkIncidences::ChooseStorage(const Layout& layout, bool may_have_tail)
   }
 }
 
+// In quads, with the padding.
 int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   const int depth = sizes[landmarks[incidence]];
   const int row_quads = incidences[incidence].quads;
@@ -177,6 +183,7 @@ int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
 }
 
+// Cut by the memory that Y takes. At least one chunk, even without landmarks.
 void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
   chunk_begin.assign(1, 0);
   std::int64_t chunk_quads = 0;
@@ -212,6 +219,7 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
+  // Counting sort once more: `next` is where the frame's next block goes.
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
   for (int chunk = 0; chunk < num_chunks(); ++chunk) {
     const int first = begin[chunk_begin[chunk]];

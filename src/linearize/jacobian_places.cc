@@ -18,6 +18,7 @@ constexpr std::int64_t kMaxWholeRows = 1024;
 
 }  // namespace
 
+// Small enough, nothing to eliminate, no free places, and all factors of a family alike.
 JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
   std::int64_t num_rows = 0;
   bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
@@ -57,6 +58,7 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   }
 }
 
+// By entry, so that tasks may share a family.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache) {
   const VariableId* ids = begin < end ? cache->graph->Variables(cache->id, 0) : nullptr;

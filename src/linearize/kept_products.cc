@@ -14,6 +14,7 @@ namespace {
 constexpr int kMinRows = 16;  // taller than measurements are, IMU factors included
 constexpr int kMaxFactors = 4;
 
+// By size and number alone: that a family's Jacobian is frozen is found out by comparison.
 bool TakesPart(const Linearization& cache) {
   return cache.residual_size >= kMinRows && cache.num_factors > 0 &&
          cache.num_factors <= kMaxFactors;

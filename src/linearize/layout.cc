@@ -10,6 +10,7 @@ namespace inceres::internal {
 // decides the order of all sums over variables, and follows from the graph alone.
 
 Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
+  // Variables that no factor touches take no part, as in Ceres's reduced program.
   std::vector<char> touched(graph.num_variables(), 0);
   std::vector<VariableId> landmarks;
   variables.reserve(graph.num_variables());
@@ -25,6 +26,7 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
       }
       // Constants are marked as touched and have no place.
       char& seen = touched[id];
+      // A constant landmark is none: it has no columns.
       if (seen == 0 && eliminate_landmarks && graph.role(id) == Role::kLandmark &&
           !graph.IsConstant(id)) {
         landmarks.push_back(id);
@@ -32,6 +34,7 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
       seen = 1;
     }
   }
+  // Without elimination landmarks are frames like others, by id.
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     const bool is_frame = !eliminate_landmarks || graph.role(id) == Role::kFrame;
     if (touched[id] != 0 && is_frame && !graph.IsConstant(id)) {
@@ -56,6 +59,7 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
   }
 }
 
+// Frames come first, so an index below num_frames is one.
 int Layout::FrameOf(VariableId id) const {
   // No position is −1, below num_frames, and stays −1.
   const int index = Position(id);

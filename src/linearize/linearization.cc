@@ -22,6 +22,7 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
 
 }  // namespace
 
+// Sizes only; memory comes with the factors. Data pointers stay null until Grow.
 Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
     : graph(&owner),
       family(&owner.family(family_id)),
@@ -38,6 +39,7 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
   }
 }
 
+// The tables alone, without room for Jacobians and candidates.
 void Linearization::GrowTables(int num_places) {
   num_factors = num_places;
   const std::size_t num_entries = static_cast<std::size_t>(num_places) * num_slots;
@@ -54,6 +56,7 @@ void Linearization::GrowTables(int num_places) {
   }
 }
 
+// Kept values move to the new place; new ones are zero.
 void Linearization::Grow(int num_places, int new_capacity) {
   const int before = num_factors;
   if (new_capacity > capacity) {
@@ -95,6 +98,7 @@ void Linearization::Pin(std::size_t entry, const double* pinned) {
     pins.resize(parameters.size(), nullptr);
     jacobian_parameters_.resize(pins.size());
   }
+  // Without any pin an entry that has none needs no column.
   if (!pins.empty()) {
     pins[entry] = pinned;
   }
@@ -116,6 +120,7 @@ FactorBatch Linearization::CandidateBatch(int begin, int end) {
   return batch;
 }
 
+// All places of the family; begin and end say which of them are evaluated.
 FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   FactorBatch batch;
   batch.begin = begin;
@@ -135,6 +140,7 @@ EvaluationFailure Linearization::Linearize(int begin, int end) {
 }
 
 // With pins two evaluations at two points follow: neither is announced.
+// A family may prepare once for all factors of a pass; what it is told must be what is then asked.
 EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::int32_t>& factors) {
   prepared_ = false;
   if (!family->Prepares() || factors.empty() || (jacobians && !pins.empty())) {
@@ -171,6 +177,7 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   return failure;
 }
 
+// As the kernels see a range of factors.
 FactorRows Linearization::Rows(int begin, int end) const {
   FactorRows rows;
   rows.begin = begin;

@@ -39,6 +39,7 @@ bool TouchesLandmarks(const FactorGraph& graph, FamilyId id) {
 
 }  // namespace
 
+// Counts that are too large throw before anything is taken.
 void CheckCounts(const FamilyCounts& counts) {
   const std::int64_t n = counts.num_factors;
   MemoryBudget::CheckCount(n * counts.num_slots, kFlaggedInts,
@@ -49,6 +50,7 @@ void CheckCounts(const FamilyCounts& counts) {
 }
 
 void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBudget* budget) {
+  // Borrowed values are counted, too.
   std::int64_t values = 0;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;

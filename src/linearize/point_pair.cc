@@ -30,6 +30,8 @@ PointPair::PointPair(const FactorGraph& graph, const Layout& layout)
   BuildBounds();
 }
 
+// In place, as all pointers stay good. Tangent maps are those of the old values until they are
+// computed.
 void PointPair::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
   SetCurrent(graph.state());
@@ -39,6 +41,8 @@ void PointPair::Rebind(const FactorGraph& graph) {
   BuildBounds();
 }
 
+// curved_ has the variables whose map depends on the point, in the order of the layout, so that
+// PlusJacobian is called in one order.
 void PointPair::BuildTangents() {
   tangents_.resize(graph_->num_variables());
   for (VariableId id = 0; id < graph_->num_variables(); ++id) {
@@ -63,6 +67,7 @@ void PointPair::SetCurrent(const std::vector<double>& state) {
   std::copy(state.begin(), state.end(), current_.begin());  // in place: factors point into it
 }
 
+// Variable by variable; Plus is not concurrent, as Ceres promises for manifolds.
 bool PointPair::MoveCandidate(const double* delta) {
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
@@ -80,6 +85,7 @@ bool PointPair::MoveCandidate(const double* delta) {
   return true;
 }
 
+// No value is copied and no pointer changes.
 void PointPair::AcceptCandidate() {
   current_.swap(candidate_);
   // Others' maps are the identity everywhere.
@@ -116,6 +122,7 @@ Status PointPair::ComputeCandidateTangents() {
 std::int64_t PointPair::Bytes() const {
   auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
   for (const VariableId id : curved_) {
+    // Two matrices each.
     bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *
                                        graph_->TangentSize(id));
   }

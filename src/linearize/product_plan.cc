@@ -107,6 +107,7 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
 // How much of a plan falls to one block.
 // A segment ends wherever the source changes, so a source that comes back counts again.
 struct Share {
+  // Called once for each term, in the plan's order.
   void Add(int source) {
     ++num_terms;
     num_segments += last_source != source ? 1 : 0;
@@ -168,6 +169,7 @@ class PlanBuilder {
     }
   }
 
+  // Rows of the lower triangle are independent: each block belongs to one row.
   void Build() {
     const int num_frames = layout_.num_frames;
     rows_.resize(num_frames);
@@ -212,6 +214,7 @@ class PlanBuilder {
   }
 
   // Blocks and segments are numbered with 32 bits, terms are not.
+  // Memory is counted from the exact numbers of the first pass, before the second takes it.
   void CheckSize() const {
     std::int64_t blocks = 0, segments = 0, terms = 0, values = 0;
     for (int row = 0; row < layout_.num_frames; ++row) {
@@ -239,6 +242,7 @@ class PlanBuilder {
   void Place() {
     CheckSize();
     BlockPattern& pattern = plans_->pattern;
+    // Values of a block lie row by row, without padding, one block after the other.
     pattern.offsets.assign(layout_.packed_offset.begin(),
                            layout_.packed_offset.begin() + layout_.num_frames + 1);
     pattern.row_begin.push_back(0);
@@ -312,6 +316,7 @@ class PlanBuilder {
     void Begin(int column, int block) {
       next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1};
     }
+    // A new source begins a new segment; terms follow each other in memory.
     void Add(int column, int source, ProductTerm term) {
       Next& next = next_[column];
       if (next.source != source) {
@@ -393,6 +398,8 @@ class PlanBuilder {
   void ForEachTermOfSlots(const Linearization& cache, int row, int r, int c,
                           const std::int32_t* begin, const std::int32_t* end,
                           const Visit& visit) const {
+    // All factors that have the row's frame in slot r; the column's is whatever they have in slot
+    // c.
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
     const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);

@@ -13,6 +13,7 @@
 namespace inceres::internal {
 namespace {
 
+// Exact comparison: one that is nearly the identity is a dense map.
 bool IsIdentity(const TangentMap& map) {
   if (map.ambient_size != map.tangent_size) {
     return false;
@@ -35,6 +36,8 @@ bool FindSelection(const TangentMap& map, int* selection) {
     for (int r = 0; r < map.ambient_size; ++r) {
       const double entry = map.plus_jacobian[r * map.tangent_size + c];
       if (entry == 0.0) {
+        // A zero is no entry; a second nonzero one, or one that is not 1, makes the column no
+        // selection.
         continue;
       }
       if (entry != 1.0 || selection[c] >= 0) {
@@ -63,6 +66,7 @@ bool IsUnitRow(const TangentMap& map, int k) {
 }
 
 // Of the columns whose unit entry is known.
+// Whether a column is a unit vector is known from FindSelection, its row is looked at here.
 int CountIdentityColumns(const TangentMap& map, const int* selection) {
   int count = 0;
   while (count < map.tangent_size && selection[count] == count && IsUnitRow(map, count)) {
@@ -88,6 +92,7 @@ const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const 
 
 }  // namespace
 
+// From the cheapest kind to the dearest: J M is a copy, a copy of columns, a product.
 void ClassifyTangentMap(TangentMap* map, int* selection) {
   if (IsIdentity(*map)) {
     map->kind = TangentMap::Kind::kIdentity;
@@ -150,6 +155,7 @@ const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, c
   return EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
 }
 
+// Classified only now: the kind may differ from point to point.
 void Tangent::AcceptCandidate() {
   if (curved_->candidate_M.empty()) {
     return MarkMoved();  // nobody has asked

@@ -18,6 +18,7 @@ std::size_t NumQuads(int tangent_size) {
 
 }  // namespace
 
+// Until it enters it counts as constant: its map has no columns.
 void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   if (id >= static_cast<VariableId>(variables_.size())) {
     variables_.resize(id + 1);
@@ -40,6 +41,7 @@ void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   Set(id, graph.Values(id));
 }
 
+// With a step of its own from here on.
 void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
   Variable& variable = variables_[id];
   variable.tangent.Set(graph, id, /*wanted=*/true);
@@ -53,6 +55,7 @@ void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
   }
 }
 
+// Its values stay where they are.
 void VariableStore::Remove(VariableId id) {
   // By the size it entered with, which the tangent map has.
   Variable& variable = variables_[id];
@@ -65,6 +68,7 @@ void VariableStore::Remove(VariableId id) {
   variable.quad = -1;
 }
 
+// Candidate and current are equal between steps.
 void VariableStore::Set(VariableId id, const double* values) {
   Variable& variable = variables_[id];
   const int size = variable.tangent.map().ambient_size;
@@ -73,6 +77,7 @@ void VariableStore::Set(VariableId id, const double* values) {
   variable.tangent.MarkMoved();
 }
 
+// Chunks, for a vector would move what pointers point to.
 double* VariableStore::Allocate(int size) {
   if (chunks_.empty() || used_ + size > capacity_) {
     // What is left of the last chunk is lost; a variable larger than a chunk has one by itself.

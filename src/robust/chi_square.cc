@@ -15,6 +15,7 @@ double LowerGammaBySeries(double a, double x, double scale) {
   double term = 1.0 / a;
   double sum = term;
   for (int n = 1; n < 10000 && term > 1e-17 * sum; ++n) {
+    // Terms are positive and fall from some n on: the sum ends when they no longer count.
     term *= x / (a + n);
     sum += term;
   }
@@ -27,6 +28,7 @@ double UpperGammaByFraction(double a, double x, double scale) {
   constexpr double kTiny = 1e-300;
   double b = x + 1.0 - a;
   double c = 1.0 / kTiny;
+  // h is the product of the ratios of neighboring convergents; at a factor of 1 it has converged.
   double d = 1.0 / b;
   double h = d;
   for (int n = 1; n < 10000; ++n) {
@@ -51,6 +53,7 @@ double LowerGamma(double a, double x) {
   }
   // x^a e^−x / Γ(a) in logarithms, which neither overflow nor underflow on the way.
   const double scale = std::exp(a * std::log(x) - x - std::lgamma(a));
+  // Each where it converges fast; they meet at x = a + 1.
   return x < a + 1.0 ? LowerGammaBySeries(a, x, scale) : 1.0 - UpperGammaByFraction(a, x, scale);
 }
 
@@ -64,6 +67,7 @@ double ChiSquareQuantile(double probability, int degrees) {
   while (high < 1e300 && LowerGamma(a, high) < probability) {
     high *= 2.0;
   }
+  // To the last digits: the interval halves at most so often.
   for (int i = 0; i < 200 && high - low > 1e-15 * high; ++i) {
     const double middle = 0.5 * (low + high);
     (LowerGamma(a, middle) < probability ? low : high) = middle;

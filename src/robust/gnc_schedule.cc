@@ -21,6 +21,8 @@ bool GncSchedule::Begin(double largest) {
   return mu_ > 0.0;
 }
 
+// Geman–McClure's μ falls and stops at the last cost; that of truncation grows until the weights
+// end it.
 void GncSchedule::Advance() {
   mu_ = kernel_ == GncKernel::kGemanMcClure ? std::max(1.0, mu_ / step_) : mu_ * step_;
 }
@@ -69,6 +71,7 @@ const char* ToString(GncKernel kernel) {
   return kernel == GncKernel::kGemanMcClure ? "geman_mcclure" : "truncated_least_squares";
 }
 
+// Negated comparisons refuse NaN.
 Status GncOptions::Validate() const {
   const auto refuse = [](const char* what) {
     return Status::Error(StatusCode::kInvalidArgument, std::string("GncOptions: ") + what);

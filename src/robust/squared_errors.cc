@@ -22,12 +22,14 @@ class ErrorMeter {
     const auto rows = static_cast<std::size_t>(family.residual_size());
     const auto slots = static_cast<std::size_t>(family.num_slots());
     const auto place = static_cast<std::size_t>(id.index);
+    // Grows to the largest place that was asked for.
     parameters_.resize(std::max(parameters_.size(), (place + 1) * slots));
     residuals_.resize(std::max(residuals_.size(), (place + 1) * rows));
     for (std::size_t s = 0; s < slots; ++s) {
       parameters_[place * slots + s] = values_(graph_.Variables(id.family, id.index)[s]);
     }
     FactorBatch batch;
+    // Without jacobians: residuals only, no loss.
     batch.begin = id.index;
     batch.end = id.index + 1;
     batch.parameters = parameters_.data();
@@ -58,6 +60,7 @@ std::string NameOfSuspect(const FactorGraph& graph, FactorId factor) {
   return std::string(graph.family(factor.family).Name()) + " " + std::to_string(factor.index);
 }
 
+// Asked before anything is evaluated: a suspect that is named twice would count twice.
 Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& factors) {
   std::set<std::pair<FamilyId, std::int32_t>> seen;
   for (const FactorId& id : factors) {
@@ -80,6 +83,7 @@ Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& fact
 
 Status SquaredErrors(const FactorGraph& graph, const std::vector<FactorId>& factors,
                      const GncValues& values, std::vector<double>* errors) {
+  // In the order of the list, and up to the first that fails.
   ErrorMeter meter(graph, values);
   errors->resize(factors.size());
   for (std::size_t k = 0; k < factors.size(); ++k) {

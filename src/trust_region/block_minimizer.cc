@@ -61,6 +61,7 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
     num_rows_ += graph_.family(s->family).residual_size();
     num_slots = std::max(num_slots, graph_.family(s->family).num_slots());
   }
+  // As many views as the widest family has slots; only the variable's own is set.
   views_.resize(num_slots);
   values_ = evaluator_.points().mutable_candidate().data() + graph_.StateOffset(id);
   current_.assign(values_, values_ + graph_.AmbientSize(id));
@@ -138,6 +139,7 @@ bool BlockMinimizer::EvaluateJacobians(const std::vector<double>& x, double* cos
   return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(/*jacobians=*/true, cost);
 }
 
+// Factor by factor, in the order of the sightings: the cost has one order of sums.
 bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
   *cost = 0.0;
   int row = 0;
@@ -167,6 +169,7 @@ double BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobia
   Linearization& factors = evaluator_.families()[sighting.family];
   const int rows = factors.residual_size;
   const Loss* loss = graph_.loss(sighting.family, sighting.factor);
+  // The evaluator's column of residuals of the candidate: after the round they are evaluated anew.
   double* f = factors.candidate_residuals.data() + std::ptrdiff_t{sighting.factor} * rows;
   if (!jacobians) {
     return RobustCost(loss, f, rows);
@@ -229,6 +232,7 @@ bool BlockMinimizer::ProjectedGradientIsSmall() {
 }
 
 // False if the step is invalid.
+// Several dampings may follow on one model: the columns are copied.
 bool BlockMinimizer::ComputeStep() {
   reflected_ = columns_;
   const int stride = DampedColumnStride(num_rows_, size_);

@@ -25,6 +25,7 @@ void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
   const double jacobians_before = summary_.seconds.jacobians;
   const std::vector<double>& g = model_.Gradient();
   LineFunction function;
+  // Slope and largest entry are those of the unscaled step at t = 0.
   function.value = cost;
   function.slope = std::inner_product(g.begin(), g.end(), step->begin(), 0.0);
   function.sample = [this, step](double t) { return Sample(*step, t); };
@@ -61,6 +62,7 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
 // Value and slope at the candidate.
 void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSample* sample) {
   Evaluator& evaluator = evaluation_.evaluator();
+  // Told like any evaluation with Jacobians, for Ceres evaluates the gradient there.
   if (options_.observer != nullptr) {
     options_.observer->BeforeEvaluation(evaluator.points().candidate().data(), /*jacobians=*/true,
                                         /*new_point=*/true);

@@ -25,6 +25,7 @@ CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>&
 // By variable, of each by family, of each ascending: counted, then placed.
 void CoordinateDescent::CollectSightings() {
   const FactorGraph& graph = evaluator_.graph();
+  // Numbered group by group; variables in no group have no number and are held.
   index_.assign(graph.num_variables(), -1);
   int num_variables = 0;
   for (const std::vector<VariableId>& group : groups_) {

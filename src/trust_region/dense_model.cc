@@ -30,6 +30,7 @@ DenseModel::DenseModel(const Evaluator& evaluator)
   diagonal_.resize(size);
 }
 
+// One pass turns rows into columns, one sums all products of columns.
 void DenseModel::Refresh() {
   double* top = columns_.data();
   const int stride = stride_;
@@ -53,6 +54,7 @@ void DenseModel::Refresh() {
   clock_->Charge(&seconds_->hessian);
 }
 
+// Both sums come from one pass over the columns.
 RowProducts DenseModel::MultiplyJacobian(const double* v) {
   return BestKernels().column_products(PadToQuad(num_rows_), size_, columns_.data(), stride_, v);
 }
@@ -95,6 +97,7 @@ bool DenseModel::FactorAndSolve(Size size, const double* damping, double* step) 
   return true;
 }
 
+// For the message: a column belongs to a variable.
 VariableId DenseModel::VariableAt(int column) const {
   const Layout& layout = evaluator_.layout();
   // The last variable that begins at or before the column.

@@ -27,6 +27,7 @@ DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) 
   diagonal_.resize(gradient_.size());
 }
 
+// J row by row, family by family: entries of factors go to the columns of their variables.
 void DenseQrModel::Refresh() {
   // Blocks between are zero; blocks that are there are written over.
   J_.setZero();
@@ -57,6 +58,7 @@ void DenseQrModel::Refresh() {
       }
     }
   }
+  // The strategies ask for gradient and column norms, which are of J and not of the damped rows.
   Eigen::Map<Eigen::VectorXd>(gradient_.data(), J_.cols()) = J_.transpose() * f_;
   Eigen::Map<Eigen::VectorXd>(diagonal_.data(), J_.cols()) = J_.colwise().squaredNorm().transpose();
   clock_->Charge(&seconds_->hessian);
@@ -75,6 +77,7 @@ Status DenseQrModel::Solve(const double* damping, double* step) {
   Eigen::Map<Eigen::VectorXd> solution(step, n);
   solution = qr.solve(rhs);
   clock_->Charge(&seconds_->factorization);
+  // No rank is estimated: a zero pivot gives infinity or NaN.
   if (!solution.allFinite()) {
     return Status::Error(StatusCode::kSingular,
                          "the columns of the Jacobian are linearly dependent");

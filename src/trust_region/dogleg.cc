@@ -28,6 +28,7 @@ double Norm(const LinearModel& model, const std::vector<double>& a) {
 
 }  // namespace
 
+// Memory of an earlier solve is kept, its numbers are not.
 void Dogleg::Start(const SolverOptions& options, const std::vector<double>& scale) {
   scale_ = &scale;
   radius_ = options.initial_trust_region_radius;
@@ -45,6 +46,7 @@ void Dogleg::Start(const SolverOptions& options, const std::vector<double>& scal
   }
 }
 
+// The work of a point is done once; what remains is to choose a point within the radius.
 Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   if (!reuse_) {
     reuse_ = true;
@@ -71,6 +73,7 @@ Status Dogleg::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   return Status::Ok();
 }
 
+// g̃ = g/w; a new point has another Cauchy step.
 void Dogleg::ComputeGradient(const LinearModel& model) {
   const std::vector<double>& g = model.Gradient();
   std::transform(g.begin(), g.end(), w_.begin(), gradient_.begin(), std::divides<>());
@@ -89,6 +92,8 @@ double Dogleg::CauchyStep(LinearModel* model) {
   return *alpha_;
 }
 
+// (H + μ w²) δ_gn = −g; μ grows tenfold until there is a factor and a finite step, and stays there
+// until a step is accepted.
 Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
   // Invalid steps before have raised it that far.
   if (mu_ >= kMaxMu) {
@@ -121,6 +126,8 @@ Status Dogleg::ComputeGaussNewtonStep(LinearModel* model, int* num_solves) {
   return solved;
 }
 
+// Inside the radius the Gauss–Newton step; else the minimum in the plane on the sphere, if there
+// is one; else the traditional path.
 void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   gauss_newton_norm_ = Norm(*model, gauss_newton_);
   step_norm_ = gauss_newton_norm_;
@@ -133,6 +140,7 @@ void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   } else {
     FollowTraditionalPath(CauchyStep(model), *model);
   }
+  // δ = p/w.
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
@@ -153,6 +161,7 @@ void Dogleg::FollowTraditionalPath(double alpha, const LinearModel& model) {
   const double b_minus_a2 = a2 - 2.0 * b_dot_a + gauss_newton_norm_ * gauss_newton_norm_;
   const double beta = DoglegShare(radius_ * radius_, a2, b_dot_a - a2, b_minus_a2);
   for (std::size_t j = 0; j < p_.size(); ++j) {
+    // (1 − β) a + β b.
     p_[j] = -alpha * (1.0 - beta) * gradient_[j] + beta * gauss_newton_[j];
   }
   step_norm_ = Norm(model, p_);
@@ -169,6 +178,7 @@ bool Dogleg::Restore(const std::vector<double>& saved) {
   return true;
 }
 
+// As Ceres dumps it: the Gauss–Newton step with its sign turned.
 void Dogleg::GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const {
   damping->resize(w_.size());
   for (std::size_t j = 0; j < w_.size(); ++j) {
@@ -190,11 +200,13 @@ void Dogleg::StepAccepted(double quality) {
   reuse_ = false;
 }
 
+// The same point again: reuse_ spares the linear solve.
 void Dogleg::StepRejected() {
   radius_ *= 0.5;
   reuse_ = true;
 }
 
+// The same radius and more regularization, and everything anew.
 void Dogleg::StepIsInvalid() {
   mu_ *= kMuIncrease;
   reuse_ = false;

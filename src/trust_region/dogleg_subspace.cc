@@ -62,6 +62,7 @@ std::vector<double> MultiplierPolynomial(const Matrix2d& B, const Vector2d& g, d
 
 }  // namespace
 
+// Once a point: the basis and the model in it serve all radii.
 bool DoglegSubspace::Build(const std::vector<double>& w, const std::vector<double>& gradient,
                            const std::vector<double>& gauss_newton, LinearModel* model) {
   const auto n = static_cast<Eigen::Index>(w.size());

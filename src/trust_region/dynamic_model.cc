@@ -22,6 +22,7 @@ void DynamicModel::Refresh() {
   model_->Refresh();
 }
 
+// The evaluator takes offsets of zero blocks away (LeaveOutZeroBlocks).
 bool DynamicModel::ZerosAreAsBefore() const {
   const std::vector<Linearization>& families = evaluator_.families();
   return std::equal(families.begin(), families.end(), tangent_offsets_.begin(),

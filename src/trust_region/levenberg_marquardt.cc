@@ -97,6 +97,7 @@ void LevenbergMarquardt::StepAccepted(double quality) {
   decrease_factor_ = 2.0;
 }
 
+// After an invalid step as well.
 void LevenbergMarquardt::StepRejected() {
   // Nothing is learned of the old radius.
   if (radius_before_ > 0.0) {

@@ -24,6 +24,7 @@ bool EndSolve(Termination termination, std::initializer_list<const char*> words,
 // After an iteration was recorded and shown to callbacks. Limits come before convergence.
 bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                  const SolverOptions& options, Summary* summary) {
+  // The time of the caller's before this solve counts as well.
   if (elapsed_seconds >= options.max_solver_time_in_seconds) {
     return EndSolve(
         Termination::kNoConvergence,
@@ -55,6 +56,7 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
   return true;
 }
 
+// Asked before the candidate is accepted, as in Ceres, and without a look at its cost.
 bool EndsByParameterTolerance(double step_norm, double state_norm, double tolerance,
                               Summary* summary) {
   // Written as Ceres does: NaN ends the solve.
@@ -69,6 +71,7 @@ bool EndsByParameterTolerance(double step_norm, double state_norm, double tolera
   return true;
 }
 
+// Small increases count as well: the candidate need not be better.
 bool EndsByFunctionTolerance(double cost_change, double cost, double fixed_cost, double tolerance,
                              Summary* summary) {
   // Written so that a NaN cost counts as converged (CeresRules::k21).

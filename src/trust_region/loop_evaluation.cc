@@ -28,6 +28,7 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
 }
 
+// Where one process cannot move, none does.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
 }
@@ -38,6 +39,7 @@ bool LoopEvaluation::CandidateCost(double* cost) {
     options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
                                         /*new_point=*/true);
   }
+  // Counted before the pass, so that one that fails counts.
   ++summary_.work.num_residual_evaluations;
   const Status evaluated = agreement_.Evaluate(
       [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
@@ -52,6 +54,8 @@ bool LoopEvaluation::CandidateCost(double* cost) {
 // A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
   if (options_.observer != nullptr) {
+    // A new point is one at which no cost was asked for: observers are told, as Ceres's callback
+    // is.
     options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
                                         new_point);
   }
@@ -92,6 +96,8 @@ double LoopEvaluation::StateNorm() const {
   return std::sqrt(agreement_.Sum(sum));
 }
 
+// Between values, as ‖x − candidate‖ in Ceres; the largest difference is asked for in the test of
+// the gradient.
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
@@ -111,6 +117,7 @@ double LoopEvaluation::CandidateDistance(double* max_norm) const {
       largest = std::max(largest, std::fabs(difference));
     }
   }
+  // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
     *max_norm = agreement_.Max(largest);
   }

@@ -18,6 +18,7 @@ namespace {
 void Balance(Eigen::MatrixXd* matrix) {
   constexpr double kWorthwhile = 0.9;
   constexpr int kMaxSweeps = 1000;
+  // The diagonal is the same after balancing and takes no part in the norms.
   const Eigen::VectorXd diagonal = matrix->diagonal();
   matrix->diagonal().setZero();
   bool changed = true;
@@ -88,6 +89,7 @@ std::vector<double> Differentiate(const std::vector<double>& polynomial) {
 
 }  // namespace
 
+// Horner's rule.
 double EvaluatePolynomial(const std::vector<double>& polynomial, double x) {
   double value = 0.0;
   for (const double coefficient : polynomial) {
@@ -96,6 +98,7 @@ double EvaluatePolynomial(const std::vector<double>& polynomial, double x) {
   return value;
 }
 
+// Closed forms where there are some, as Ceres has them.
 bool RealPartsOfRoots(const std::vector<double>& polynomial, std::vector<double>* roots) {
   roots->clear();
   // Leading zeros are no degree; a polynomial of zeros is a constant.
@@ -124,6 +127,7 @@ std::vector<double> Interpolate(const std::vector<FunctionSample>& samples) {
   }
   Eigen::MatrixXd powers = Eigen::MatrixXd::Zero(count, count);
   Eigen::VectorXd wanted(count);
+  // As many coefficients as conditions.
   const Eigen::Index degree = count - 1;
   Eigen::Index row = 0;
   for (const FunctionSample& sample : samples) {
@@ -151,6 +155,7 @@ double MinimizeInterpolant(const std::vector<FunctionSample>& samples, double x_
   const std::vector<double> polynomial = Interpolate(samples);
   std::vector<double> candidates = {x_min, x_max};
   std::vector<double> roots;
+  // Of a line the ends are compared; its derivative has no root.
   if (polynomial.size() > 2 && RealPartsOfRoots(Differentiate(polynomial), &roots)) {
     candidates.insert(candidates.end(), roots.begin(), roots.end());
   }

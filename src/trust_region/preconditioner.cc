@@ -14,6 +14,7 @@ BlockPreconditioner::BlockPreconditioner(const std::vector<int>& offsets,
     : offsets_(offsets), blocks_(std::move(blocks)), executor_(executor) {
 }
 
+// A block without a factor is an invalid step, named by its frame.
 Status BlockPreconditioner::Prepare(const double* damping) {
   const int singular = inverses_.Invert(offsets_, blocks_, damping, executor_);
   return singular < 0 ? Status::Ok()

@@ -37,11 +37,13 @@ void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work) {
   }
 }
 
+// Incidences, plan, H, solver, in the order of the members: each is built on the one before.
 PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
     : LinearModel(evaluator),
       incidences_(evaluator),
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_) {
+  // Before a solver is made for it.
   *status = CheckBlockOffsets(evaluator, incidences_);
   // Without a variable that moves, or with landmarks alone, there is nothing to reduce to.
   if (status->ok() && plans_.pattern.size() > 0) {
@@ -59,6 +61,7 @@ void PlainModel::Refresh() {
   clock_->Charge(&seconds_->hessian);
 }
 
+// S is C where nothing is eliminated, else the Schur complement.
 Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping,
                                 double* step) {
   if (!reduced_solver_) {
@@ -80,6 +83,7 @@ Status PlainModel::Solve(const double* damping, double* step) {
   return SolveReduced(hessian_.C().data(), b_.data(), damping, step);
 }
 
+// Sizes of the reduced system, and bytes of what grows with the problem.
 void PlainModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();
@@ -89,6 +93,8 @@ void PlainModel::Describe(WorkCounts* work) const {
   CountDynamicSizes(evaluator_, work);
 }
 
+// The base class has made the solver for S already: its pattern has the blocks that elimination
+// fills.
 SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
     : PlainModel(options, evaluator, status),
       elimination_(evaluator, incidences_, plans_, hessian_) {

@@ -18,6 +18,7 @@ StepQuality::StepQuality(double initial_cost, int max_consecutive_nonmonotonic_s
       candidate_cost_(initial_cost) {
 }
 
+// The denominators are promises, positive for a valid step.
 double StepQuality::Evaluate(double cost, double model_decrease) const {
   // A step whose end has no cost is worse than any other.
   if (cost >= std::numeric_limits<double>::max()) {
@@ -30,6 +31,7 @@ double StepQuality::Evaluate(double cost, double model_decrease) const {
 }
 
 void StepQuality::StepAccepted(double cost, double model_decrease) {
+  // Both sums run from the same steps; they differ in where they began.
   current_cost_ = cost;
   decrease_since_candidate_ += model_decrease;
   decrease_since_reference_ += model_decrease;

@@ -37,6 +37,7 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
   int num_solves = 0;
   // After a rejected Dog-Leg step none may be needed: num_solves is then 0.
   const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
+  // The time of everything the strategy does, which for Dog-Leg is more than a solve.
   iteration->step_solver_time_in_seconds = clock.Read() - start;
   Count(num_solves, iteration);
   if (num_solves > 0) {
@@ -55,6 +56,7 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
+  // The model decrease is a pass over J of its own, and decides whether the step is valid.
   const double promise = trial_.FindPromise();
   // NaN is not positive.
   iteration->step_is_valid = promise > 0.0;
@@ -84,6 +86,7 @@ bool StepSolve::GoOnWithout() {
                      std::to_string(options_.max_num_consecutive_invalid_steps).c_str()},
                     &summary_);
   }
+  // More damping, or more regularization, for the next one.
   strategy_->StepIsInvalid();
   return true;
 }
@@ -98,6 +101,7 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
   const Layout& layout = evaluator.layout();
   StepSystem system;
   system.iteration = iteration;
+  // Blocks as the factors have them: unscaled, corrected for the loss.
   for (const Linearization& factors : evaluator.families()) {
     AddBlocksOf(factors, layout, &system);
     system.residuals.push_back(factors.residuals.data());

@@ -23,6 +23,7 @@ void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
 
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy) {
+  // Both kinds of damped steps are one class, both kinds of Dog-Leg another.
   if (*strategy == nullptr || !(*strategy)->Serves(options.strategy)) {
     if (IsDamped(options.strategy)) {
       *strategy = std::make_unique<LevenbergMarquardt>();

@@ -32,6 +32,7 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
+    // Sizes before the list of variables: its length follows from them.
     if (!visit(graph.NumFactors(id)) || !visit(family.residual_size()) ||
         !visit(family.num_slots())) {
       return false;
@@ -51,6 +52,7 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   return true;
 }
 
+// The list is as long as counted, for it stays while the solver does.
 struct Counter {
   bool operator()(std::int32_t /*number*/) {
     ++count;
@@ -63,6 +65,7 @@ struct Counter {
   std::int64_t count = 0;
 };
 
+// Writes what the counter has counted.
 struct Collector {
   bool operator()(std::int32_t number) {
     numbers.push_back(number);

@@ -35,6 +35,7 @@ std::string ToJson(const IterationSummary& iteration) {
 
 namespace internal {
 
+// Shared with other summaries, hence not in the unnamed namespace.
 std::string ToJson(const StageSeconds& seconds) {
   return JsonObject()
       .Add("setup", seconds.setup)
@@ -95,6 +96,7 @@ std::string ToJson(const LineSearchSummary& search) {
 
 }  // namespace
 
+// Ceres's names.
 const char* ToString(Termination termination) {
   switch (termination) {
     case Termination::kConvergence:

@@ -21,6 +21,7 @@ int NumIterations(const Summary& summary) {
   return std::max(0, static_cast<int>(summary.iterations.size()) - 1);
 }
 
+// Two columns: of the whole problem, and of what moves.
 std::string Sizes(const ProblemSizes& sizes) {
   return Formatted("%45s%25s\n", "Problem", "Moving") +
          ReportLine("Variables", sizes.num_variables, sizes.num_moving_variables) +
@@ -53,6 +54,7 @@ std::string Costs(const Summary& summary) {
   return text;
 }
 
+// Stages with the number of their calls where they are counted.
 std::string Seconds(const Summary& summary) {
   const StageSeconds& seconds = summary.seconds;
   const WorkCounts& work = summary.work;
@@ -93,6 +95,7 @@ std::string Summary::FullReport() const {
   }
   text +=
       "\n" + Seconds(*this) + "\n" + internal::ReportTermination(ToString(termination), message);
+  // The last error, and the first step that could not be evaluated, if there were any.
   text += detail.empty() ? "" : "Detail: " + detail + "\n";
   return text + (failed_step.empty() ? "" : "Refused step: " + failed_step + "\n");
 }
