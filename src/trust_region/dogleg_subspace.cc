@@ -11,11 +11,10 @@
 namespace inceres::internal {
 namespace {
 
-// The minimum of the model on the sphere, in a plane (docs/algorithms.md, "Subspace dog-leg";
-// Byrd, Schnabel & Shultz 1988). The multiplier y is a root of a quartic; real parts of all four
-// roots are tried, for rounding may give a double root an imaginary part. Which is best is decided
-// by the model, and whether it is a minimum at all by the angle between −x and the model's
-// gradient.
+// The minimum of the model on the sphere, in a plane (docs/algorithms.md, "Dog-leg"; Byrd,
+// Schnabel & Shultz 1988). The multiplier y is a root of a quartic; real parts of all four roots
+// are tried, for rounding may give a double root an imaginary part. Which is best is decided by
+// the model, and whether it is a minimum at all by the angle between −x and the model's gradient.
 
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
