@@ -6,6 +6,15 @@
 namespace inceres::internal {
 namespace {
 
+// Which frames and landmarks a step moves (docs/algorithms.md, "Lazy steps").
+//
+// The cut-off: with the set D left where it is, and every landmark that sees a moved frame
+// substituted back, the reduced quadratic loses exactly
+//     ½ δ_Dᵀ S' δ_D = ½ Σ_{i∈D} δ_iᵀ S'_ii δ_i + Σ_{i<j∈D} δ_iᵀ S_ij δ_j.
+// The first sum ranks the frames; the second one is why a set of cheap frames can be dear, or the
+// other way round: neighbors that move as one cancel most of each other's diagonal terms. What is
+// left out is postponed only: its gradient stays in b, so that the next step sees it again.
+
 // uᵀ B v for a block with padded rows.
 double Product(int rows, int columns, const double* u, const double* B, const double* v) {
   double sum = 0.0;
@@ -21,6 +30,8 @@ double Product(int rows, int columns, const double* u, const double* B, const do
 
 }  // namespace
 
+// Ranks the candidates by their own gain δ_iᵀ S'_ii δ_i, and finds for each rank what leaving that
+// frame behind as well adds to the cost. One pass over the blocks of the candidates' rows.
 void ActiveSet::RankFrames(const std::vector<double>& frame_step,
                            const std::vector<double>& damping, const IncrementalSchur& schur) {
   const SymmetricBlockRows& S = schur.S();
@@ -36,9 +47,11 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
     const int i = candidates_[at];
     const int offset = schur.FrameOffset(i);
     const double* delta = frame_step.data() + offset;
+    // A free row gains nothing.
     if (S.size_of(i) == 0) {
       continue;
     }
+    // The diagonal block is the last one of its row.
     double gain =
         Product(S.size_of(i), S.size_of(i), delta, S.values(S.row(i).back().offset), delta);
     for (int k = 0; k < S.size_of(i); ++k) {
@@ -46,12 +59,15 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
     }
     gains_[at] = gain;
   }
+  // Equal gains go by row: the set must not depend on how the sort breaks ties.
   std::sort(order_.begin(), order_.end(), [this](std::int32_t a, std::int32_t b) {
     return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b;
   });
   rank_.resize(S.num_rows(), -1);
   costs_.assign(count, 0.0);
   for (int r = 0; r < count; ++r) {
+    // ½ δ_iᵀ S'_ii δ_i here, and below δ_iᵀ S_ij δ_j at the later of the two ranks: only from
+    // there on are both frames left behind.
     rank_[candidates_[order_[r]]] = r;
     costs_[r] = 0.5 * gains_[order_[r]];
   }
@@ -67,6 +83,7 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
       costs_[std::max(rank_[i], rank_[entry.column])] += product;
     }
   }
+  // Back to -1, which costs the candidates only, not all rows.
   for (const std::int32_t i : candidates_) {
     rank_[i] = -1;
   }
@@ -77,6 +94,7 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
 void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<double>& damping,
                        double budget, IncrementalSystem* system) {
   const IncrementalSchur& schur = system->schur();
+  // Rows that are free or held have no step.
   const auto move = [&](std::int32_t frame) {
     if (schur.frames()[frame].size > 0 && !schur.frames()[frame].held) {
       frames_.push_back(frame);
@@ -90,6 +108,8 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
   RankFrames(frame_step, damping, schur);
   double undone = 0.0;
   std::size_t left = 0;
+  // The first rank that does not fit ends it, even where one after it would make the sum fall
+  // again.
   while (left < order_.size() && undone + costs_[left] <= budget) {
     undone += costs_[left++];
   }
@@ -105,6 +125,8 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
   const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
   candidates_.clear();
   candidates_.reserve(num_rows);
+  // Without a list everything from first_row on counts as solved anew; with one, both the list and
+  // the loop ascend, so that one pointer follows.
   std::size_t next = 0;
   for (std::int32_t i = 0; i < num_rows; ++i) {
     bool listed = solved.rows == nullptr && i >= solved.first_row;
@@ -112,6 +134,7 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
       listed = true;
       ++next;
     }
+    // Σ_k C_kk δ_k²: the same measure by which the wildfire calls a row unchanged.
     double square = 0.0;
     for (int k = schur.FrameOffset(i); k < schur.FrameOffset(i + 1) && !listed; ++k) {
       square += reduced.weights()[k] * frame_step[k] * frame_step[k];
@@ -129,10 +152,13 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
                        const ReducedSolver::Rows& solved, const Limits& limits,
                        IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
+  // All lists have room for everything from the start: a steady window must not allocate.
   frames_.clear();
   frames_.reserve(schur.frames().size());
   landmarks_.clear();
   landmarks_.reserve(schur.landmarks().size());
+  // The partial step has to gain the whole gain but for the budget; frames that it makes move
+  // carry their neighbors' share, so it is asked first.
   if (limits.remaining_decrease >= 0.0 && partial_step_.IsWorthwhile(schur) &&
       partial_step_.Find(schur, reduced, limits.frame_gain - limits.remaining_decrease)) {
     for (int k = 0; k < partial_step_.num_frames(); ++k) {
@@ -149,10 +175,13 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
       landmarks_.push_back(landmark);
     }
   };
+  // Leaves below a frame that moves must follow, or their residuals would tear off.
   for (const std::int32_t frame : frames_) {
     std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(),
                   visit);
   }
+  // A landmark without a moved frame may still have a gradient of its own, as a new one has. Its
+  // share of the budget keeps the sum of what is left out below the budget.
   const double share = limits.remaining_decrease / std::max(1, schur.structure().num_landmarks());
   const std::vector<std::int32_t>& eager = schur.gains().Above(share);
   std::for_each(eager.begin(), eager.end(), visit);

@@ -8,10 +8,20 @@
 namespace inceres::internal {
 namespace {
 
+// Covariances at the values of now (docs/algorithms.md, "From a live factor"): H x = e by
+// conjugate gradients (Hestenes & Stiefel 1952) with M = H + Λ as it was linearized, eliminated
+// and factored earlier. Where the values have not moved since, M⁻¹H is the identity but for the
+// damping, and a few iterations do. H is never formed; a product is a pass over the Jacobians.
+//
+// The layout of the evaluator has no landmarks, so it counts quads in an order of its own; all
+// vectors here are laid out as the system's padded ones, and quad_of_ translates. Padding stays
+// zero: no Jacobian and no substitution writes there.
+
 // A direction in which H has less than this share of the damped system's curvature is open: at a
 // damping of 1e-8 its variance would be 1e12 times what it is with all else known.
 constexpr double kOpen = 1e-4;
 
+// The graph's layout of the values, with those that the system has now.
 std::vector<double> StateOf(const FactorGraph& graph, const IncrementalSystem& system) {
   std::vector<double> state = graph.state();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -25,6 +35,8 @@ std::vector<double> StateOf(const FactorGraph& graph, const IncrementalSystem& s
 
 }  // namespace
 
+// The evaluator has its own points and Jacobians: the system's cached ones, on which steps rest,
+// stay as they are.
 ExactCovariance::ExactCovariance(const FactorGraph& graph, const IncrementalSystem& system,
                                  const LiveFactor& factor)
     : graph_(graph),
@@ -33,6 +45,7 @@ ExactCovariance::ExactCovariance(const FactorGraph& graph, const IncrementalSyst
       layout_(graph, /*eliminate_landmarks=*/false),
       evaluator_(graph, layout_, system.executor()) {
   evaluator_.points().SetCurrent(StateOf(graph, system));
+  // Both layouts pad each variable to the same number of quads, so that one shift a variable does.
   quad_of_.resize(layout_.quad_offset.back());
   for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
     for (std::int32_t q = layout_.quad_offset[k]; q < layout_.quad_offset[k + 1]; ++q) {
@@ -41,21 +54,27 @@ ExactCovariance::ExactCovariance(const FactorGraph& graph, const IncrementalSyst
   }
 }
 
+// No candidate was evaluated here, so the tangent maps of this point are not known yet.
 Status ExactCovariance::Linearize() {
   double cost = 0.0;
   return evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
 }
 
 // Σ Jᵀ J v over the factors, by the system's quads.
+// Two passes over a factor's entries, J v and then Jᵀ(J v), with J as projected and corrected for
+// its loss.
 ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
   Vector product = Vector::Zero(v.size());
   std::vector<double> J_v;
   for (const Linearization& family : evaluator_.families()) {
     J_v.resize(family.residual_size);
     for (int i = 0; i < family.num_factors; ++i) {
+      // A pass over the slots' blocks, visit(row, entry, its place in the system's vectors): J v
+      // and Jᵀ u are two of these, with the same addressing.
       const auto for_each_entry = [&](const auto& visit) {
         for (int s = 0; s < family.num_slots; ++s) {
           const std::int32_t quad = family.tangent_offsets[family.Entry(i) + s];
+          // A constant has no quad.
           if (quad < 0) {
             continue;
           }
@@ -77,13 +96,18 @@ ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
   return product;
 }
 
+// Preconditioned conjugate gradients from x = 0. On return r = e − H x by its recurrence, which
+// the caller uses.
 Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, Vector* x) {
   Vector z = Vector::Zero(r->size());
   Status status = preconditioner_.Apply(r->data(), z.data());
   Vector p = z;
   double rz = r->dot(z), energy = 0.0;
   x->setZero(r->size());
+  // Each iteration adds α rᵀz to xᵀHx, so `energy` is xᵀHx so far, and rᵀM⁻¹r is about the squared
+  // error in the norm of the energy. Their ratio does not depend on the units of the variables.
   for (int i = 0; status.ok() && rz > tolerance * energy; ++i) {
+    // Not converged is no answer here: a variance too small would pass for a certain one.
     if (i == max_iterations) {
       return Status::Error(StatusCode::kUnavailable,
                            "conjugate gradients have not converged after " + std::to_string(i) +
@@ -91,6 +115,8 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     }
     const Vector H_p = Product(p);
     const double curvature = p.dot(H_p);
+    // pᵀHp against rᵀz, which is zᵀMz with z = M⁻¹r: the share of the damped curvature that H has
+    // there. The negation refuses NaN, too.
     if (!(curvature > kOpen * rz)) {
       return Status::Error(StatusCode::kSingular,
                            "the gauge is free, or the variable is not determined by its factors");
@@ -103,6 +129,7 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     z.setZero();
     status = preconditioner_.Apply(r->data(), z.data());
     const double next = r->dot(z);
+    // The direction of steepest descent in the norm of M, made conjugate to the ones before.
     p = z + next / rz * p;
     rz = next;
   }
@@ -112,6 +139,8 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
 Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double tolerance,
                                 int max_iterations, Eigen::MatrixXd* joint) {
   std::vector<std::ptrdiff_t> places;
+  // Each scalar has its place in the padded vectors, and a variable to be named if it is
+  // undetermined.
   std::vector<VariableId> owners;
   for (const VariableId id : ids) {
     for (int k = 0; k < graph_.TangentSize(id); ++k) {
@@ -122,6 +151,7 @@ Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double toler
   const auto size = static_cast<Eigen::Index>(places.size());
   const std::ptrdiff_t num_entries = std::ptrdiff_t{system_.variables().num_quads()} * kQuad;
   Eigen::MatrixXd X(num_entries, size), R(num_entries, size);
+  // One solve for each scalar of the requested variables.
   for (Eigen::Index c = 0; c < size; ++c) {
     Vector r = Vector::Zero(num_entries), x;
     r[places[c]] = 1.0;
@@ -134,10 +164,13 @@ Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double toler
     X.col(c) = x;
     R.col(c) = r;
   }
+  // Σ_ij = x_iᵀe_j, corrected by x_iᵀr_j: the first-order error of x_j cancels, and what is left
+  // is the product of the errors of x_i and x_j.
   *joint = X.transpose() * R;
   for (Eigen::Index i = 0; i < size; ++i) {
     joint->row(i) += X.row(places[i]);
   }
+  // X and R have errors of their own, so that it is symmetric up to the tolerance only.
   *joint = (0.5 * (*joint + joint->transpose())).eval();
   return Status::Ok();
 }

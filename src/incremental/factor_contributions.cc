@@ -5,10 +5,14 @@
 
 namespace inceres::internal {
 
-// The part of S and b that comes of frames alone, Σ J_cᵀJ_c and −Σ J_cᵀq, factor by factor
-// (docs/algorithms.md, "Incremental Schur complement"). A factor whose Jacobians change has its old
-// rows copied first: both, −A_outᵀA_out + AᵀA, then go through a block of S at once, which reads
-// and writes it once instead of twice, and cancels where little has changed before it is added.
+// J_cᵀJ_c of S and −J_cᵀq of b (docs/algorithms.md, "Incremental Schur complement"): one factor's
+// frames only. Where a factor has a landmark, −Y Yᵀ and −Y z are LandmarkContributions' part.
+//
+// A contribution that is to be taken out must be exactly the one that went in, or rounding is not
+// all that stays behind: hence q and the Jacobians are copied (Keep) before a family linearizes
+// anew, and Replace subtracts the copy and adds the new one in one pass over S. The blocks that a
+// factor's products go to are looked up once and remembered; blocks of S do not move while their
+// frames stay.
 
 void FactorContributions::Connect(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
@@ -19,10 +23,13 @@ void FactorContributions::Connect(FactorRef ref) {
   if (blocks.size() < family.num_places() * num_pairs) {
     blocks.resize(family.num_places() * num_pairs, -1);
   }
+  // Only the first entry tells; the others are written together with it.
   blocks[ref.factor * num_pairs] = -1;
 }
 
 // The frames of a factor with their Jacobians, ascending, into rows_ and rows_of_.
+// Insertion keeps the rows ascending: products fill the lower triangle, so the first frame of a
+// pair must have the larger row. A factor has few frames.
 Contribution FactorContributions::RowsOf(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
   rows_.clear();
@@ -50,6 +57,8 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
   const int num_pairs = num_slots * (num_slots + 1) / 2;
   std::int32_t* blocks = blocks_[ref.family].data() + std::ptrdiff_t{ref.factor} * num_pairs;
   if (blocks[0] < 0) {
+    // The lower triangle of the factor's frames, row by row, as the kernels count. Slots outside
+    // the system have no row, so fewer entries than num_pairs may be in use.
     for (std::size_t r = 0, at = 0; r < rows_of_.size(); ++r) {
       for (std::size_t c = 0; c <= r; ++c, ++at) {
         blocks[at] = sums_.BlockOf(rows_of_[r], rows_of_[c]);
@@ -62,12 +71,16 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
 // In place of the one with q_out if there is one.
 void FactorContributions::AddRows(const Contribution& contribution, const double* q,
                                   const double* q_out, double sign, const std::int32_t* blocks) {
+  // b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up
+  // in the same kernels.
   sums_.AddProducts(contribution, sign, blocks);
   sums_.AddToB(contribution, q, q_out, -sign);
   sums_.AddSquares(contribution, sign);
   sums_.Touch(rows_of_);
 }
 
+// BlocksOf may add blocks to S and move its values, so it comes before the kernels are given
+// pointers.
 void FactorContributions::Add(FactorRef ref, double sign) {
   const Contribution contribution = RowsOf(ref);
   if (contribution.count > 0) {
@@ -77,14 +90,18 @@ void FactorContributions::Add(FactorRef ref, double sign) {
 }
 
 double* FactorContributions::KeepRoom(std::ptrdiff_t count) {
+  // Twice what is needed, for it is followed by others. Growing moves the copies, so that callers
+  // hold offsets and not pointers.
   if (num_kept_ + count > static_cast<std::ptrdiff_t>(kept_.size())) {
     kept_.resize(static_cast<std::size_t>(2 * (num_kept_ + count)));
   }
   double* room = kept_.data() + num_kept_;
+  // Whole quads: each copy begins as well aligned as the first.
   num_kept_ += PadToQuad(static_cast<int>(count));
   return room;
 }
 
+// Even a factor without a frame returns a place: Replace skips it by its count.
 std::ptrdiff_t FactorContributions::Keep(FactorRef ref) {
   const std::ptrdiff_t kept = num_kept_;
   const Contribution contribution = RowsOf(ref);
@@ -104,6 +121,8 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
   if (contribution.count == 0) {
     return;
   }
+  // Rows lie in the order of RowsOf, padded as in the family, and q behind them. The frames of a
+  // factor do not change between Keep and Replace, so the order is the same.
   const double* out = kept_.data() + kept;
   for (BlockRow& row : rows_) {
     row.out = out;
@@ -113,6 +132,8 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
   AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOf(ref));
 }
 
+// For a row that is summed anew (rebuilding, drift). Its column belongs to other rows, which
+// change as well and are marked, but their b and diag(C) stay: those have this factor already.
 void FactorContributions::AddToRow(FactorRef ref, std::int32_t only) {
   const Contribution contribution = RowsOf(ref);
   targets_.clear();

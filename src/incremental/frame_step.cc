@@ -7,31 +7,47 @@
 #include "linear/select_solver.h"
 
 namespace inceres::internal {
+
+// The step of the frames, (S + μ diag C) δ_c = b, kept between iterations (docs/algorithms.md,
+// "Lazy steps"). values_ is the part of δ_c that is still to take: what was applied is subtracted,
+// and b changes by as much, so that rows nothing has reached need no new solution. The solver is
+// told three kinds of change, each once: rows of S since it last factored, entries of b since it
+// last substituted, and a pattern of another version, which it has to analyze. A change of μ
+// touches no block but the whole diagonal, so everything counts as changed then.
+
 namespace {
 
+// One past the last row where nothing has changed.
 int FirstOf(const std::vector<std::int32_t>& ascending_rows, const IncrementalSchur& schur) {
   return ascending_rows.empty() ? schur.S().num_rows() : ascending_rows.front();
 }
 
+// Solvers that do all of it do not count.
 int CountOf(int rows, const IncrementalSchur& schur) {
   return rows == ReducedSolver::Work::kAll ? schur.structure().num_frames() : rows;
 }
 
 }  // namespace
 
+// A solver that can tell ½ bᵀA⁻¹b before the backward substitution is asked for that first; others
+// are not HalfSolves.
 FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor)
     : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory,
                                  PcgOptions(), executor)),
       half_solves_(dynamic_cast<HalfSolves*>(solver_.get())) {
 }
 
+// S and b as they are now, factored with this damping. Counts go to the summary, also after a
+// failure.
 Status FrameStep::Factorize(DampingForm form, double mu, IncrementalSchur* schur,
                             UpdateTrace* trace) {
   if (solver_ == nullptr) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "IncrementalOptions::reduced_solver_factory returned null");
   }
+  // Follows b, weights and damping; the rows of S that the factor has not seen are another list.
   Refresh(form, mu, schur);
+  // Rows at the end begin with a step of zero.
   values_.resize(schur->size(), 0.0);
   schur->changes().TakeUnfactored(&changed_rows_);
   work_ = ReducedSolver::Work();
@@ -47,6 +63,8 @@ Status FrameStep::Factorize(DampingForm form, double mu, IncrementalSchur* schur
   return factored;
 }
 
+// y = L⁻¹b gives ½ ‖y‖²; the changes of b are taken up by that, so Solve is told of later ones
+// only.
 bool FrameStep::FindGain(IncrementalSchur* schur, double* gain) {
   if (half_solves_ == nullptr || schur->size() == 0) {
     return false;
@@ -63,6 +81,8 @@ Status FrameStep::Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* t
   UpdateSummary& summary = trace->summary();
   schur->changes().TakeUnsolved(&changed_rows_);
   const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
+  // values_ goes in as the last solution less what was applied, comes out as the new one; a row
+  // whose change Σ C_kk Δ_k² is no more than `wildfire` is not passed on.
   const Status solved = solver_->Solve(reduced_.b().data(), changed_b,
                                        {reduced_.weights().data(), wildfire}, values_.data());
   work_ = solver_->work();
@@ -72,6 +92,7 @@ Status FrameStep::Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* t
   return solved;
 }
 
+// Nothing of a step is asked for.
 Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur) {
   if (solver_ == nullptr || schur->size() == 0) {
     return Status::Ok();
@@ -82,18 +103,22 @@ Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* s
   return AnalyzeAndFactorize(*schur);
 }
 
+// A factor that failed is none, whatever was there before: HasFactorOf must not offer it.
 Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
   has_factor_ = false;
   const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
   if (analyzed_version_ != schur.S().version()) {
     const Status analyzed = solver_->Analyze(A);
     if (!analyzed.ok()) {
+      // The rows that were taken are lost otherwise: after a failed analysis nothing of them is
+      // factored.
       all_changed_ = true;  // when it is tried again
       return analyzed;
     }
     analyzed_version_ = schur.S().version();
   }
   ReducedSolver::Rows changed{FirstOf(changed_rows_, schur), &changed_rows_};
+  // No list: perhaps all rows from 0 on.
   if (std::exchange(all_changed_, false)) {
     changed = {};
   }
@@ -103,6 +128,7 @@ Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
   return factored;
 }
 
+// A sum in the order of the rows, onto `start`, so that its bits do not depend on who adds.
 double FrameStep::AddGain(double start) const {
   double sum = start;
   for (std::size_t k = 0; k < values_.size(); ++k) {
@@ -111,6 +137,7 @@ double FrameStep::AddGain(double start) const {
   return sum;
 }
 
+// In the variables' own units.
 double FrameStep::Norm() const {
   double squared = 0.0;
   for (const double entry : values_) {
@@ -119,6 +146,7 @@ double FrameStep::Norm() const {
   return std::sqrt(squared);
 }
 
+// ReducedSolver::Solve asks for that: a row whose part of x was applied counts as changed.
 void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
   for (const std::int32_t frame : frames) {

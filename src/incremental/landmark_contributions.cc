@@ -5,11 +5,13 @@
 
 namespace inceres::internal {
 
-// What a landmark takes from S and b by being eliminated (docs/algorithms.md, "Incremental Schur
-// complement"). What goes out is always what went in, the Y and z in memory, whatever its Jacobians
-// are by then: S is a sum of what landmarks have given, and drifts by rounding only.
+// −Y Yᵀ and −Y z of the landmarks in S and b (docs/algorithms.md, "Schur complement"; Y = W
+// U_invᵀ, z = U_inv l). The Y that is in S is the one that blocks_ has, and it is taken out with
+// just those numbers before blocks_ gets others. A new Y changes all blocks between the frames of
+// a separator, so replacing takes one pass over S where taking out and adding would take two.
 
 void LandmarkContributions::Add(std::int32_t landmark, double sign) {
+  // Rows in the order of the separator, which is sorted by row, as the targets are.
   const Contribution contribution = blocks_.Rows(landmark, &rows_);
   sums_.AddProducts(contribution, sign, blocks_.Targets(landmark).data());
   sums_.AddToB(contribution, blocks_.z(landmark), nullptr, sign);
@@ -26,6 +28,7 @@ void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* e
   if (size > static_cast<std::ptrdiff_t>(Y_out_.size())) {
     Y_out_.resize(static_cast<std::size_t>(2 * size));
   }
+  // A copy: Eliminate writes the new Y over the old one.
   std::copy_n(blocks_.Y(landmark), size, Y_out_.data());
   double z_out[kQuad];
   std::copy_n(blocks_.z(landmark), kQuad, z_out);
@@ -34,6 +37,7 @@ void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* e
   Contribution contribution = blocks_.Rows(landmark, &rows_);
   const double* Y = blocks_.Y(landmark);
   for (BlockRow& row : rows_) {
+    // The same layout, so the same distance from the beginning.
     row.out = Y_out_.data() + (row.A - Y);
   }
   contribution.replaces = true;
@@ -50,6 +54,8 @@ void LandmarkContributions::AddPart(std::int32_t landmark, double sign, const Pa
   targets_ = blocks_.Targets(landmark);
   std::size_t at = 0;
   for (int r = 0; r < contribution.count; ++r) {
+    // Whether a block belongs to the part is a question about both its rows; the outer one is
+    // answered once a row.
     const auto is_in = part(frames[r]);
     for (int c = 0; c <= r; ++c, ++at) {
       targets_[at] = is_in(frames[c]) ? targets_[at] : -1;
@@ -63,12 +69,15 @@ void LandmarkContributions::AddPart(std::int32_t landmark, double sign, const Pa
   sums_.AddProducts(contribution, sign, targets_.data());
 }
 
+// Both rows inside: of a new frame's own system, whatever else the landmark sees is held.
 void LandmarkContributions::AddWithin(std::int32_t landmark, double sign, const IndexSet& rows) {
   AddPart(landmark, sign, [&rows](std::int32_t r) {
     return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); };
   });
 }
 
+// Either row: the whole row and its column. Of b only that row's entries, but all rows have
+// another block.
 void LandmarkContributions::AddAcross(std::int32_t landmark, double sign, std::int32_t row) {
   AddPart(landmark, sign, [row](std::int32_t r) {
     return [row, in = r == row](std::int32_t c) { return in || c == row; };

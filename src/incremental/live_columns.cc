@@ -6,26 +6,38 @@
 namespace inceres::internal {
 namespace {
 
+// V of docs/algorithms.md, "From a live factor": cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark]
+// (P + λD)⁻¹ with V = E_a of a frame and −Y U_inv of a landmark. V has entries in the rows of few
+// frames, so only these are stored, as one dense block with the list of its rows. The
+// preconditioner is the same elimination run as a solver: forwards through the landmarks, S by its
+// factor, and back. It reads what the system has, changes nothing of it, and may be used while
+// others read as well.
+
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Block = Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>;
 
 // L⁻¹ of a landmark's P + λD.
 Block InverseRootOf(const IncrementalSchur& schur, int landmark) {
+  // Rows are kQuad apart whatever the landmark's size; the lower triangle is L⁻¹, and above it is
+  // zero.
   const int size = schur.landmarks()[landmark].size;
   return {schur.blocks().UInv(landmark), size, size, Eigen::OuterStride<>(kQuad)};
 }
 
 // Yᵀ of one of its frames: rows of the landmark, columns of the frame.
+// Y is stored as landmark-size rows of padded frame-size entries, as LandmarkIncidences has it.
 Block YTransposed(const BlockRow& row, int landmark_size) {
   return {row.A, landmark_size, row.size, Eigen::OuterStride<>(row.quads * kQuad)};
 }
 
+// Free places, constants and undetermined landmarks have no Y in S.
 bool CountsInS(const IncrementalSchur& schur, int landmark) {
   return schur.landmarks()[landmark].id >= 0 && schur.IsInS(landmark);
 }
 
 }  // namespace
 
+// One more than rows: the total.
 std::vector<int> OffsetsOfRows(const IncrementalSchur& schur) {
   const int num_rows = schur.S().num_rows();
   std::vector<int> offsets(static_cast<std::size_t>(num_rows) + 1);
@@ -38,14 +50,17 @@ std::vector<int> OffsetsOfRows(const IncrementalSchur& schur) {
 LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<VariableId>& ids)
     : system_(system), ids_(ids) {
   const IncrementalSchur& schur = system.schur();
+  // Columns in the order of the request, as wide as the variables' tangent spaces.
   for (const VariableId id : ids) {
     const int frame = system.FrameOf(id);
     offsets_.push_back(offsets_.back() + (frame >= 0
                                               ? schur.frames()[frame].size
                                               : schur.landmarks()[system.LandmarkOf(id)].size));
   }
+  // First which rows V has, then their places: landmarks share frames, and V is dense in the rows.
   ListRows();
   V_.values.setZero(V_.begin.back(), offsets_.back());
+  // SparseColumns has one begin a row; the total was only needed for the size.
   V_.begin.pop_back();
   for (std::size_t k = 0; k < ids.size(); ++k) {
     const int frame = system.FrameOf(ids[k]);
@@ -53,6 +68,7 @@ LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<Vari
       FillLandmark(system.LandmarkOf(ids[k]), offsets_[k]);
       continue;
     }
+    // V_.rows ascends: the row's place is found by bisection.
     const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
     V_.values
         .block(V_.begin[at], offsets_[k], schur.frames()[frame].size, schur.frames()[frame].size)
@@ -60,6 +76,7 @@ LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<Vari
   }
 }
 
+// Rows of the frames themselves, and of the frames that requested landmarks are seen from.
 void LiveColumns::ListRows() {
   const IncrementalSchur& schur = system_.schur();
   for (const VariableId id : ids_) {
@@ -73,18 +90,21 @@ void LiveColumns::ListRows() {
   }
   std::sort(V_.rows.begin(), V_.rows.end());
   V_.rows.erase(std::unique(V_.rows.begin(), V_.rows.end()), V_.rows.end());
+  // Packed within V: rows of S that V does not have take no room.
   V_.begin.assign(1, 0);
   for (const int row : V_.rows) {
     V_.begin.push_back(V_.begin.back() + schur.frames()[row].size);
   }
 }
 
+// A held frame has covariance zero: its row of S is a unit row.
 void LiveColumns::AddRow(int row) {
   if (!system_.schur().frames()[row].held) {
     V_.rows.push_back(row);
   }
 }
 
+// −Y U_inv, row by row of the landmark's separator.
 void LiveColumns::FillLandmark(int landmark, int column) {
   const IncrementalSchur& schur = system_.schur();
   const int size = schur.landmarks()[landmark].size;
@@ -96,16 +116,19 @@ void LiveColumns::FillLandmark(int landmark, int column) {
       continue;
     }
     const auto at = std::lower_bound(V_.rows.begin(), V_.rows.end(), frame) - V_.rows.begin();
+    // −(Yᵀ)ᵀ U_inv = −W (P + λD)⁻¹.
     V_.values.block(V_.begin[at], column, rows[r].size, size) =
         -YTransposed(rows[r], size).transpose() * InverseRootOf(schur, landmark);
   }
 }
 
+// What a landmark has of its own, with all frames known.
 void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
   for (std::size_t k = 0; k < ids_.size(); ++k) {
     const int landmark = system_.LandmarkOf(ids_[k]);
     if (landmark >= 0) {
       const Block U_inv = InverseRootOf(system_.schur(), landmark);
+      // U_invᵀ U_inv = (L Lᵀ)⁻¹.
       product->block(offsets_[k], offsets_[k], U_inv.rows(), U_inv.rows()) +=
           U_inv.transpose() * U_inv;
     }
@@ -115,11 +138,13 @@ void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
 // x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
 Status LivePreconditioner::Apply(const double* r, double* x) const {
   const IncrementalSchur& schur = system_.schur();
+  // One lambda for both constant and mutable vectors.
   const auto segment = [](auto* vector, std::int32_t quad, int size) {
     using Vector = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(vector)>>,
                                       const Eigen::VectorXd, Eigen::VectorXd>;
     return Eigen::Map<Vector>(vector + std::ptrdiff_t{quad} * kQuad, size);
   };
+  // b is formed in a copy of r, padded as r is; only frames' entries of it change.
   std::vector<double> padded(r, r + std::ptrdiff_t{system_.variables().num_quads()} * kQuad);
   std::vector<BlockRow> rows;
   const int num_landmarks = static_cast<int>(schur.landmarks().size());
@@ -127,6 +152,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
     if (CountsInS(schur, l)) {
       const auto& landmark = schur.landmarks()[l];
       const Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
+      // Forwards: r_c − Y U_inv r_l, landmark by landmark.
       schur.blocks().Rows(l, &rows);
       for (const BlockRow& row : rows) {
         segment(padded.data(), row.frame, row.size) -=
@@ -134,7 +160,9 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
       }
     }
   }
+  // Packed as S is; a row that is free has no scalars there.
   std::vector<double> b(offsets_.back(), 0.0), solution(offsets_.back(), 0.0);
+  // Held frames get b = 0 and a unit row, and their step is left at what the caller zeroed.
   for (std::size_t f = 0; f < schur.frames().size(); ++f) {
     const auto& frame = schur.frames()[f];
     if (frame.id >= 0 && !frame.held) {
@@ -151,6 +179,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
                   x + std::ptrdiff_t{frame.quad} * kQuad);
     }
   }
+  // Backwards with the frames' solution in x: every landmark by itself, in any order.
   for (int l = 0; l < num_landmarks; ++l) {
     if (CountsInS(schur, l)) {
       const auto& landmark = schur.landmarks()[l];
@@ -160,6 +189,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
         u -= YTransposed(row, landmark.size) *
              segment(static_cast<const double*>(x), row.frame, row.size);
       }
+      // Writes the landmark's part last: rows of frames in x are only read from here on.
       segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
     }
   }

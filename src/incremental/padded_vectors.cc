@@ -3,6 +3,13 @@
 #include <cmath>
 
 namespace inceres::internal {
+
+// Vectors that are kept by adding and subtracting (docs/algorithms.md, "Incremental Schur
+// complement"). What was subtracted leaves ε times the largest value the entry has had, and no
+// later change takes that away. So each entry of C and b has its peak since its row was summed;
+// where the present value has fallen far below it the row's digits are gone, and it is summed anew
+// from the cached Jacobians.
+
 namespace {
 
 // How far a diagonal entry of C may fall below its peak before its row is summed anew. Rounding
@@ -11,6 +18,7 @@ constexpr double kDriftRatio = 1e4;
 
 }  // namespace
 
+// The place may have belonged to another variable.
 void PaddedVectors::MakeRoom(std::int32_t quad, int size) {
   const std::size_t end = static_cast<std::size_t>(quad) * kQuad + PadToQuad(size);
   if (end > rhs_.size()) {
@@ -18,6 +26,7 @@ void PaddedVectors::MakeRoom(std::int32_t quad, int size) {
       padded->resize(end, 0.0);
     }
   }
+  // A change under trial would be added to the new variable's right-hand side.
   DropChange(quad, size);
   Zero(quad, size);
 }
@@ -28,6 +37,7 @@ void PaddedVectors::Zero(std::int32_t quad, int size) {
   }
 }
 
+// Accepted: the change becomes part of the right-hand side, and the trial's place is clean again.
 void PaddedVectors::TakeChange(std::int32_t quad, int size) {
   double* change = change_.data() + First(quad);
   double* entries = rhs(quad);
@@ -41,6 +51,9 @@ void PaddedVectors::TakeChange(std::int32_t quad, int size) {
 bool PaddedVectors::HasDrifted(std::int32_t quad, int size, double cost) {
   bool drifted = false;
   for (std::ptrdiff_t k = First(quad); k < First(quad) + size; ++k) {
+    // Diagonal entries are sums of squares: they cannot cancel but by removal. b has both signs
+    // and is small at a minimum by itself, so it is held against what Jᵀf can be at most, ‖J_k‖
+    // ‖f‖ = √(C_kk · 2 cost).
     b_peak_[k] = std::max(b_peak_[k], std::fabs(rhs_[k]));
     drifted = drifted || C_peak_[k] > kDriftRatio * C_diagonal_[k] ||
               b_peak_[k] > kDriftRatio * std::sqrt(2.0 * cost * C_diagonal_[k]);

@@ -5,6 +5,14 @@
 #include <limits>
 #include <utility>
 
+// When Marquardt's rule has come to its end without convergence by the model (docs/algorithms.md,
+// "One-time solves and exact windows", verdicts). Two counts run side by side. costs_ has the cost
+// after each of the last taken steps: if those together bring next to nothing, a proof begins,
+// from a small damping anew, and only if that does not help either is the end proven.
+// num_since_gain_ counts all iterations, refused ones too, since the cost last fell noticeably:
+// when damping has gone through all lengths of steps in vain, that is the end by refusals, unless
+// little damping was never tried.
+
 namespace inceres::internal {
 namespace {
 
@@ -23,15 +31,19 @@ double Stagnation::TakeRestartRadius() {
   return std::exchange(restart_radius_, 0.0);
 }
 
+// A stall comes first: it may end a proof under way, too.
 Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double cost,
                                       double tolerance, double radius) {
   if (IsStalled(iteration, cost, tolerance, radius)) {
+    // Since the last gain steps were tried from little damping on, and all lengths after them.
     if (widest_ >= tuning_.proof_radius) {
       return Verdict::kRefusals;
     }
+    // They were not: the descent goes on from there before it may end.
     num_since_gain_ = 0;
     restart_radius_ = tuning_.proof_radius;
   }
+  // Refused steps say nothing of what steps gain, and neither do those cut short.
   if (!iteration.step_is_successful || iteration.step_share < kLargeShare) {
     return Verdict::kGoOn;
   }
@@ -46,6 +58,8 @@ Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double 
 bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, double tolerance,
                            double radius) {
   ++num_since_gain_;
+  // The widest radius since the last gain. A gain also forgets it: what was tried before it was
+  // tried elsewhere.
   widest_ = std::max(widest_, radius);
   if (gained_from_ - cost > tuning_.stall_gain * tolerance) {
     num_since_gain_ = 0;
@@ -57,6 +71,8 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
 
 // Whether more damping leads nowhere.
 bool Stagnation::IsAtLeastRadius(const IterationSummary& iteration) const {
+  // At a border, steps are cut or their end cannot be evaluated; damping turns them only, and
+  // shorter steps than these have been tried by the cut.
   const bool at_border =
       iteration.step_share < kLargeShare ||
       (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
@@ -64,6 +80,8 @@ bool Stagnation::IsAtLeastRadius(const IterationSummary& iteration) const {
 }
 
 double Stagnation::GainOf(const IterationSummary& iteration) const {
+  // Hardly damped, a step goes down a flat valley as far as the model wants: more is taken as
+  // nothing there.
   return iteration.trust_region_radius >= tuning_.free_radius ? tuning_.free_stagnation_gain
                                                               : tuning_.stagnation_gain;
 }
@@ -73,18 +91,22 @@ double Stagnation::GainOf(const IterationSummary& iteration) const {
 bool Stagnation::Brought(int num_steps, double tolerances, const IterationSummary& last,
                          double tolerance) const {
   const auto n = static_cast<std::size_t>(num_steps);
+  // Against the sum, and against the last gain times their number: whichever is larger.
   return costs_.size() > n && std::max(costs_[costs_.size() - 1 - n] - costs_.back(),
                                        num_steps * last.cost_change) <= tolerances * tolerance;
 }
 
 void Stagnation::BeginProof(const IterationSummary& iteration, double tolerance) {
+  // Few steps with hardly any gain are as good as many with a small one.
   is_proving_ =
       Brought(tuning_.stagnation, GainOf(iteration), iteration, tolerance) ||
       Brought(tuning_.quick_stagnation, tuning_.quick_stagnation_gain, iteration, tolerance);
   if (is_proving_) {
     restart_radius_ = tuning_.proof_radius;
+    // What the proof brings is measured from here.
     costs_ = {costs_.back()};
   } else if (static_cast<int>(costs_.size()) > tuning_.stagnation) {
+    // Never more than the longest list that is asked for.
     costs_.pop_front();
   }
 }
@@ -94,6 +116,7 @@ bool Stagnation::EndsProof(const IterationSummary& iteration, double tolerance) 
   const bool proven =
       Brought(tuning_.proof_steps, GainOf(iteration), iteration, tolerance) ||
       Brought(tuning_.quick_proof_steps, tuning_.quick_proof_gain, iteration, tolerance);
+  // Until all its steps are taken.
   is_proving_ = proven || static_cast<int>(costs_.size()) <= tuning_.proof_steps;
   return proven;
 }

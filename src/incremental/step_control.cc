@@ -4,6 +4,13 @@
 
 namespace inceres::internal {
 
+// μ and the radius (docs/algorithms.md, "Damping and trust region of incremental mode"). μ follows
+// the gain ratio by the rule of Madsen, Nielsen & Tingleff 2004, with ν for refusals in a row,
+// from one Update to the next. The radius is in the metric D² = diag H and exists only for a while
+// after a refusal: it shortens steps for the price of an evaluation, where a change of μ costs a
+// factorization. What refusals prove is remembered until a step is taken near the floor, for μ far
+// above it hides what weak directions could gain.
+
 StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options, double mu)
     : tuning_(tuning.retreat),
       stop_(tuning.stop),
@@ -13,14 +20,18 @@ StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options
       refused_mu_(options.min_damping) {
 }
 
+// Between the two ratios the radius stays.
 void StepControl::AdaptRadius(double gain_ratio, double norm) {
   if (IsGood(gain_ratio)) {
     radius_ = std::max(radius_, tuning_.radius_growth * norm);
   } else if (gain_ratio < tuning_.poor_ratio) {
+    // Half the length of the step that did badly, not half the radius, which may be infinite.
     radius_ = tuning_.radius_fall * norm;
   }
 }
 
+// A step that was cut again and again without doing well asks for another direction, which damping
+// gives; so the radius goes and μ grows, to be taken back in part by the line below.
 void StepControl::Accept(double gain_ratio, bool shortened) {
   num_shortened_ = shortened ? num_shortened_ + 1 : 0;
   if (num_shortened_ >= tuning_.max_shortened_in_row && !IsGood(gain_ratio)) {
@@ -28,9 +39,11 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
     mu_ *= tuning_.damping_growth;
     num_shortened_ = 0;
   }
+  // μ max(1/3, 1 − (2ϱ − 1)³): falls for ϱ > ½, at most to a third, and grows below.
   mu_ =
       std::max(min_damping_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
+  // Evidence from refusals is void once a step was taken near the floor.
   const bool hard = IsDampedHard();
   relaxed_ = relaxed_ && hard;
   refused_blindly_ = refused_blindly_ && hard;
@@ -41,6 +54,8 @@ bool StepControl::Refuse(double remaining, bool blindly) {
   refused_mu_ = mu_;
   remaining_when_refused_ = remaining;
   refused_blindly_ |= blindly;
+  // Tenfold times ν: from a floor of tiny damping doubling would refuse many steps before one is
+  // turned.
   mu_ *= tuning_.damping_growth * nu_;
   nu_ *= 2.0;
   return mu_ <= max_damping_;
@@ -51,21 +66,26 @@ bool StepControl::RelaxOnce() {
     return false;
   }
   relaxed_ = true;
+  // ν too: refusals before are not to make the first one at the floor count double.
   mu_ = min_damping_;
   nu_ = 2.0;
   return true;
 }
 
 StepControl::Verdict StepControl::JudgeRefusals(double tolerance) {
+  // No statement about a place that could not be evaluated.
   if (refused_blindly_) {
     return Verdict::kUnknown;
   }
+  // Near the floor the model saw little: what is refused with more damping is below the tolerance.
   if (remaining_at_floor_ <= tolerance) {
     return Verdict::kMinimum;
   }
+  // No damping between the last two is left to try, or at the last one nothing was to be had.
   if (remaining_when_refused_ <= tolerance || mu_ <= stop_.fine_damping * refused_mu_) {
     return Verdict::kRefusals;
   }
+  // Halfway in the logarithm, for what lies between has not been tried.
   mu_ = std::sqrt(mu_ * refused_mu_);
   return Verdict::kTryBetween;
 }

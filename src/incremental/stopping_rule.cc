@@ -2,8 +2,15 @@
 
 namespace inceres::internal {
 
+// The tests of docs/algorithms.md, "Stopping rule", in its letters: R is `remaining`, G
+// `landmark_gain`, T = Tolerance(cost), σ T = Allowed(cost), c = landmark_creep_, and the factor s
+// of a claim is `series`. They only say that little is left; whether that is believed (trust
+// rules) is the minimizer's business.
+
 bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                                 bool mostly_new) {
+  // From the test that needs no history to the one that needs most. An Update that is mostly new
+  // has no steps yet that tell of the next, but it may stagnate.
   return remaining + (landmark_creep_ - 1.0) * landmark_gain <= Allowed(cost) ||
          (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
                           HasBeenClaimed(remaining, landmark_gain, cost))) ||
@@ -14,15 +21,19 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
 // promised, and what is promised has fallen by a factor since. Steps like that go on to gain the
 // sum of a geometric series. Landmarks that creep are counted more than once.
 bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, double cost) {
+  // Zero: no step was taken in this Update, or it was shortened and promised something else.
   if (!(last_remaining_ > 0.0)) {
     return false;
   }
   const double factor = remaining / last_remaining_;
   const double landmarks = std::max(tuning_.creeping_landmarks, landmark_creep_) * landmark_gain;
+  // R / (1 − φ) times what the last step gained over its promise. Of a negative result, φ ≥ 1, no
+  // use is made: the test of φ fails first.
   const double series = std::max(1.0, last_gain_ratio_) / (1.0 - factor);
   const bool little = factor < tuning_.steady_factor &&
                       series * remaining + landmarks <= tuning_.rest_share * Tolerance(cost);
   if (little) {
+    // Remembered for the next Update, and forgotten with the next step.
     claim_ = {remaining, series};
   }
   return little;
@@ -31,6 +42,8 @@ bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, d
 // Of the old rest it is known what steps make of it; what has come since is held against what may
 // be left without a step.
 bool StoppingRule::HasBeenClaimed(double remaining, double landmark_gain, double cost) const {
+  // The part of R that was there before weighs as in the series' test, what is above it as in the
+  // first one; together they may use up one allowance.
   const double old = std::min(remaining, claim_.remaining);
   return claim_.remaining > 0.0 && landmark_gain == 0.0 &&
          claim_.series * old / (tuning_.rest_share * Tolerance(cost)) +
@@ -40,6 +53,7 @@ bool StoppingRule::HasBeenClaimed(double remaining, double landmark_gain, double
 
 // Whether the last so many iterations have brought less than the tolerance together.
 bool StoppingRule::HasStagnated(double cost, int iteration) {
+  // Iterations since the last check; a check that fails begins the count anew.
   if (iteration < checked_iteration_ + tuning_.stagnation) {
     return false;
   }

@@ -5,6 +5,11 @@
 #include <cstdlib>
 #endif
 
+// Names of the thresholds, for the ablation (docs/tuning.md) and tests: one list serves both, so a
+// threshold that is missing here cannot be studied. INCERES_TUNING is read only where the library
+// was configured with INCERES_TUNING_FROM_ENVIRONMENT, at the first call of TuningOfNewSolvers; it
+// says "name=value,name=value".
+
 namespace inceres::internal {
 namespace {
 
@@ -15,6 +20,7 @@ namespace {
   std::exit(2);
 }
 
+// A setting without '=' fits no name.
 void Set(const std::string& setting, Tuning* tuning) {
   const std::size_t equals = setting.find('=');
   for (const NamedThreshold& threshold : NamedThresholds(tuning)) {
@@ -22,6 +28,7 @@ void Set(const std::string& setting, Tuning* tuning) {
       continue;
     }
     char* end = nullptr;
+    // The whole rest must be a number.
     const double value = std::strtod(setting.c_str() + equals + 1, &end);
     if (end == setting.c_str() + equals + 1 || *end != '\0') {
       Refuse(setting);
@@ -36,6 +43,7 @@ void Set(const std::string& setting, Tuning* tuning) {
   Refuse(setting);
 }
 
+// Settings are taken one after the other: the last one of a name counts.
 Tuning FirstTuning() {
   Tuning tuning;
   const char* settings = std::getenv("INCERES_TUNING");
@@ -48,6 +56,7 @@ Tuning FirstTuning() {
   return tuning;
 }
 #else
+// Without the ablation the environment is not read at all.
 Tuning FirstTuning() {
   return Tuning();
 }
@@ -55,8 +64,10 @@ Tuning FirstTuning() {
 
 }  // namespace
 
+// Pointers into the caller's Tuning: a write through them is what changes it.
 std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   std::vector<NamedThreshold> all;
+  // A threshold is a real number or a count; the other pointer is null.
   const auto real = [&](const char* name, double* value) { all.push_back({name, value, nullptr}); };
   const auto count = [&](const char* name, int* value) { all.push_back({name, nullptr, value}); };
   real("stop.share", &tuning->stop.share);
@@ -131,6 +142,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   return all;
 }
 
+// Made at the first call, and after that as the caller leaves it.
 Tuning& TuningOfNewSolvers() {
   static Tuning tuning = FirstTuning();
   return tuning;

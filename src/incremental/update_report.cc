@@ -8,6 +8,10 @@
 
 namespace inceres {
 
+// Texts of an Update: the progress table, one line an iteration, and the reports. A '-' after the
+// name of a step marks one that was not accepted; the cost of its line is that of the state it has
+// left in place.
+
 using internal::Formatted;
 using internal::ReportLine;
 using internal::ReportSeconds;
@@ -18,6 +22,7 @@ std::string UpdateProgressHeading() {
 }
 
 std::string ProgressRow(const UpdateIteration& row) {
+  // The blank flag leaves room for a sign, so that columns stay where they are.
   return Formatted(
       "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8d   % 3.2e   % 3.2e",
       row.iteration, ToString(row.step), row.step_is_successful ? ' ' : '-', row.cost,
@@ -28,6 +33,7 @@ std::string ProgressRow(const UpdateIteration& row) {
 
 namespace {
 
+// What the Update did, by counts: steps first, then the work behind them.
 std::string Work(const UpdateSummary& summary) {
   std::string text = ReportLine("Iterations", summary.num_iterations) +
                      ReportLine("Of the batch solver", summary.num_batch_iterations) +
@@ -40,6 +46,7 @@ std::string Work(const UpdateSummary& summary) {
                      ReportLine("Solved rows", summary.num_solved_rows) +
                      ReportLine("Moved frames", summary.num_moved_frames) +
                      ReportLine("Visited landmarks", summary.num_visited_landmarks);
+  // No line where there are none.
   if (summary.num_undetermined_landmarks > 0) {
     text += ReportLine("Undetermined landmarks", summary.num_undetermined_landmarks);
   }
@@ -59,6 +66,7 @@ std::string Seconds(const UpdateSummary& summary) {
 
 }  // namespace
 
+// One line, for logs: an Update a frame makes many of them.
 std::string UpdateSummary::BriefReport() const {
   return Formatted(
       "inceres Update: Iterations: %d (%d batch), Initial cost: %e, Final cost: %e, "
@@ -74,6 +82,7 @@ std::string UpdateSummary::FullReport() const {
           ReportLine("Left undone", remaining_decrease) + "\n";
   text += Work(*this) + "\n" + Seconds(*this) + "\n" +
           internal::ReportTermination(ToString(termination), message);
+  // A refused step is told even where the Update went on and converged.
   return text + (failed_step.empty() ? "" : "Refused step: " + failed_step + "\n");
 }
 

@@ -9,6 +9,19 @@
 namespace inceres::internal {
 namespace {
 
+// Residuals, Jacobians and costs of all factors (docs/algorithms.md, "Linearization";
+// docs/ceres_contract.md, "Evaluation").
+//
+// Tasks are chunks of factors of one family. A chunk's parameters are one table of pointers into
+// the two states; which of the two they point to is a flag of the chunk, and only chunks whose
+// flag is wrong are walked. Accepting a candidate swaps the states and flips the flags, so no
+// pointer is touched.
+//
+// The bits do not depend on the number of threads: a cost is summed over groups of kSumSize
+// factors, each group by one task, and the groups in their order. Chunks are multiples of these
+// groups. The failure that is reported is that of the first chunk that fails, whoever met it
+// first.
+
 // factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
 constexpr int kChunkSize = 256;
 constexpr int kSumSize = 16;       // factors per sum of costs; chunks are so many or a multiple
@@ -26,17 +39,20 @@ bool BorrowsValues(const FactorGraph& graph) {
 
 // Of the factors from begin to end, at the point where they were evaluated; robustifies them if
 // with Jacobians.
+// The order within a group is that of the factors.
 double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
                 Linearization* family_cache) {
   Linearization& cache = *family_cache;
   const FactorGraph& graph = *cache.graph;
   double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
   const int rows = cache.residual_size;
+  // One pass over the residuals, as the sum of squares needs no loss.
   if (!graph.HasLosses(cache.id)) {
     return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows,
                      static_cast<std::ptrdiff_t>(end - begin) * rows);
   }
   const auto num_slots = static_cast<int>(cache.slots.size());
+  // Whole rows have one slot with offset 0 for all factors.
   const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
   double cost = 0.0;
   for (int i = begin; i < end; ++i) {
@@ -71,29 +87,38 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
 // end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
 void Evaluator::BuildChunks(FamilyId id) {
   const int num_factors = families_[id].num_factors;
+  // Costly families (user code) are cut finer where there are threads to share them.
   const int task_size = executor_.num_threads() > 1 ? families_[id].family->TaskSize() : kChunkSize;
+  // Up to a multiple of kSumSize, so that a group never belongs to two chunks.
   const int chunk_size =
       (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
   const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
+    // Cut at multiples of chunk_size from the family's beginning, so that a free place shifts no
+    // later cut.
     int end = std::min((begin / chunk_size + 1) * chunk_size, num_factors);
     for (int i = begin; gaps && i < end; ++i) {
       end = graph_->HasFactor(id, i) ? end : i;
     }
     if (end > begin) {
+      // Where a chunk begins or ends at a free place its first or last group has fewer factors.
       chunks_.push_back({id, begin, end, static_cast<int>(sums_.size())});
       sums_.resize(sums_.size() +
                    static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
     }
+    // A free place ends a chunk and is passed over.
     begin = std::max(end, begin + 1);
   }
 }
 
+// Same structure, so chunks, tables and offsets stay; what is rebound is what a graph owns:
+// families, losses, pins, and values that lie elsewhere.
 void Evaluator::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
   points_.Rebind(graph);
   // Without borrowed values all parameters are where they were: in the two states, at offsets of
   // the structure.
+  // With borrowed values all parameters are found anew, at the current point.
   const bool borrows = BorrowsValues(graph);
   for (Chunk& chunk : chunks_) {
     chunk.at_candidate = chunk.at_candidate && !borrows;
@@ -120,6 +145,7 @@ void Evaluator::BuildFamily(FamilyId id) {
     PlaceWholeRows(layout_, &cache);
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
+  // Entries are independent of each other.
   executor_.For(static_cast<int>(cache.parameters.size()), kEntryGrain, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       // null at a free place
@@ -140,6 +166,7 @@ void Evaluator::BindFamily(FamilyId id) {
   cache.family = &graph_->family(id);
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   cache.pins.clear();
+  // A variable that does not move has no Jacobian that a pin could freeze.
   for (std::size_t k = 0; graph_->HasPins() && k < cache.parameters.size(); ++k) {
     const bool moves = ids[k] >= 0 && layout_.position[ids[k]] >= 0;
     cache.Pin(k, moves ? graph_->PinnedValues(ids[k]) : nullptr);
@@ -153,6 +180,7 @@ void Evaluator::FindAllParameters(FamilyId id) {
 }
 
 // Of all factors of the family, or of none where there is no room for them.
+// Neighboring factors mostly share variables slot by slot, so that the lookup is spared.
 void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id,
                                std::vector<const double*>* parameters) const {
   const int num_slots = graph_->family(id).num_slots();
@@ -185,6 +213,7 @@ void Evaluator::PointTo(bool candidate, Chunk* chunk) {
   const std::uintptr_t size = current.size() * sizeof(double);
   for (std::ptrdiff_t k = cache.Entry(chunk->begin); k < cache.Entry(chunk->end); ++k) {
     const double* const p = cache.parameters[k];
+    // One comparison for both ends of the range: below `from` the difference wraps around.
     if (address(p) - address(from) < size) {
       cache.parameters[k] = to + (p - from);
     }
@@ -198,13 +227,17 @@ void Evaluator::PointToCandidate() {
 }
 
 EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
+  // Jacobians are taken at the current point, costs at the candidate.
   PointTo(!jacobians, chunk);
   Linearization& cache = families_[chunk->family];
   if (jacobians && leaves_out_zero_blocks_) {
+    // Offsets of blocks that the last Jacobians left out come back before the new ones are looked
+    // at.
     PlaceInTangent(layout_, cache.Entry(chunk->begin), cache.Entry(chunk->end), &cache);
   }
   const EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
                                               : cache.EvaluateCandidate(chunk->begin, chunk->end);
+  // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
     double* sum = sums_.data() + chunk->first_sum;
     for (int begin = chunk->begin; begin < chunk->end;) {
@@ -219,6 +252,7 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
   return failure;
 }
 
+// With the values at which it failed, by name.
 Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
                                   const EvaluationFailure& failure) const {
   const Linearization& cache = families_[id];
@@ -230,6 +264,7 @@ Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
 }
 
 // Announces all factors of a family that asks for it.
+// In the order of the chunks, so the list ascends.
 Status Evaluator::Prepare(bool jacobians, FamilyId id) {
   if (!families_[id].family->Prepares()) {
     return Status::Ok();
@@ -248,6 +283,8 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
   return failure.failed() ? DescribeFailure(jacobians, id, failure) : Status::Ok();
 }
 
+// Announcements come first and on one thread: a family that prepares is told everything before any
+// of it is evaluated.
 Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
     const Status status = Prepare(jacobians, id);
@@ -260,10 +297,13 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   if (first_failed >= 0) {
     return DescribeFailure(jacobians, chunks_[first_failed].family, chunk_failures_[first_failed]);
   }
+  // Groups in the order of the graph, on one thread.
   *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
   return Status::Ok();
 }
 
+// PlusJacobian at the candidate comes first, as in Ceres, and a failure there is one of the
+// evaluation.
 Status Evaluator::EvaluateCandidateCost(double* cost) {
   const Status status = points_.ComputeCandidateTangents();
   return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
@@ -274,6 +314,7 @@ void Evaluator::AcceptCandidate() {
   for (Chunk& chunk : chunks_) {
     chunk.at_candidate = !chunk.at_candidate;
   }
+  // Whole rows have a table of pointers for each point, which change roles with the points.
   if (storage_ == JacobianStorage::kWholeRows) {
     for (Linearization& cache : families_) {
       cache.parameters.swap(cache.candidate_parameters);
@@ -281,6 +322,7 @@ void Evaluator::AcceptCandidate() {
   }
 }
 
+// On one thread: expansion points are state of the families.
 int Evaluator::Recenter() {
   int num_changed = 0;
   for (Chunk& chunk : chunks_) {
@@ -297,6 +339,7 @@ int Evaluator::Recenter() {
   return num_changed;
 }
 
+// A known point has been evaluated for its cost: its tangent maps came with that.
 Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
   if (!known_point) {
     Status status = points_.ComputeTangents();

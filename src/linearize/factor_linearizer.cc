@@ -8,21 +8,30 @@
 
 namespace inceres::internal {
 
+// Single factors in the form in which the evaluator has all of them: M at the pin or at the value,
+// J M, then √ρ' (I − α n nᵀ) J and the residual that goes with it. Tangent maps are computed once
+// a variable and kept, since marginalization asks for many factors of the same few variables; the
+// values must stay while this object lives. Tables of a family have room for all places up to the
+// factor's, but Jacobians for one factor only.
+
 FactorLinearizer::FactorLinearizer(const FactorGraph& graph, ValuesOf values,
                                    std::function<bool(VariableId)> wanted)
     : graph_(graph), values_(std::move(values)), wanted_(std::move(wanted)) {
   constant_.kind = TangentMap::Kind::kConstant;
 }
 
+// The address of a map's element stays, so tables may point to it.
 Status FactorLinearizer::MapOf(VariableId id, const TangentMap** map) {
   const auto [found, added] = tangents_.try_emplace(id);
   Tangent& tangent = found->second;
   *map = &tangent.map();
+  // Computed for another factor of the variable.
   if (!added) {
     return Status::Ok();
   }
   tangent.Set(graph_, id, /*wanted=*/true);
   if (tangent.Refresh(graph_, id, values_(id)) != nullptr) {
+    // Not kept: the next factor that asks would take it for computed.
     tangents_.erase(found);
     return Status::Error(
         StatusCode::kEvaluationFailed,
@@ -45,16 +54,19 @@ Status FactorLinearizer::Connect(FactorId id, Linearization* factors) {
     if (!mapped.ok()) {
       return mapped;
     }
+    // Where no Jacobian is wanted a pin has nothing to freeze.
     factors->Connect(static_cast<std::size_t>(factors->Entry(id.index)) + s, values_(variable),
                      wanted ? graph_.PinnedValues(variable) : nullptr, *map);
     offsets_[s] = wanted ? 0 : -1;
     size += wanted ? slots_[s].factor_stride : 0;
   }
+  // Zeroed, padding included: kernels read whole quads.
   jacobians_.assign(static_cast<std::size_t>(size), 0.0);
   double* next = jacobians_.data();
   for (std::size_t s = 0; s < slots_.size(); ++s) {
     slots_[s].data = offsets_[s] < 0 ? nullptr : next;
     next += offsets_[s] < 0 ? 0 : slots_[s].factor_stride;
+    // A stride of 0 from factor to factor, so that every place of the family is this one.
     factors->views[s] = {slots_[s].data, 0, slots_[s].row_stride};
   }
   return Status::Ok();
@@ -72,6 +84,7 @@ Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
                          graph_.DescribeFailure(id.family, failure, factors.Parameters(id.index)));
   }
   double* f = factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size;
+  // The same correction as batch mode with Ceres's options.
   RobustifyFactor(graph_.loss(id.family, id.index), factors.residual_size, factors.num_slots,
                   slots_.data(), 0, offsets_.data(), LossCurvature::kPositive, f);
   *result = {factors.residual_size, f, slots_.data()};

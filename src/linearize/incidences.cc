@@ -6,6 +6,14 @@
 namespace inceres::internal {
 namespace {
 
+// Symbolic elimination (docs/algorithms.md, "Schur complement"): numbers all pairs (landmark,
+// frame) with a common factor, gives each block Y_li its place, and tells each factor where its
+// product goes. Built once for a structure.
+//
+// A target is 2 · place + flag, the flag telling whether the factor adds to the block or is the
+// first one there and overwrites it: so Y never has to be zeroed. Which factor is first follows
+// from the order of the lists, which the kernels walk as well.
+
 // Landmark of each factor through one slot, or -1.
 std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const FactorGraph& graph,
                                                const Layout& layout, int slot, bool* any) {
@@ -23,6 +31,7 @@ std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const
 
 }  // namespace
 
+// First who touches whom, then how blocks are stored, then where: each step needs the one before.
 LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t quads_per_chunk,
                                        bool may_have_tail) {
   const Layout& layout = evaluator.layout();
@@ -39,10 +48,13 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   SetTargets();
 }
 
+// Per family and slot, the factors of each landmark. A slot that holds a landmark in one factor
+// may hold a frame in another.
 void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
   std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
+  // A family that no landmark goes through has no targets at all.
   y_targets_.resize(evaluator.families().size());
   for (const Linearization& cache : evaluator.families()) {
     if (num_landmarks == 0) {
@@ -56,6 +68,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       if (!any) {
         continue;
       }
+      // Counting sort by landmark; the factors of one landmark stay in the family's order.
       targets.resize(cache.num_factors * static_cast<std::size_t>(cache.num_slots), -1);
       std::vector<int> start(num_landmarks + 1, 0);
       for (const int l : landmark) {
@@ -64,6 +77,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
         }
       }
       std::partial_sum(start.begin(), start.end(), start.begin());
+      // The list's memory stays where it is when the outer vector moves: entries point into it.
       std::vector<std::int32_t>& list =
           factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
       std::vector<int> next(start.begin(), start.end() - 1);
@@ -90,6 +104,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       }
     }
   }
+  // One list is sorted by landmark already; of several, a landmark's families must stay in their
+  // order.
   if (factor_lists_.size() > 1) {
     std::stable_sort(found.begin(), found.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -108,15 +124,18 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
+  // One number a frame tells whether it is known to this landmark: no search through a separator.
   std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
   begin.push_back(0);
   for (std::size_t l = 0; l < sizes.size(); ++l) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
       const LandmarkFactors& entry = factors[k];
+      // A family is recognized by the address of its slots.
       const auto owner = std::find_if(
           evaluator.families().begin(), evaluator.families().end(),
           [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
       auto& targets = y_targets_[owner->id];
+      // In the order in which the kernels go through the factors.
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
         for (int s = 0; s < entry.num_slots; ++s) {
@@ -125,6 +144,8 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
             continue;
           }
           int& seen = last_seen[frame];
+          // Incidences are numbered landmark by landmark: a number below this one's first is that
+          // of an earlier landmark.
           const bool known = seen >= begin.back();
           if (!known) {
             seen = static_cast<int>(incidences.size());
@@ -142,6 +163,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   }
 }
 
+// One kind of storage for all of Y, so all frames must have the same size.
 void LandmarkIncidences::ChooseStorage(const Layout& layout, bool may_have_tail) {
   const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
   tail = may_have_tail && MayHaveTail(size) &&
@@ -152,12 +174,16 @@ void LandmarkIncidences::ChooseStorage(const Layout& layout, bool may_have_tail)
   }
 }
 
+// In quads, with the padding.
 int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   const int depth = sizes[landmarks[incidence]];
   const int row_quads = incidences[incidence].quads;
+  // Sizes that may have a tail are one more than whole quads, so that the size follows from the
+  // quads.
   return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
 }
 
+// Cut by the memory that Y takes. At least one chunk, even without landmarks.
 void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
   chunk_begin.assign(1, 0);
   std::int64_t chunk_quads = 0;
@@ -166,6 +192,7 @@ void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
     for (int q = begin[l]; q < begin[l + 1]; ++q) {
       quads += QuadsOfBlock(q);
     }
+    // A landmark that is larger than a chunk has one by itself.
     if (chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) {
       chunk_begin.push_back(l);
       chunk_quads = 0;
@@ -176,12 +203,15 @@ void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
   chunk_begin.push_back(num_landmarks());
 }
 
+// The last chunk that begins at or before the landmark.
 int LandmarkIncidences::ChunkOf(int landmark) const {
   return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) -
                           chunk_begin.begin()) -
          1;
 }
 
+// Blocks of a frame lie together within a chunk, and within these by landmark size: the terms of a
+// block of S that are equally deep then follow each other (FramePlans::SchurSource).
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   frame_begin.assign(layout.num_frames + 1, 0);
   for (const int frame : frames) {
@@ -189,6 +219,7 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
+  // Counting sort once more: `next` is where the frame's next block goes.
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
   for (int chunk = 0; chunk < num_chunks(); ++chunk) {
     const int first = begin[chunk_begin[chunk]];
@@ -201,6 +232,7 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
       }
     }
   }
+  // All chunks begin at 0: they use the same memory one after the other.
   std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
   for (const int q : frame_incidences) {
     std::int64_t& next_quad = chunk_quads[ChunkOf(landmarks[q])];
@@ -209,6 +241,7 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
 }
 
+// From the number of an incidence to its place, the flag kept.
 void LandmarkIncidences::SetTargets() {
   for (auto& targets : y_targets_) {
     for (std::int32_t& target : targets) {

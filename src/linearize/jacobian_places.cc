@@ -4,6 +4,12 @@
 #include <cstdint>
 
 namespace inceres::internal {
+
+// Two layouts of a family's Jacobians (JacobianStorage). By slot: the blocks of one slot one after
+// the other, rows padded to quads, each block with the tangent offset of its variable. Whole rows:
+// a small dense J, one row a residual over all columns, where a family writes its blocks straight
+// into place.
+
 namespace {
 
 // What whole rows serve.
@@ -12,6 +18,7 @@ constexpr std::int64_t kMaxWholeRows = 1024;
 
 }  // namespace
 
+// Small enough, nothing to eliminate, no free places, and all factors of a family alike.
 JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
   std::int64_t num_rows = 0;
   bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
@@ -19,6 +26,8 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
     const std::int64_t num_factors = graph.NumFactors(id);
     num_rows += num_factors * graph.family(id).residual_size();
     whole = num_rows <= kMaxWholeRows && graph.NumFreePlaces(id) == 0;
+    // All factors touch the same variables if each touches those of the one before: the list of
+    // ids compared with itself, shifted by one factor.
     if (whole && num_factors > 1) {
       const VariableId* ids = graph.Variables(id, 0);
       whole = std::equal(ids, ids + (num_factors - 1) * graph.family(id).num_slots(),
@@ -30,6 +39,7 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
 
 void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   cache->storage = JacobianStorage::kWholeRows;
+  // Both points have residuals of their own, and pointers of their own: nothing is rewritten.
   cache->candidate_residuals = ZeroedArray(cache->residuals.size());
   cache->candidate_parameters.resize(cache->parameters.size());
   const int row_stride = PadToQuad(layout.size());
@@ -37,15 +47,18 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   cache->jacobian_values =
       ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
   double* const J = cache->jacobian_values.data();
+  // One slot that is the whole row: passes over J need not know of blocks.
   cache->slots = {{J, factor_stride, row_stride, layout.size()}};
   cache->tangent_offsets = {0};
   for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
+    // A constant has no columns, and nobody writes to its view.
     const int position = layout.position[cache->graph->Variables(cache->id, 0)[s]];
     cache->views[s] = {J + (position < 0 ? 0 : layout.packed_offset[position]), factor_stride,
                        row_stride};
   }
 }
 
+// By entry, so that tasks may share a family.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache) {
   const VariableId* ids = begin < end ? cache->graph->Variables(cache->id, 0) : nullptr;
@@ -55,6 +68,8 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   }
 }
 
+// The whole block with its padding, which is zero. After the correction for the loss, where a
+// weight of zero makes blocks vanish, too.
 void LeaveOutZeroBlocks(int begin, int end, Linearization* cache) {
   const std::size_t num_slots = cache->slots.size();
   for (std::size_t s = 0; s < num_slots; ++s) {

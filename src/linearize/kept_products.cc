@@ -3,11 +3,18 @@
 #include <cstring>
 
 namespace inceres::internal {
+
+// JᵀJ of frozen Jacobians, kept. A linear prior has many rows and a Jacobian that does not change,
+// so its products are dear and always the same. The test is equality of all bits of the family's
+// Jacobians, after the correction for losses; −0 and 0 differ, which costs a product and nothing
+// else.
+
 namespace {
 
 constexpr int kMinRows = 16;  // taller than measurements are, IMU factors included
 constexpr int kMaxFactors = 4;
 
+// By size and number alone: that a family's Jacobian is frozen is found out by comparison.
 bool TakesPart(const Linearization& cache) {
   return cache.residual_size >= kMinRows && cache.num_factors > 0 &&
          cache.num_factors <= kMaxFactors;
@@ -17,6 +24,7 @@ bool TakesPart(const Linearization& cache) {
 
 KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
     : evaluator_(evaluator),
+      // All products are formed once before they can be kept.
       is_stale_(evaluator.families().size(), 1),
       offsets_(plans.hessian.segments.size(), -1) {
   for (const Linearization& cache : evaluator.families()) {
@@ -26,6 +34,7 @@ KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
   }
   J_.resize(families_.size());
   std::ptrdiff_t size = 0;
+  // One place a segment of the plan, of the size of the block it adds to.
   for (std::size_t block = 0; block < plans.block_row.size() && !families_.empty(); ++block) {
     const int rows = plans.pattern.block_size(plans.block_row[block]);
     const int stride = PadToQuad(plans.pattern.block_size(plans.pattern.columns[block]));
@@ -41,6 +50,7 @@ KeptProducts::KeptProducts(const Evaluator& evaluator, const FramePlans& plans)
   products_.resize(size);
 }
 
+// All factors of a family together: with at most kMaxFactors of them one change is as good as all.
 void KeptProducts::Observe() {
   for (std::size_t k = 0; k < families_.size(); ++k) {
     const ZeroedArray& J = evaluator_.families()[families_[k]].jacobian_values;

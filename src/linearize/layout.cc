@@ -6,7 +6,11 @@
 
 namespace inceres::internal {
 
+// The order of unknowns. Frames by id; landmarks by first appearance among the factors. The order
+// decides the order of all sums over variables, and follows from the graph alone.
+
 Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
+  // Variables that no factor touches take no part, as in Ceres's reduced program.
   std::vector<char> touched(graph.num_variables(), 0);
   std::vector<VariableId> landmarks;
   variables.reserve(graph.num_variables());
@@ -20,7 +24,9 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
       if (id < 0) {
         continue;  // a free place
       }
+      // Constants are marked as touched and have no place.
       char& seen = touched[id];
+      // A constant landmark is none: it has no columns.
       if (seen == 0 && eliminate_landmarks && graph.role(id) == Role::kLandmark &&
           !graph.IsConstant(id)) {
         landmarks.push_back(id);
@@ -28,6 +34,7 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
       seen = 1;
     }
   }
+  // Without elimination landmarks are frames like others, by id.
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     const bool is_frame = !eliminate_landmarks || graph.role(id) == Role::kFrame;
     if (touched[id] != 0 && is_frame && !graph.IsConstant(id)) {
@@ -37,6 +44,7 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
   num_frames = static_cast<int>(variables.size());
   variables.insert(variables.end(), landmarks.begin(), landmarks.end());
 
+  // Offsets have one entry more than variables, so that sizes are differences.
   position.assign(graph.num_variables(), -1);
   packed_offset.reserve(variables.size() + 1);
   quad_offset.reserve(variables.size() + 1);
@@ -46,11 +54,14 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
     const int size = graph.TangentSize(variables[i]);
     position[variables[i]] = static_cast<int>(i);
     packed_offset.push_back(packed_offset.back() + size);
+    // Kernels load quads: every variable begins at one.
     quad_offset.push_back(quad_offset.back() + PadToQuad(size) / kQuad);
   }
 }
 
+// Frames come first, so an index below num_frames is one.
 int Layout::FrameOf(VariableId id) const {
+  // No position is −1, below num_frames, and stays −1.
   const int index = Position(id);
   return index < num_frames ? index : -1;
 }
@@ -60,6 +71,7 @@ int Layout::LandmarkOf(VariableId id) const {
   return index >= num_frames ? index - num_frames : -1;
 }
 
+// Padding is not written: the caller's zeros stay.
 void Layout::Pad(const double* packed, double* padded) const {
   for (std::size_t i = 0; i < variables.size(); ++i) {
     const double* from = packed + packed_offset[i];

@@ -3,6 +3,14 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// Memory of one family's linearization and the calls that fill it. Arrays grow by capacity and
+// keep what they have, since incremental mode adds factors to a family whose other Jacobians stay
+// in use; slots, views and tables move together whenever the Jacobians get another place.
+//
+// Pins (first-estimate Jacobians) split a linearization in two: one call with Jacobians at the
+// pinned values, and for factors with a pin another one for the residual where the variables are.
+
 namespace {
 
 // `used` of the old values stay.
@@ -14,6 +22,7 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
 
 }  // namespace
 
+// Sizes only; memory comes with the factors. Data pointers stay null until Grow.
 Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
     : graph(&owner),
       family(&owner.family(family_id)),
@@ -22,6 +31,7 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
       num_slots(family->num_slots()),
       slots(num_slots),
       views(num_slots) {
+  // Blocks are padded to quads in each row; the padding is zero from the start and stays so.
   for (int s = 0; s < num_slots; ++s) {
     const int columns = family->slot(s).tangent_size;
     slots[s] = {nullptr, std::ptrdiff_t{residual_size} * PadToQuad(columns), PadToQuad(columns),
@@ -29,20 +39,24 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
   }
 }
 
+// The tables alone, without room for Jacobians and candidates.
 void Linearization::GrowTables(int num_places) {
   num_factors = num_places;
   const std::size_t num_entries = static_cast<std::size_t>(num_places) * num_slots;
   parameters.resize(num_entries);
   tangent_maps.resize(num_entries);
+  // Empty without any pin, which is the usual case and then costs nothing.
   pins.resize(pins.empty() ? 0 : num_entries);
   jacobian_parameters_.resize(pins.size());
   const std::size_t num_residuals =
       static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
+  // At least doubled: factors come a few at a time.
   if (num_residuals > residuals.size()) {
     Enlarge(std::max(num_residuals, 2 * residuals.size()), residuals.size(), &residuals);
   }
 }
 
+// Kept values move to the new place; new ones are zero.
 void Linearization::Grow(int num_places, int new_capacity) {
   const int before = num_factors;
   if (new_capacity > capacity) {
@@ -51,6 +65,8 @@ void Linearization::Grow(int num_places, int new_capacity) {
     for (const SlotJacobians& slot : slots) {
       size += slot.factor_stride;
     }
+    // All slots in one array, each with room for `capacity` factors: with more room all of them
+    // move.
     ZeroedArray J(static_cast<std::size_t>(size) * capacity);
     double* next = J.data();
     for (int s = 0; s < num_slots; ++s) {
@@ -65,6 +81,7 @@ void Linearization::Grow(int num_places, int new_capacity) {
             static_cast<std::size_t>(before) * residual_size, &candidate_residuals);
   }
   GrowTables(num_places);
+  // -1: no block until it is connected.
   tangent_offsets.resize(parameters.size(), -1);
 }
 
@@ -75,21 +92,25 @@ void Linearization::Connect(std::size_t entry, const double* x, const double* pi
   Pin(entry, pinned);
 }
 
+// The column of pins appears with the first one.
 void Linearization::Pin(std::size_t entry, const double* pinned) {
   if (pinned != nullptr && pins.empty()) {
     pins.resize(parameters.size(), nullptr);
     jacobian_parameters_.resize(pins.size());
   }
+  // Without any pin an entry that has none needs no column.
   if (!pins.empty()) {
     pins[entry] = pinned;
   }
 }
 
+// One pinned variable is enough: the residual there was taken at the pinned value.
 bool Linearization::IsPinned(int factor) const {
   const auto first = pins.begin() + Entry(factor);
   return std::any_of(first, first + num_slots, [](const double* pin) { return pin != nullptr; });
 }
 
+// Without Jacobians tangent maps are not needed.
 FactorBatch Linearization::CandidateBatch(int begin, int end) {
   FactorBatch batch;
   batch.begin = begin;
@@ -99,6 +120,7 @@ FactorBatch Linearization::CandidateBatch(int begin, int end) {
   return batch;
 }
 
+// All places of the family; begin and end say which of them are evaluated.
 FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   FactorBatch batch;
   batch.begin = begin;
@@ -113,10 +135,12 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
 EvaluationFailure Linearization::Linearize(int begin, int end) {
   FactorBatch batch = LinearizationBatch(begin, end);
   batch.prepared = prepared_;
+  // Families without a pin take one call.
   return pins.empty() ? family->Evaluate(batch) : LinearizePinned(batch);
 }
 
 // With pins two evaluations at two points follow: neither is announced.
+// A family may prepare once for all factors of a pass; what it is told must be what is then asked.
 EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::int32_t>& factors) {
   prepared_ = false;
   if (!family->Prepares() || factors.empty() || (jacobians && !pins.empty())) {
@@ -131,6 +155,8 @@ EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::
 }
 
 // Jacobians at the pinned values, then residuals where the variables are.
+// Residuals at the pinned values are written as well, and those of factors without a pin are
+// right.
 EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   for (std::ptrdiff_t entry = Entry(batch.begin); entry < Entry(batch.end); ++entry) {
     jacobian_parameters_[entry] = pins[entry] != nullptr ? pins[entry] : parameters[entry];
@@ -138,6 +164,7 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   batch.parameters = jacobian_parameters_.data();
   EvaluationFailure failure = family->Evaluate(batch);
   batch.parameters = parameters.data();
+  // Residuals only, factor by factor where a pin has misplaced them.
   batch.tangent_maps = nullptr;
   batch.jacobians = nullptr;
   for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {
@@ -150,6 +177,7 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   return failure;
 }
 
+// As the kernels see a range of factors.
 FactorRows Linearization::Rows(int begin, int end) const {
   FactorRows rows;
   rows.begin = begin;

@@ -5,6 +5,13 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// What an evaluator will take, counted before anything is allocated, so that a solve too large for
+// memory is declined at once. Numbers follow the members of Linearization, PointPair and
+// LandmarkIncidences; an estimate to be held against a limit, not an exact count. Indices have 32
+// bits, and targets and places of blocks give one bit to a flag: more than that cannot be
+// numbered, whatever memory there is.
+
 namespace {
 
 constexpr std::int64_t kInts = std::int64_t{1} << 31;
@@ -21,6 +28,7 @@ constexpr std::int64_t kTarget = sizeof(std::int32_t);
 constexpr std::int64_t kVariable = 64;
 constexpr std::int64_t kPoints = 2;  // current and candidate
 
+// The first factor speaks for its family: its slots have landmarks in all of them, mostly.
 bool TouchesLandmarks(const FactorGraph& graph, FamilyId id) {
   const VariableId* ids = graph.NumFactors(id) > 0 ? graph.Variables(id, 0) : nullptr;
   const int num_slots = graph.NumFactors(id) > 0 ? graph.family(id).num_slots() : 0;
@@ -31,6 +39,7 @@ bool TouchesLandmarks(const FactorGraph& graph, FamilyId id) {
 
 }  // namespace
 
+// Counts that are too large throw before anything is taken.
 void CheckCounts(const FamilyCounts& counts) {
   const std::int64_t n = counts.num_factors;
   MemoryBudget::CheckCount(n * counts.num_slots, kFlaggedInts,
@@ -41,6 +50,7 @@ void CheckCounts(const FamilyCounts& counts) {
 }
 
 void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBudget* budget) {
+  // Borrowed values are counted, too.
   std::int64_t values = 0;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
@@ -60,6 +70,7 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBud
       quads += block_quads;
     }
     CheckCounts(counts);
+    // Residuals at both points, Jacobians at one.
     budget->Take(counts.num_factors * (kDouble * (kQuad * quads + kPoints * counts.residual_size) +
                                        kConnection * counts.num_slots),
                  "the Jacobians");

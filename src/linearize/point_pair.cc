@@ -5,9 +5,17 @@
 #include <string>
 
 namespace inceres::internal {
+
+// Current point and candidate. The states are two vectors whose memory never moves, for factors
+// hold pointers into both; accepting swaps what they are called. PlusJacobian is called in the
+// order of ids in the layout, on one thread, for the current point and for a candidate once its
+// cost is asked for, as Ceres does (docs/ceres_contract.md, "Evaluation"); an accepted candidate
+// brings its maps.
+
 namespace {
 
 // A NaN stays one.
+// std::min and std::max return their first argument where nothing compares.
 void Clamp(const VariableBounds& bounds, double* x) {
   for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
     x[k] = std::min(std::max(x[k], bounds.lower[k]), bounds.upper[k]);
@@ -22,17 +30,23 @@ PointPair::PointPair(const FactorGraph& graph, const Layout& layout)
   BuildBounds();
 }
 
+// In place, as all pointers stay good. Tangent maps are those of the old values until they are
+// computed.
 void PointPair::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
   SetCurrent(graph.state());
+  // Both: what does not move is never copied from one to the other.
   std::copy(graph.state().begin(), graph.state().end(), candidate_.begin());
   bounds_.clear();
   BuildBounds();
 }
 
+// curved_ has the variables whose map depends on the point, in the order of the layout, so that
+// PlusJacobian is called in one order.
 void PointPair::BuildTangents() {
   tangents_.resize(graph_->num_variables());
   for (VariableId id = 0; id < graph_->num_variables(); ++id) {
+    // Only variables that move have a map; for others it says "constant".
     tangents_[id].Set(*graph_, id, /*wanted=*/layout_.position[id] >= 0);
   }
   std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),
@@ -42,6 +56,7 @@ void PointPair::BuildTangents() {
 void PointPair::BuildBounds() {
   for (std::size_t i = 0; graph_->HasBounds() && i < layout_.variables.size(); ++i) {
     if (const VariableBounds* bounds = graph_->bounds(layout_.variables[i])) {
+      // The table exists only where there are bounds.
       bounds_.resize(layout_.variables.size());
       bounds_[i] = bounds;
     }
@@ -52,6 +67,7 @@ void PointPair::SetCurrent(const std::vector<double>& state) {
   std::copy(state.begin(), state.end(), current_.begin());  // in place: factors point into it
 }
 
+// Variable by variable; Plus is not concurrent, as Ceres promises for manifolds.
 bool PointPair::MoveCandidate(const double* delta) {
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
@@ -61,6 +77,7 @@ bool PointPair::MoveCandidate(const double* delta) {
     if (!MoveVariable(*graph_, id, x, delta + layout_.packed_offset[i], moved)) {
       return false;
     }
+    // Bounds hold for values, and are applied after Plus, as in Ceres.
     if (IsConstrained() && bounds_[i] != nullptr) {
       Clamp(*bounds_[i], moved);
     }
@@ -68,8 +85,10 @@ bool PointPair::MoveCandidate(const double* delta) {
   return true;
 }
 
+// No value is copied and no pointer changes.
 void PointPair::AcceptCandidate() {
   current_.swap(candidate_);
+  // Others' maps are the identity everywhere.
   for (const VariableId id : curved_) {
     tangents_[id].AcceptCandidate();
   }
@@ -103,6 +122,7 @@ Status PointPair::ComputeCandidateTangents() {
 std::int64_t PointPair::Bytes() const {
   auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
   for (const VariableId id : curved_) {
+    // Two matrices each.
     bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *
                                        graph_->TangentSize(id));
   }

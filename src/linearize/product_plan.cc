@@ -8,12 +8,23 @@
 namespace inceres::internal {
 namespace {
 
+// The symbolic half of all sums of blocks: which products Jᵢᵀ Jⱼ make up C_ij, and which Y_li
+// Y_ljᵀ make up what S_ij loses (docs/algorithms.md, "Schur complement" and "Determinism"). Found
+// once for a structure, it is a list of terms for each block of the lower triangle, each term a
+// pair of places in memory, grouped in segments whose terms have the same source, so one kernel
+// call with fixed sizes does a segment. The order of terms is that of the plan, and a block is
+// summed by one task: so the sum has the same bits for any number of threads.
+//
+// Terms may outnumber everything else in a problem. They are therefore met twice, to be counted
+// and to be written, and are never stored in between; memory is asked for between the two passes.
+
 // The factors that touch each frame through one slot of one family.
 struct SlotAdjacency {
   std::vector<int> begin;  // per frame, one more
   std::vector<std::int32_t> factors;
 };
 
+// Counting sort by frame; factors of one frame stay in ascending order, and with them the terms.
 SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph,
                              const Layout& layout, int slot) {
   const int num_slots = cache.num_slots;
@@ -43,6 +54,8 @@ SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& grap
 
 // The blocks of J that are there, of a family many of whose are left out: by factor, and by the
 // frame they belong to.
+// With dynamic sparsity most slots of a family may be empty, and going through all pairs of its
+// slots would cost their square.
 struct SparseBlocks {
   struct Block {
     int slot;
@@ -62,11 +75,13 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
                               const Layout& layout) {
   const std::ptrdiff_t num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
+  // Both directions are built from one walk: blocks by factor, then places by frame.
   SparseBlocks sparse;
   sparse.factor_begin.push_back(0);
   sparse.frame_begin.assign(layout.num_frames + 1, 0);
   for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
     for (std::ptrdiff_t s = 0; s < num_slots; ++s) {
+      // A block that was left out has no offset; a landmark has no frame.
       const int frame = cache.tangent_offsets[i * num_slots + s] < 0
                             ? -1
                             : layout.FrameOf(ids[i * num_slots + s]);
@@ -90,7 +105,9 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
 }
 
 // How much of a plan falls to one block.
+// A segment ends wherever the source changes, so a source that comes back counts again.
 struct Share {
+  // Called once for each term, in the plan's order.
   void Add(int source) {
     ++num_terms;
     num_segments += last_source != source ? 1 : 0;
@@ -125,6 +142,7 @@ class PlanBuilder {
     for (const Linearization& cache : evaluator.families()) {
       auto& slots = adjacency_.emplace_back();
       auto& sparse = sparse_.emplace_back();
+      // Sources of a family are all ordered pairs of its slots, row slot major.
       first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
       if (cache.num_factors > 0 && evaluator.leaves_out_zero_blocks()) {
         sparse = FindSparseBlocks(cache, evaluator.graph(), layout_);
@@ -138,6 +156,8 @@ class PlanBuilder {
         }
       }
     }
+    // One source a chunk and landmark size: by chunk, because Y of one chunk is in memory at a
+    // time, and by size, because a kernel has one depth.
     for (int chunk = 0; chunk < incidences.num_chunks(); ++chunk) {
       const auto first_source = static_cast<int>(plans->schur_sources.size());
       for (int size = 1; size <= LandmarkIncidences::kMaxLandmarkSize; ++size) {
@@ -149,9 +169,11 @@ class PlanBuilder {
     }
   }
 
+  // Rows of the lower triangle are independent: each block belongs to one row.
   void Build() {
     const int num_frames = layout_.num_frames;
     rows_.resize(num_frames);
+    // At most about kTasks tasks: each has a table over all columns.
     const int grain = std::max(1, num_frames / kTasks);
     const Executor& executor = evaluator_.executor();
     executor.For(num_frames, grain, [this](int begin, int end) { CountRows(begin, end); });
@@ -163,6 +185,8 @@ class PlanBuilder {
   static constexpr int kTasks = 32;
 
   void CountRows(int begin, int end) {
+    // One entry a column, reset by exchange as rows are finished: cleaning costs the row's blocks
+    // only.
     std::vector<CountedBlock> by_column(layout_.num_frames);
     std::vector<int> columns;
     for (int row = begin; row < end; ++row) {
@@ -179,6 +203,7 @@ class PlanBuilder {
           row, [&](int column, int source, ProductTerm) { block(column).hessian.Add(source); });
       ForEachSchurTerm(
           row, [&](int column, int source, ProductTerm) { block(column).schur.Add(source); });
+      // Only the columns are sorted; the terms keep the order in which they are met.
       std::sort(columns.begin(), columns.end());
       rows_[row].reserve(columns.size());
       for (const int column : columns) {
@@ -189,6 +214,7 @@ class PlanBuilder {
   }
 
   // Blocks and segments are numbered with 32 bits, terms are not.
+  // Memory is counted from the exact numbers of the first pass, before the second takes it.
   void CheckSize() const {
     std::int64_t blocks = 0, segments = 0, terms = 0, values = 0;
     for (int row = 0; row < layout_.num_frames; ++row) {
@@ -196,6 +222,7 @@ class PlanBuilder {
       for (const CountedBlock& block : rows_[row]) {
         segments += block.hessian.num_segments + block.schur.num_segments;
         // the terms of H are also, with one for each diagonal one, those of the gradient
+        // Hence twice for a diagonal block.
         terms += (block.column == row ? 2 : 1) * block.hessian.num_terms + block.schur.num_terms;
         values += std::int64_t{layout_.TangentSize(row)} * layout_.TangentSize(block.column);
       }
@@ -206,6 +233,7 @@ class PlanBuilder {
     evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) +
                         segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)),
                     "the plan of the products that form the reduced system");
+    // C and S.
     evaluator_.Take(2 * values * static_cast<std::int64_t>(sizeof(double)),
                     "the values of the reduced system");
   }
@@ -214,6 +242,7 @@ class PlanBuilder {
   void Place() {
     CheckSize();
     BlockPattern& pattern = plans_->pattern;
+    // Values of a block lie row by row, without padding, one block after the other.
     pattern.offsets.assign(layout_.packed_offset.begin(),
                            layout_.packed_offset.begin() + layout_.num_frames + 1);
     pattern.row_begin.push_back(0);
@@ -225,10 +254,13 @@ class PlanBuilder {
                                       static_cast<std::int64_t>(pattern.block_size(row)) *
                                           pattern.block_size(block.column));
         plans_->block_row.push_back(row);
+        // segments_begin and first_term are running sums over the blocks, so a row's places do not
+        // depend on who counted it.
         hessian_.Place(block.hessian, &plans_->hessian);
         schur_.Place(block.schur, &plans_->schur);
       }
       pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+      // The row's counts are given back at once.
       std::vector<CountedBlock>().swap(rows_[row]);
     }
     hessian_.Allocate(&plans_->hessian);
@@ -236,6 +268,7 @@ class PlanBuilder {
   }
 
   void FillRows(int begin, int end) {
+    // Scratch of the task; rows of different tasks write to different places of the plans.
     const BlockPattern& pattern = plans_->pattern;
     Filling hessian(hessian_, layout_.num_frames, &plans_->hessian);
     Filling schur(schur_, layout_.num_frames, &plans_->schur);
@@ -283,6 +316,7 @@ class PlanBuilder {
     void Begin(int column, int block) {
       next_[column] = {places_.first_term[block], plan_->segments_begin[block], -1};
     }
+    // A new source begins a new segment; terms follow each other in memory.
     void Add(int column, int source, ProductTerm term) {
       Next& next = next_[column];
       if (next.source != source) {
@@ -291,6 +325,7 @@ class PlanBuilder {
       }
       plan_->terms[next.term++] = term;
     }
+    // Counts follow from where the next segment begins, walked from the last one.
     void End(int column, int block) {
       std::int64_t end = next_[column].term;
       for (int s = plan_->segments_begin[block + 1] - 1; s >= plan_->segments_begin[block]; --s) {
@@ -310,6 +345,8 @@ class PlanBuilder {
     std::vector<Next> next_;  // per column
   };
 
+  // By family, slot of the row, slot of the column, factor: all terms of a source one after the
+  // other.
   template <typename Visit>
   void ForEachHessianTerm(int row, const Visit& visit) const {
     for (const Linearization& cache : evaluator_.families()) {
@@ -331,6 +368,7 @@ class PlanBuilder {
 
   // By factor, so that the terms of a block have one source each where a variable is in one slot,
   // as mostly.
+  // A frame in two slots, or factors that have it in different ones, only make more segments.
   template <typename Visit>
   void ForEachSparseTerm(const Linearization& cache, int row, const Visit& visit) const {
     const SparseBlocks& sparse = sparse_[cache.id];
@@ -344,7 +382,9 @@ class PlanBuilder {
       for (int other = sparse.factor_begin[factor]; other < sparse.factor_begin[factor + 1];
            ++other) {
         const auto [column_slot, column] = sparse.blocks[other];
+        // The lower triangle; with column == row both orders of two slots count, as in Σ J_iᵀ J_i.
         if (column <= row) {
+          // Offsets in quads from the beginning of a slot's Jacobians, the column's first.
           const auto column_quads =
               static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
           visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
@@ -358,6 +398,8 @@ class PlanBuilder {
   void ForEachTermOfSlots(const Linearization& cache, int row, int r, int c,
                           const std::int32_t* begin, const std::int32_t* end,
                           const Visit& visit) const {
+    // All factors that have the row's frame in slot r; the column's is whatever they have in slot
+    // c.
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
     const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
@@ -371,6 +413,8 @@ class PlanBuilder {
     }
   }
 
+  // By chunk, landmark size and landmark, as frame_incidences lists them. The cost is the sum over
+  // landmarks of the square of the frames that see them.
   template <typename Visit>
   void ForEachSchurTerm(int row, const Visit& visit) const {
     const int end = schur_blocks_ == SchurBlocks::kNone ? 0 : incidences_.frame_begin[row + 1];
@@ -378,6 +422,7 @@ class PlanBuilder {
       const int q = incidences_.frame_incidences[k];
       const int l = incidences_.landmarks[q];
       const int source = source_of_landmark_[l];
+      // Block Jacobi preconditioners need no others.
       if (schur_blocks_ == SchurBlocks::kDiagonal) {
         visit(row, source, ProductTerm{incidences_.incidences[q].y, incidences_.incidences[q].y});
         continue;

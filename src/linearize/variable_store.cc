@@ -3,6 +3,11 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// Values in chunks that are never freed or moved, current and candidate side by side. Places in
+// the padded step are handed out in quads, and those of removed variables go back to a list by
+// their number of quads: the padded vectors do not grow while a window slides.
+
 namespace {
 
 constexpr int kChunk = 8192;  // values
@@ -13,6 +18,7 @@ std::size_t NumQuads(int tangent_size) {
 
 }  // namespace
 
+// Until it enters it counts as constant: its map has no columns.
 void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   if (id >= static_cast<VariableId>(variables_.size())) {
     variables_.resize(id + 1);
@@ -21,10 +27,12 @@ void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   variable.tangent.Set(graph, id, /*wanted=*/false);
   if (graph.StateOffset(id) < 0) {
     // never written: its tangent size is 0
+    // The owner's memory; constants are read where they are.
     variable.current = variable.candidate = const_cast<double*>(graph.Values(id));
     return;
   }
   const int size = graph.AmbientSize(id);
+  // The room of an id stays with it, for ids are used again for equal ambient sizes only.
   if (variable.room == nullptr) {
     variable.room = Allocate(2 * size);
   }
@@ -33,6 +41,7 @@ void VariableStore::Add(const FactorGraph& graph, VariableId id) {
   Set(id, graph.Values(id));
 }
 
+// With a step of its own from here on.
 void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
   Variable& variable = variables_[id];
   variable.tangent.Set(graph, id, /*wanted=*/true);
@@ -46,7 +55,9 @@ void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
   }
 }
 
+// Its values stay where they are.
 void VariableStore::Remove(VariableId id) {
+  // By the size it entered with, which the tangent map has.
   Variable& variable = variables_[id];
   if (variable.quad < 0) {
     return;
@@ -57,6 +68,7 @@ void VariableStore::Remove(VariableId id) {
   variable.quad = -1;
 }
 
+// Candidate and current are equal between steps.
 void VariableStore::Set(VariableId id, const double* values) {
   Variable& variable = variables_[id];
   const int size = variable.tangent.map().ambient_size;
@@ -65,8 +77,10 @@ void VariableStore::Set(VariableId id, const double* values) {
   variable.tangent.MarkMoved();
 }
 
+// Chunks, for a vector would move what pointers point to.
 double* VariableStore::Allocate(int size) {
   if (chunks_.empty() || used_ + size > capacity_) {
+    // What is left of the last chunk is lost; a variable larger than a chunk has one by itself.
     capacity_ = std::max(kChunk, size);
     chunks_.push_back(std::make_unique<double[]>(capacity_));
     used_ = 0;

@@ -12,6 +12,15 @@
 namespace inceres::internal {
 namespace {
 
+// Levenberg–Marquardt for one variable (docs/ceres_contract.md, "Inner iterations"). Ceres solves
+// the problem of each block by a solver of its own with default options and DENSE_QR; this is that
+// loop for a Jacobian of few columns, without allocation once memory has grown.
+//
+// The factors are those of the evaluator, which writes their residuals to its column for the
+// candidate; Jacobians go to rows of our own. [J f] is kept by columns: gradient and column norms
+// are dot products of it, and a step is a QR of its copy with √Λ below. The model stays when a
+// candidate is evaluated with Jacobians and then refused.
+
 // The defaults of ceres::Solver::Options, and of its strategy.
 constexpr int kMaxIterations = 50;
 constexpr int kMaxInvalidSteps = 5;
@@ -40,6 +49,7 @@ BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps
       infinite_cost_is_failure_(rules == CeresRules::k22) {
 }
 
+// Nothing of the variable before is left but memory.
 void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* end) {
   id_ = id;
   begin_ = begin;
@@ -51,11 +61,13 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
     num_rows_ += graph_.family(s->family).residual_size();
     num_slots = std::max(num_slots, graph_.family(s->family).num_slots());
   }
+  // As many views as the widest family has slots; only the variable's own is set.
   views_.resize(num_slots);
   values_ = evaluator_.points().mutable_candidate().data() + graph_.StateOffset(id);
   current_.assign(values_, values_ + graph_.AmbientSize(id));
   best_ = current_;
   tangent_.Set(graph_, id, /*wanted=*/true);
+  // Zeros in the padding, which evaluations leave alone.
   rows_.assign(static_cast<std::size_t>(num_rows_) * PadToQuad(size_), 0.0);
   f_.resize(num_rows_);
   scale_.assign(size_, 0.0);
@@ -66,6 +78,8 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
   decrease_factor_ = 2.0;
 }
 
+// Jacobians are wanted of this variable alone. All of its factors' other entries have the map of a
+// constant, so they are neither computed nor written.
 void BlockMinimizer::PlaceMaps(bool wanted) {
   for (const Sighting* s = begin_; s != end_; ++s) {
     const std::ptrdiff_t entry = evaluator_.families()[s->family].Entry(s->factor) + s->slot;
@@ -81,10 +95,12 @@ void BlockMinimizer::Minimize(VariableId id, const Sighting* begin, const Sighti
   bool successful = true;
   int num_invalid = 0;
   for (int iteration = 0; goes_on; ++iteration) {
+    // Values count once there are Jacobians at them, as in Ceres.
     if (successful && cost_ < best_cost_) {
       best_cost_ = cost_;
       best_ = current_;
     }
+    // Ceres's order: iterations, radius, and the gradient only after a step that was taken.
     if (iteration >= kMaxIterations || radius_ <= kMinRadius ||
         (successful && ProjectedGradientIsSmall())) {
       break;
@@ -98,6 +114,7 @@ void BlockMinimizer::Minimize(VariableId id, const Sighting* begin, const Sighti
       ShrinkRadius();
     }
   }
+  // The candidate has been moved by trials and by the test of the gradient.
   std::copy(best_.begin(), best_.end(), values_);
   PlaceMaps(/*wanted=*/false);
 }
@@ -122,6 +139,7 @@ bool BlockMinimizer::EvaluateJacobians(const std::vector<double>& x, double* cos
   return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(/*jacobians=*/true, cost);
 }
 
+// Factor by factor, in the order of the sightings: the cost has one order of sums.
 bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
   *cost = 0.0;
   int row = 0;
@@ -129,6 +147,7 @@ bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
     Linearization& factors = evaluator_.families()[s->family];
     FactorBatch batch = factors.CandidateBatch(s->factor, s->factor + 1);
     if (jacobians) {
+      // A factor stride of 0: a batch of one, whatever the factor's place.
       const int stride = PadToQuad(size_);
       views_[s->slot] = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride};
       batch.tangent_maps = maps_.families[s->family].data();
@@ -140,6 +159,8 @@ bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
     *cost += Robustify(*s, row, jacobians);
     row += factors.residual_size;
   }
+  // A release of Ceres from 2.2 on counts a cost that is not finite as a failed evaluation; 2.1
+  // goes on with it.
   return std::isfinite(*cost) || !infinite_cost_is_failure_;
 }
 
@@ -148,6 +169,7 @@ double BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobia
   Linearization& factors = evaluator_.families()[sighting.family];
   const int rows = factors.residual_size;
   const Loss* loss = graph_.loss(sighting.family, sighting.factor);
+  // The evaluator's column of residuals of the candidate: after the round they are evaluated anew.
   double* f = factors.candidate_residuals.data() + std::ptrdiff_t{sighting.factor} * rows;
   if (!jacobians) {
     return RobustCost(loss, f, rows);
@@ -164,14 +186,17 @@ double BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobia
 
 // [J f] by columns, and of it the products that give gradient and column norms.
 void BlockMinimizer::FormColumns() {
+  // One stride for J, f and the rows of √Λ below.
   const int stride = DampedColumnStride(num_rows_, size_);
   columns_.assign(static_cast<std::size_t>(size_ + 1) * stride, 0.0);
   BestKernels().rows_to_columns(num_rows_, size_, rows_.data(), PadToQuad(size_), columns_.data(),
                                 stride);
   std::copy(f_.begin(), f_.end(), columns_.begin() + static_cast<std::ptrdiff_t>(size_) * stride);
+  // Rows k < size: −JᵀJ; row size: −fᵀJ, the negative gradient.
   H_.assign(static_cast<std::size_t>(size_ + 1) * size_, 0.0);
   BestKernels().subtract_row_dots(size_ + 1, size_, PadToQuad(num_rows_), columns_.data(), stride,
                                   columns_.data(), stride, H_.data(), size_);
+  // Scales of columns are measured at the start and then kept, as with jacobi_scaling.
   if (scale_.front() == 0.0) {  // this is the start
     for (int k = 0; k < size_; ++k) {
       scale_[k] = 1.0 / (1.0 + std::sqrt(-H_[k * (size_ + 1)]));
@@ -193,6 +218,7 @@ bool BlockMinimizer::MoveFromCurrent(const double* step) {
 }
 
 // Whether x ⊞ −g is where x is; true too if there is no such point, for nothing more is to be done.
+// As x ⊞ −g − x in the ambient space, with bounds: the projected gradient.
 bool BlockMinimizer::ProjectedGradientIsSmall() {
   const double* gradient = H_.data() + static_cast<std::ptrdiff_t>(size_) * size_;  // −g
   if (!MoveFromCurrent(gradient)) {
@@ -206,20 +232,24 @@ bool BlockMinimizer::ProjectedGradientIsSmall() {
 }
 
 // False if the step is invalid.
+// Several dampings may follow on one model: the columns are copied.
 bool BlockMinimizer::ComputeStep() {
   reflected_ = columns_;
   const int stride = DampedColumnStride(num_rows_, size_);
   for (int k = 0; k < size_; ++k) {
     const double s2 = scale_[k] * scale_[k];
     const double squared_norm = -H_[k * (size_ + 1)];
+    // Λ_j = clamp(s_j² H_jj) / (r s_j²), as LevenbergMarquardt has it.
     const double damping =
         std::clamp(s2 * squared_norm, kMinDiagonal, kMaxDiagonal) / (radius_ * s2);
     reflected_[static_cast<std::size_t>(k) * stride + num_rows_ + k] = std::sqrt(damping);
   }
+  // A column without rank gives infinity or NaN, seen below.
   SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step_.data());
   if (!std::all_of(step_.begin(), step_.end(), [](double entry) { return std::isfinite(entry); })) {
     return false;
   }
+  // From the rows, not from H: near the minimum its sign decides.
   model_decrease_ =
       BestKernels()
           .column_products(PadToQuad(num_rows_), size_, columns_.data(), stride, step_.data())
@@ -235,6 +265,8 @@ bool BlockMinimizer::EvaluateCandidate(double* cost) {
     return false;
   }
   candidate_.assign(values_, values_ + current_.size());
+  // Saves the second evaluation of a step that is taken; where Jacobians fail the cost alone
+  // decides.
   if (model_decrease_ > kLargePromise * cost_ && EvaluateJacobians(candidate_, cost)) {
     return true;
   }
@@ -248,6 +280,7 @@ bool BlockMinimizer::EvaluateCandidate(double* cost) {
 bool BlockMinimizer::TryStep(bool* successful) {
   double candidate_cost = 0.0;
   const bool has_jacobians = EvaluateCandidate(&candidate_cost);
+  // In the ambient space, after clamping, as Ceres measures it.
   double squared_length = 0.0;
   for (std::size_t k = 0; k < current_.size(); ++k) {
     squared_length += (values_[k] - current_[k]) * (values_[k] - current_[k]);
@@ -264,6 +297,7 @@ bool BlockMinimizer::TryStep(bool* successful) {
     return true;
   }
   current_.assign(values_, values_ + current_.size());
+  // Before the first accepted step it is −1, so that the test of the parameters is not reached.
   state_norm_ = NormOf(current_);
   if (has_jacobians) {
     cost_ = candidate_cost;
@@ -272,6 +306,7 @@ bool BlockMinimizer::TryStep(bool* successful) {
     return false;
   }
   *successful = true;
+  // Nielsen's rule, as in the outer loop.
   radius_ =
       std::min(kMaxRadius, radius_ / std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3)));
   decrease_factor_ = 2.0;

@@ -11,20 +11,28 @@
 
 namespace inceres::internal {
 
+// Line search along the projection of a step into the bounds (docs/ceres_contract.md, "Line search
+// for bounds"): φ(t) = F(Plus(x, tδ)) with Plus clamped, slope gᵀδ at 0. The slope is that of the
+// unclamped line, so a step that runs along a bound may gain less than the slope says, and is
+// shortened.
+
 // The model's decrease is not computed again for a shortened step: Ceres leaves it, too.
 void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
   LineSearchSummary& search = summary_.line_search;
   const StageTimer timer(&search.total_seconds);
+  // Evaluations charge their own stages; what they took here is told apart afterwards.
   const double residuals_before = summary_.seconds.residuals;
   const double jacobians_before = summary_.seconds.jacobians;
   const std::vector<double>& g = model_.Gradient();
   LineFunction function;
+  // Slope and largest entry are those of the unscaled step at t = 0.
   function.value = cost;
   function.slope = std::inner_product(g.begin(), g.end(), step->begin(), 0.0);
   function.sample = [this, step](double t) { return Sample(*step, t); };
   for (const double entry : *step) {
     function.step_max_norm = std::max(function.step_max_norm, std::fabs(entry));
   }
+  // Without a t the step stays as it was, which Ceres tries, too.
   if (const std::optional<double> t = SearchArmijo(options_, function, &search)) {
     std::transform(step->begin(), step->end(), step->begin(),
                    [&](double entry) { return entry * *t; });
@@ -39,6 +47,7 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
   scaled_step_.resize(step.size());
   std::transform(step.begin(), step.end(), scaled_step_.begin(),
                  [t](double entry) { return t * entry; });
+  // A trial where Plus fails has no value and is found wanting.
   if (!evaluation_.evaluator().points().MoveCandidate(scaled_step_.data())) {
     return sample;
   }
@@ -53,11 +62,14 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
 // Value and slope at the candidate.
 void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSample* sample) {
   Evaluator& evaluator = evaluation_.evaluator();
+  // Told like any evaluation with Jacobians, for Ceres evaluates the gradient there.
   if (options_.observer != nullptr) {
     options_.observer->BeforeEvaluation(evaluator.points().candidate().data(), /*jacobians=*/true,
                                         /*new_point=*/true);
   }
   ++summary_.work.num_jacobian_evaluations;
+  // An evaluator of its own, made at the first use: a gradient there needs Jacobians, and those of
+  // the current point must stay for the step that follows.
   if (trial_ == nullptr) {
     trial_ =
         std::make_unique<Evaluator>(evaluator.graph(), evaluator.layout(), evaluator.executor());

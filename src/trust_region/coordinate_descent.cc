@@ -3,6 +3,11 @@
 #include <algorithm>
 #include <numeric>
 
+// A round of coordinate descent over groups of independent variables (Ruhe & Wedin 1980;
+// docs/ceres_contract.md, "Inner iterations"). Within a group no factor sees two variables, so
+// tasks write to different variables, residuals and entries of the maps, and nothing depends on
+// their order or number. Groups follow each other, each from where the one before has led.
+
 namespace inceres::internal {
 namespace {
 
@@ -20,6 +25,7 @@ CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>&
 // By variable, of each by family, of each ascending: counted, then placed.
 void CoordinateDescent::CollectSightings() {
   const FactorGraph& graph = evaluator_.graph();
+  // Numbered group by group; variables in no group have no number and are held.
   index_.assign(graph.num_variables(), -1);
   int num_variables = 0;
   for (const std::vector<VariableId>& group : groups_) {
@@ -27,6 +33,7 @@ void CoordinateDescent::CollectSightings() {
       index_[id] = num_variables++;
     }
   }
+  // Two walks over all slots, to count and to place: no list of lists.
   const auto for_each_sighting = [&](const auto& visit) {
     for (const Linearization& family : evaluator_.families()) {
       for (int i = 0; i < family.num_factors; ++i) {
@@ -49,10 +56,13 @@ void CoordinateDescent::CollectSightings() {
 }
 
 void CoordinateDescent::Run() {
+  // Parameters of all factors point to the candidate, which variables are moved in.
   evaluator_.PointToCandidate();
   const Executor& executor = evaluator_.executor();
   for (const std::vector<VariableId>& group : groups_) {
     const int count = static_cast<int>(group.size());
+    // Several tasks a thread, for variables differ in what they cost; not too small, for each
+    // makes a minimizer with memory of its own.
     const int grain =
         std::clamp(count / (kTasksPerThread * executor.num_threads()), 1, kMaxVariablesPerTask);
     executor.For(count, grain, [&](int begin, int end) {

@@ -11,6 +11,11 @@
 namespace inceres::internal {
 namespace {
 
+// The minimum of the model on the sphere, in a plane (docs/algorithms.md, "Dog-leg"; Byrd,
+// Schnabel & Shultz 1988). The multiplier y is a root of a quartic; real parts of all four roots
+// are tried, for rounding may give a double root an imaginary part. Which is best is decided by
+// the model, and whether it is a minimum at all by the angle between −x and the model's gradient.
+
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
@@ -24,10 +29,13 @@ Eigen::Map<const Eigen::VectorXd> AsVector(const std::vector<double>& v) {
 
 // VᵀHV. The mixed entry comes from columns of equal length in H, so that it is as exact as a dot
 // product of the columns of JV.
+// A polarization identity for V₀ᵀHV₁: with both columns of unit length in H the sum's square is 2
+// + 2 cosine.
 Matrix2d Restrict(LinearModel* model, const Eigen::MatrixX2d& V) {
   const Vector2d lengths(std::sqrt(model->Quadratic(V.col(0).data())),
                          std::sqrt(model->Quadratic(V.col(1).data())));
   double cosine = 0.0;
+  // A direction without curvature has no mixed entry either.
   if (lengths.minCoeff() > 0.0) {
     const Eigen::VectorXd sum = V.col(0) / lengths[0] + V.col(1) / lengths[1];
     cosine = 0.5 * model->Quadratic(sum.data()) - 1.0;
@@ -40,6 +48,7 @@ Matrix2d Restrict(LinearModel* model, const Eigen::MatrixX2d& V) {
 
 // The quartic of the class comment, highest power first.
 std::vector<double> MultiplierPolynomial(const Matrix2d& B, const Vector2d& g, double radius) {
+  // R is the squared radius here.
   const double R = radius * radius;
   const double trace = B.trace();
   const double determinant = B.determinant();
@@ -52,18 +61,22 @@ std::vector<double> MultiplierPolynomial(const Matrix2d& B, const Vector2d& g, d
 
 }  // namespace
 
+// Once a point: the basis and the model in it serve all radii.
 bool DoglegSubspace::Build(const std::vector<double>& w, const std::vector<double>& gradient,
                            const std::vector<double>& gauss_newton, LinearModel* model) {
   const auto n = static_cast<Eigen::Index>(w.size());
   Eigen::MatrixX2d vectors(n, 2);
   vectors << AsVector(gradient), AsVector(gauss_newton);
+  // Rank by pivoting, as Ceres decides it.
   const Eigen::ColPivHouseholderQR<Eigen::MatrixX2d> qr(vectors);
+  // Gradient and Gauss–Newton step are parallel: the plane is a line.
   one_dimensional_ = qr.rank() == 1;
   if (qr.rank() != 2) {
     return one_dimensional_;
   }
   basis_ = qr.householderQ() * Eigen::MatrixX2d::Identity(n, 2);
   g_ = basis_.transpose() * AsVector(gradient);
+  // In the metric: columns of W⁻¹U.
   B_ = Restrict(model, AsVector(w).cwiseInverse().asDiagonal() * basis_);
   return true;
 }
@@ -77,6 +90,7 @@ bool DoglegSubspace::MinimizeOnBoundary(double radius, const std::vector<double>
   }
   const Vector2d x = FindMinimum(radius);
   const Vector2d slope = B_ * x + g_;
+  // Negated, so that NaN fails; a zero x means that there was no root.
   if (!(-x.dot(slope) >= kMinCosine * x.norm() * slope.norm()) || x.isZero(0.0)) {
     return false;
   }
@@ -94,6 +108,7 @@ Vector2d DoglegSubspace::FindMinimum(double radius) const {
   for (const double y : roots) {
     const Matrix2d shifted = B_ + y * Matrix2d::Identity();
     const Vector2d x = -shifted.partialPivLu().solve(g_);
+    // A root of zero length gives no direction.
     if (x.norm() > 0.0) {
       const Vector2d on_sphere = (radius / x.norm()) * x;
       const double value = 0.5 * on_sphere.dot(B_ * on_sphere) + g_.dot(on_sphere);

@@ -4,6 +4,11 @@
 
 namespace inceres::internal {
 
+// Dynamic sparsity: a PlainModel that is made anew when the pattern of J has changed. Whether it
+// has is seen by the tangent offsets of all entries, which are -1 where a block is all zeros: a
+// comparison costs far less than a plan. What a new pattern needs of memory is asked for as it is
+// made.
+
 DynamicModel::DynamicModel(const SolverOptions& options, const Evaluator& evaluator)
     : LinearModel(evaluator), options_(options), tangent_offsets_(evaluator.families().size()) {
 }
@@ -12,10 +17,12 @@ void DynamicModel::Refresh() {
   if (model_ == nullptr || !ZerosAreAsBefore()) {
     Rebuild();
   }
+  // Clocks are those of the solve, which the new model does not know yet.
   model_->TimeInto(seconds_, clock_);
   model_->Refresh();
 }
 
+// The evaluator takes offsets of zero blocks away (LeaveOutZeroBlocks).
 bool DynamicModel::ZerosAreAsBefore() const {
   const std::vector<Linearization>& families = evaluator_.families();
   return std::equal(families.begin(), families.end(), tangent_offsets_.begin(),
@@ -32,6 +39,7 @@ void DynamicModel::Rebuild() {
   }
 }
 
+// A system that cannot be set up is an error of its solves.
 Status DynamicModel::Solve(const double* damping, double* step) {
   return status_.ok() ? model_->Solve(damping, step) : status_;
 }

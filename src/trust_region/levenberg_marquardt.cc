@@ -7,6 +7,11 @@
 namespace inceres::internal {
 namespace {
 
+// Damping of exact mode, and Marquardt's rule for one-time solves (docs/algorithms.md, "One-time
+// solves and exact windows"; docs/ceres_contract.md, "Levenberg–Marquardt"). In both the radius is
+// one over the damping of the scaled columns. J is never scaled: the damping is divided by s²
+// instead.
+
 // Marquardt's rule. Where a refusal tells that steps cannot be longer, the radius grows more slowly
 // from then on, until so many steps in a row are taken.
 constexpr double kTenfold = 10.0;
@@ -35,6 +40,8 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
 Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   const std::vector<double>& H_diagonal = model->Diagonal();
   for (std::size_t j = 0; j < damping_.size(); ++j) {
+    // The clamp sees the scaled column, as in Ceres; the division by s² takes the damping back to
+    // the unscaled one.
     const double s2 = (*scale_)[j] * (*scale_)[j];
     damping_[j] = std::clamp(s2 * H_diagonal[j], min_diagonal_, max_diagonal_) / (radius_ * s2);
   }
@@ -42,6 +49,7 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   return model->Solve(damping_.data(), step);
 }
 
+// What was widened when the position was kept counts as the radius's own.
 bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   if (saved.size() != Save().size()) {
     return false;
@@ -53,6 +61,7 @@ bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   return true;
 }
 
+// The radius before is remembered until two steps were taken: a refusal before that restores it.
 void LevenbergMarquardt::Widen(double radius) {
   if (radius > radius_) {
     radius_before_ = radius_;
@@ -76,8 +85,10 @@ void LevenbergMarquardt::StepAccepted(double quality) {
   }
   double shrinking = 1.0;  // of the damping
   if (!tenfold_) {
+    // Nielsen's rule: at best a third of the damping.
     shrinking = std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * quality - 1.0, 3));
   } else if (quality > kKeptPromise) {
+    // Growth comes back squared after every few steps in a row, up to tenfold.
     growth_ =
         ++num_accepted_in_row_ % kStepsInRow == 0 ? std::min(kTenfold, growth_ * growth_) : growth_;
     shrinking = 1.0 / growth_;
@@ -86,14 +97,20 @@ void LevenbergMarquardt::StepAccepted(double quality) {
   decrease_factor_ = 2.0;
 }
 
+// After an invalid step as well.
 void LevenbergMarquardt::StepRejected() {
+  // Nothing is learned of the old radius.
   if (radius_before_ > 0.0) {
     radius_ = std::exchange(radius_before_, 0.0);
     is_new_width_ = false;
     return;
   }
   if (tenfold_) {
+    // The first refusal in a row goes back ten times; one after steps that were taken undoes the
+    // last growth.
     radius_ /= num_accepted_in_row_ == 0 ? kTenfold : growth_;
+    // The root: the next growth is slower, so that radii that are refused are not tried again and
+    // again.
     growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
     num_accepted_in_row_ = 0;
     return;

@@ -7,6 +7,10 @@
 
 namespace inceres::internal {
 
+// Ends of the loop (docs/ceres_contract.md, "Termination and messages"). The words and the way
+// numbers are printed are Ceres's to the letter, for programs may compare them. The tests between
+// iterations come in its order, so that of two that hold the same one is reported.
+
 bool EndSolve(Termination termination, std::initializer_list<const char*> words, Summary* summary) {
   summary->termination = termination;
   summary->message.clear();
@@ -17,8 +21,10 @@ bool EndSolve(Termination termination, std::initializer_list<const char*> words,
   return false;
 }
 
+// After an iteration was recorded and shown to callbacks. Limits come before convergence.
 bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                  const SolverOptions& options, Summary* summary) {
+  // The time of the caller's before this solve counts as well.
   if (elapsed_seconds >= options.max_solver_time_in_seconds) {
     return EndSolve(
         Termination::kNoConvergence,
@@ -32,6 +38,7 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                      std::to_string(iteration.iteration).c_str(), "."},
                     summary);
   }
+  // Only a step that was taken has a gradient of its own.
   if (iteration.step_is_successful && iteration.gradient_max_norm <= options.gradient_tolerance) {
     return EndSolve(Termination::kConvergence,
                     {"Gradient tolerance reached. Gradient max norm: ",
@@ -49,8 +56,10 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
   return true;
 }
 
+// Asked before the candidate is accepted, as in Ceres, and without a look at its cost.
 bool EndsByParameterTolerance(double step_norm, double state_norm, double tolerance,
                               Summary* summary) {
+  // Written as Ceres does: NaN ends the solve.
   if (step_norm > tolerance * (state_norm + tolerance)) {
     return false;
   }
@@ -62,13 +71,16 @@ bool EndsByParameterTolerance(double step_norm, double state_norm, double tolera
   return true;
 }
 
+// Small increases count as well: the candidate need not be better.
 bool EndsByFunctionTolerance(double cost_change, double cost, double fixed_cost, double tolerance,
                              Summary* summary) {
   // Written so that a NaN cost counts as converged (CeresRules::k21).
   if (std::fabs(cost_change) > tolerance * (cost - fixed_cost)) {
     return false;
   }
+  // The candidate is discarded, its gain is reported only.
   summary->discarded_cost_change = cost_change;
+  // What is printed is relative to the whole cost, which fixed factors are part of.
   EndSolve(Termination::kConvergence,
            {"Function tolerance reached. |cost_change|/cost: ",
             Scientific(std::fabs(cost_change) / cost).text(), " <= ", Scientific(tolerance).text()},

@@ -5,6 +5,13 @@
 #include <cstddef>
 
 namespace inceres::internal {
+
+// Evaluations as the loop sees them. Whatever decides anything goes through the agreement: of one
+// process its own value, of several the same bits in all. Counts are passes over the problem, as
+// Ceres's evaluator counts them; observers hear of a pass before any cost function is called,
+// which is when Ceres has copied the point to user memory (docs/ceres_contract.md, "Callbacks and
+// state updates").
+
 namespace {
 
 constexpr char kNotFinite[] = "the sum of all costs is not finite";
@@ -21,15 +28,18 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
 }
 
+// Where one process cannot move, none does.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
 }
 
+// Only the first failure of the solve keeps its reason.
 bool LoopEvaluation::CandidateCost(double* cost) {
   if (options_.observer != nullptr) {
     options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
                                         /*new_point=*/true);
   }
+  // Counted before the pass, so that one that fails counts.
   ++summary_.work.num_residual_evaluations;
   const Status evaluated = agreement_.Evaluate(
       [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
@@ -41,13 +51,17 @@ bool LoopEvaluation::CandidateCost(double* cost) {
   return usable;
 }
 
+// A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
   if (options_.observer != nullptr) {
+    // A new point is one at which no cost was asked for: observers are told, as Ceres's callback
+    // is.
     options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
                                         new_point);
   }
   ++summary_.work.num_jacobian_evaluations;
   const auto evaluation = [this, new_point](double* own) {
+    // Tangent maps of an accepted candidate were computed with its cost.
     return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own);
   };
   const Status evaluated = agreement_.Evaluate(evaluation, cost);
@@ -59,15 +73,18 @@ bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
   return usable;
 }
 
+// 2.1 does not look at the sum.
 bool LoopEvaluation::IsUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
+// Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
   for (std::size_t i = 0; i < variables.size(); ++i) {
+    // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
@@ -79,6 +96,8 @@ double LoopEvaluation::StateNorm() const {
   return std::sqrt(agreement_.Sum(sum));
 }
 
+// Between values, as ‖x − candidate‖ in Ceres; the largest difference is asked for in the test of
+// the gradient.
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
@@ -98,6 +117,7 @@ double LoopEvaluation::CandidateDistance(double* max_norm) const {
       largest = std::max(largest, std::fabs(difference));
     }
   }
+  // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
     *max_norm = agreement_.Max(largest);
   }

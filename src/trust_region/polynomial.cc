@@ -8,12 +8,17 @@
 namespace inceres::internal {
 namespace {
 
+// Small polynomials as Ceres 2.1's polynomial.cc has them, so that line searches and the subspace
+// dog-leg take the same points up to rounding. Coefficients run from the highest power down. Real
+// parts of complex roots count as candidates, too: whoever asks compares values at them.
+
 // Scales row i by 2⁻ᵉ and column i by 2ᵉ until no such pair lowers their norms by a tenth any more.
 // Source: Parlett & Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors",
 // 1969. The sweeps end soon; the limit is for NaN.
 void Balance(Eigen::MatrixXd* matrix) {
   constexpr double kWorthwhile = 0.9;
   constexpr int kMaxSweeps = 1000;
+  // The diagonal is the same after balancing and takes no part in the norms.
   const Eigen::VectorXd diagonal = matrix->diagonal();
   matrix->diagonal().setZero();
   bool changed = true;
@@ -24,9 +29,11 @@ void Balance(Eigen::MatrixXd* matrix) {
       const double column = matrix->col(i).lpNorm<1>();
       int exponent = 0;
       std::frexp(row / column, &exponent);
+      // Half of it goes to the row, half to the column.
       exponent /= 2;
       if (exponent != 0 && std::ldexp(column, exponent) + std::ldexp(row, -exponent) <
                                kWorthwhile * (column + row)) {
+        // Powers of two scale without rounding.
         matrix->row(i) *= std::ldexp(1.0, -exponent);
         matrix->col(i) *= std::ldexp(1.0, exponent);
         changed = true;
@@ -40,17 +47,21 @@ void Balance(Eigen::MatrixXd* matrix) {
 // product of both (Horn).
 std::vector<double> QuadraticRoots(double a, double b, double c) {
   const double discriminant = b * b - 4.0 * a * c;
+  // A pair of complex roots has the same real part.
   if (discriminant < 0.0) {
     return {-b / (2.0 * a), -b / (2.0 * a)};
   }
+  // −b and the root have the same sign here: their sum loses nothing.
   const double q = b >= 0.0 ? -b - std::sqrt(discriminant) : -b + std::sqrt(discriminant);
   const double direct = q / (2.0 * a);
   const double through_product = 2.0 * c / q;
+  // The order of Ceres's roots, for the first of equal ones wins.
   return b >= 0.0 ? std::vector<double>{direct, through_product}
                   : std::vector<double>{through_product, direct};
 }
 
 bool CompanionRoots(const std::vector<double>& polynomial, std::vector<double>* roots) {
+  // Companion matrix of the monic polynomial, coefficients in its last column.
   const auto degree = static_cast<Eigen::Index>(polynomial.size()) - 1;
   Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(degree, degree);
   companion.diagonal(-1).setOnes();
@@ -67,6 +78,7 @@ bool CompanionRoots(const std::vector<double>& polynomial, std::vector<double>* 
   return true;
 }
 
+// Of a constant nothing is left.
 std::vector<double> Differentiate(const std::vector<double>& polynomial) {
   std::vector<double> derivative;
   for (std::size_t k = 0; k + 1 < polynomial.size(); ++k) {
@@ -77,6 +89,7 @@ std::vector<double> Differentiate(const std::vector<double>& polynomial) {
 
 }  // namespace
 
+// Horner's rule.
 double EvaluatePolynomial(const std::vector<double>& polynomial, double x) {
   double value = 0.0;
   for (const double coefficient : polynomial) {
@@ -85,8 +98,10 @@ double EvaluatePolynomial(const std::vector<double>& polynomial, double x) {
   return value;
 }
 
+// Closed forms where there are some, as Ceres has them.
 bool RealPartsOfRoots(const std::vector<double>& polynomial, std::vector<double>* roots) {
   roots->clear();
+  // Leading zeros are no degree; a polynomial of zeros is a constant.
   const auto leading =
       std::find_if(polynomial.begin(), polynomial.end(), [](double c) { return c != 0.0; });
   const std::vector<double> trimmed(leading, polynomial.end());
@@ -104,6 +119,7 @@ bool RealPartsOfRoots(const std::vector<double>& polynomial, std::vector<double>
   return CompanionRoots(trimmed, roots);
 }
 
+// Rows of the Vandermonde system: powers for a value, their derivatives for a slope.
 std::vector<double> Interpolate(const std::vector<FunctionSample>& samples) {
   Eigen::Index count = 0;
   for (const FunctionSample& sample : samples) {
@@ -111,6 +127,7 @@ std::vector<double> Interpolate(const std::vector<FunctionSample>& samples) {
   }
   Eigen::MatrixXd powers = Eigen::MatrixXd::Zero(count, count);
   Eigen::VectorXd wanted(count);
+  // As many coefficients as conditions.
   const Eigen::Index degree = count - 1;
   Eigen::Index row = 0;
   for (const FunctionSample& sample : samples) {
@@ -138,12 +155,14 @@ double MinimizeInterpolant(const std::vector<FunctionSample>& samples, double x_
   const std::vector<double> polynomial = Interpolate(samples);
   std::vector<double> candidates = {x_min, x_max};
   std::vector<double> roots;
+  // Of a line the ends are compared; its derivative has no root.
   if (polynomial.size() > 2 && RealPartsOfRoots(Differentiate(polynomial), &roots)) {
     candidates.insert(candidates.end(), roots.begin(), roots.end());
   }
   for (const FunctionSample& sample : samples) {
     candidates.push_back(sample.x);
   }
+  // Ceres begins with the middle, and takes another point only if that is lower. NaN never is.
   double best = 0.5 * (x_min + x_max);
   double lowest = EvaluatePolynomial(polynomial, best);
   for (const double x : candidates) {

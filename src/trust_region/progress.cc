@@ -6,7 +6,11 @@
 
 namespace inceres {
 
+// Ceres's progress table, with its widths and its headings (docs/ceres_contract.md, "Callback and
+// logging options").
+
 LogSink LogTo(std::ostream& stream) {
+  // One flushed line an iteration: who waits sees it at once.
   return [&stream](const std::string& line) { stream << line << std::endl; };
 }
 

@@ -6,7 +6,13 @@
 
 namespace inceres::internal {
 
+// H, and S from it, behind one interface (docs/algorithms.md, "Schur complement"). PlainModel
+// solves (C + Λ) δ = −g and is the whole model where nothing is eliminated; SchurModel eliminates
+// first. Plans and symbolic factorization are made in the constructors, once a structure; a
+// refresh sums H, and each damping eliminates, factors and substitutes anew.
+
 Status CheckBlockOffsets(const Evaluator& evaluator, const LandmarkIncidences& incidences) {
+  // 2³⁰ quads are the 32 GiB of the message; of 31 bits a target gives one to its flag.
   constexpr std::int64_t kMaxQuads = std::int64_t{1} << 30;
   std::int64_t largest = incidences.y_quads;
   for (const Linearization& cache : evaluator.families()) {
@@ -31,12 +37,15 @@ void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work) {
   }
 }
 
+// Incidences, plan, H, solver, in the order of the members: each is built on the one before.
 PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
     : LinearModel(evaluator),
       incidences_(evaluator),
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_) {
+  // Before a solver is made for it.
   *status = CheckBlockOffsets(evaluator, incidences_);
+  // Without a variable that moves, or with landmarks alone, there is nothing to reduce to.
   if (status->ok() && plans_.pattern.size() > 0) {
     reduced_solver_ = MakeReducedSolver(options.reduced_solver, options.reduced_solver_factory,
                                         plans_.pattern, evaluator.executor(), status);
@@ -52,11 +61,13 @@ void PlainModel::Refresh() {
   clock_->Charge(&seconds_->hessian);
 }
 
+// S is C where nothing is eliminated, else the Schur complement.
 Status PlainModel::SolveReduced(const double* S, const double* b, const double* damping,
                                 double* step) {
   if (!reduced_solver_) {
     return Status::Ok();
   }
+  // All rows count as changed.
   Status solved = reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {});
   if (solved.ok()) {
     solved = reduced_solver_->Solve(b, {}, {}, step);
@@ -66,11 +77,13 @@ Status PlainModel::SolveReduced(const double* S, const double* b, const double* 
 }
 
 Status PlainModel::Solve(const double* damping, double* step) {
+  // η = −g.
   b_.resize(Gradient().size());
   std::transform(Gradient().begin(), Gradient().end(), b_.begin(), [](double g) { return -g; });
   return SolveReduced(hessian_.C().data(), b_.data(), damping, step);
 }
 
+// Sizes of the reduced system, and bytes of what grows with the problem.
 void PlainModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();
@@ -80,13 +93,17 @@ void PlainModel::Describe(WorkCounts* work) const {
   CountDynamicSizes(evaluator_, work);
 }
 
+// The base class has made the solver for S already: its pattern has the blocks that elimination
+// fills.
 SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
     : PlainModel(options, evaluator, status),
       elimination_(evaluator, incidences_, plans_, hessian_) {
 }
 
+// The packed vectors have frames first, then landmarks; damping and step are cut there.
 Status SchurModel::Solve(const double* damping, double* step) {
   const int frame_size = plans_.pattern.size();
+  // A landmark without a positive pivot is kSingular here, before S is factored: an invalid step.
   const Status eliminated = elimination_.Eliminate(damping + frame_size);
   clock_->Charge(&seconds_->elimination);
   if (!eliminated.ok()) {
@@ -96,6 +113,7 @@ Status SchurModel::Solve(const double* damping, double* step) {
   if (!solved.ok()) {
     return solved;
   }
+  // Needs δ_c complete: δ_l = U_invᵀ (z − Yᵀ δ_c).
   elimination_.BackSubstitute(step, step + frame_size);
   clock_->Charge(&seconds_->back_substitution);
   return Status::Ok();

@@ -6,11 +6,17 @@
 #include "trust_region/loop_ends.h"
 
 namespace inceres::internal {
+
+// ComputeTrustRegionStep of Ceres's loop (docs/ceres_contract.md, "Trust-region loop"). Three
+// outcomes: a valid step, an invalid one (no factor, not finite, nothing promised), which changes
+// the damping and costs no evaluation, and an error of another kind, which ends the solve.
+
 namespace {
 
 void AddBlocksOf(const Linearization& factors, const Layout& layout, StepSystem* system) {
   for (int i = 0; i < factors.num_factors; ++i) {
     for (int s = 0; s < factors.num_slots; ++s) {
+      // Places of a factor whose variable does not move have no block.
       const VariableId id = factors.graph->Variables(factors.id, i)[s];
       const int position = layout.Position(id);
       if (position >= 0) {
@@ -29,12 +35,15 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
   StageClock& clock = evaluation_.clock();
   const double start = clock.now();
   int num_solves = 0;
+  // After a rejected Dog-Leg step none may be needed: num_solves is then 0.
   const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
+  // The time of everything the strategy does, which for Dog-Leg is more than a solve.
   iteration->step_solver_time_in_seconds = clock.Read() - start;
   Count(num_solves, iteration);
   if (num_solves > 0) {
     ShowSystem(scale, iteration->iteration);
   }
+  // A singular system is a matter of damping; anything else is not.
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
     summary_.detail = solved.message;
     return EndSolve(Termination::kFailure,
@@ -42,11 +51,14 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
                      "causes. Please see the error log for clues. "},
                     &summary_);
   }
+  // An invalid step is no end: the caller asks GoOnWithout.
   if (!solved.ok() || !model_.IsFinite(trial_.step())) {
     summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
+  // The model decrease is a pass over J of its own, and decides whether the step is valid.
   const double promise = trial_.FindPromise();
+  // NaN is not positive.
   iteration->step_is_valid = promise > 0.0;
   if (iteration->step_is_valid) {
     iteration->model_cost_change = promise;
@@ -56,6 +68,7 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
 }
 
 void StepSolve::Count(int num_solves, IterationSummary* iteration) {
+  // Ceres counts no iteration where no system was solved, and one for a direct solver.
   iteration->linear_solver_iterations =
       num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
   summary_.work.num_linear_solves += num_solves;
@@ -65,6 +78,7 @@ void StepSolve::Count(int num_solves, IterationSummary* iteration) {
 }
 
 bool StepSolve::GoOnWithout() {
+  // The limit itself is one too many.
   if (++num_invalid_ >= options_.max_num_consecutive_invalid_steps) {
     return EndSolve(Termination::kFailure,
                     {"Number of consecutive invalid steps more than "
@@ -72,11 +86,13 @@ bool StepSolve::GoOnWithout() {
                      std::to_string(options_.max_num_consecutive_invalid_steps).c_str()},
                     &summary_);
   }
+  // More damping, or more regularization, for the next one.
   strategy_->StepIsInvalid();
   return true;
 }
 
 void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) const {
+  // Only asked for, as every field is filled for it alone.
   StepSystemObserver* const observer = loop_.system_observer;
   if (observer == nullptr || !observer->Wants(iteration)) {
     return;
@@ -85,6 +101,7 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
   const Layout& layout = evaluator.layout();
   StepSystem system;
   system.iteration = iteration;
+  // Blocks as the factors have them: unscaled, corrected for the loss.
   for (const Linearization& factors : evaluator.families()) {
     AddBlocksOf(factors, layout, &system);
     system.residuals.push_back(factors.residuals.data());
@@ -94,6 +111,7 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
       layout.position.begin(), layout.position.end(), system.first_entry.begin(),
       [&layout](int position) { return position < 0 ? -1 : layout.packed_offset[position]; });
   system.scale = scale;
+  // Dog-Leg has solved for the Gauss–Newton step, and overwrites this.
   system.solution = trial_.step();
   strategy_->GetLastSolve(&system.damping, &system.solution);
   observer->See(system);

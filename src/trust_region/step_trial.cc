@@ -6,6 +6,11 @@
 namespace inceres::internal {
 namespace {
 
+// What follows a valid step: move, evaluate, and by Marquardt's rule find a length that can be
+// evaluated and that the cost agrees with (docs/algorithms.md, "One-time solves and exact
+// windows"). The promise is always that of the step as it is judged: a share has its own, and what
+// a refinement gains is added.
+
 // How a step is cut whose end cannot be evaluated.
 constexpr double kCut = 0.1;
 constexpr int kMaxCuts = 8;
@@ -29,6 +34,7 @@ StepTrial::StepTrial(const SolverOptions& options, const LoopOptions& loop,
       refinement_(options, loop, evaluation, summary) {
 }
 
+// A pass over J; also for a share, where promise and length are not proportional.
 double StepTrial::FindPromise() {
   promise_ = model_.ModelDecrease(step_.data());
   evaluation_.clock().Charge(&summary_.seconds.model_cost);
@@ -44,14 +50,17 @@ void StepTrial::Run(double cost, IterationSummary* iteration) {
 }
 
 void StepTrial::Follow(double start_cost, IterationSummary* iteration) {
+  // No end until one was evaluated.
   cost_ = std::numeric_limits<double>::max();
   is_cut_ = false;
   double cost = 0.0;
   const bool moved = evaluation_.MoveCandidate(step_);
+  // Only the first failure of the solve is told.
   if (!moved && summary_.failed_step.empty()) {
     summary_.failed_step = "x_plus_delta = Plus(x, delta) failed";
   }
   bool evaluated = moved && evaluation_.CandidateCost(&cost);
+  // Other strategies take a step as it is.
   if (IsByMarquardt() && evaluated) {
     Shorten(start_cost, &cost, iteration);
   } else if (IsByMarquardt()) {
@@ -61,6 +70,8 @@ void StepTrial::Follow(double start_cost, IterationSummary* iteration) {
     return;
   }
   cost_ = cost;
+  // Gains come as differences of the landmarks' own factors; the loop sums the cost anew if the
+  // step is taken.
   if (const double gain = refinement_.RefineLandmarks(start_cost, cost); gain > 0.0) {
     cost_ -= gain;
     promise_ += gain;
@@ -73,6 +84,7 @@ void StepTrial::Descend(double start_cost, IterationSummary* iteration) {
   if (!cost.has_value()) {
     return;
   }
+  // What was gained counts as promised, so that the ratio judges the step.
   promise_ += cost_ - *cost;
   iteration->model_cost_change = promise_;
   descent_was_useful_ = *cost < start_cost;
@@ -101,6 +113,7 @@ void StepTrial::TakeShare(double t, IterationSummary* iteration) {
 bool StepTrial::Cut(double start_cost, double* cost, IterationSummary* iteration) {
   double beyond = 1.0;
   double t = kCut;
+  // beyond: the shortest share that is known to lie behind the border.
   for (int cuts = 1; !EvaluateAlong(t, cost); t *= kCut) {
     if (cuts++ == kMaxCuts) {
       return false;
@@ -109,11 +122,13 @@ bool StepTrial::Cut(double start_cost, double* cost, IterationSummary* iteration
   }
   double last_tried = t;
   t = GoUpToBorder(t, beyond, cost, &last_tried);
+  // The last trial lay elsewhere: the candidate goes back to t.
   if (last_tried != t && !EvaluateAlong(t, cost)) {
     return false;
   }
   TakeShare(t, iteration);
   is_cut_ = true;
+  // A step that leads uphill up to the border is refused as a whole.
   return *cost < start_cost && promise_ > 0.0;
 }
 
@@ -128,6 +143,7 @@ double StepTrial::GoUpToBorder(double t, double beyond, double* cost, double* la
       t = *last_tried;
       *cost = there;
     } else {
+      // Farther up the cost rises again: the border is not what limits this step.
       break;
     }
   }
@@ -139,6 +155,8 @@ double StepTrial::GoUpToBorder(double t, double beyond, double* cost, double* la
 // over predicted decrease. More damping would shorten all other directions before this one.
 void StepTrial::Shorten(double start_cost, double* cost, IterationSummary* iteration) {
   const double quality = (start_cost - *cost) / promise_;
+  // Negated, so that NaN is left alone. Above, the model is good enough; below, another direction
+  // is needed.
   if (!(quality < kTooLong && quality > kMuchTooLong)) {
     return;
   }
@@ -148,6 +166,7 @@ void StepTrial::Shorten(double start_cost, double* cost, IterationSummary* itera
     *cost = there;
     TakeShare(t, iteration);
   } else if (!EvaluateAlong(1.0, cost)) {
+    // The candidate goes back to the end of the step, which was evaluated before.
     *cost = std::numeric_limits<double>::max();
   }
 }

@@ -8,9 +8,13 @@
 
 namespace inceres::internal {
 
+// The choice of a strategy. Objects are kept from solve to solve for their memory, and started
+// anew.
+
 void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
                  std::vector<double>* scale) {
   scale->assign(diagonal.size(), 1.0);
+  // Ceres's jacobi_scaling: 1 + norm, so that columns of zeros have a finite scale.
   if (jacobi_scaling) {
     std::transform(diagonal.begin(), diagonal.end(), scale->begin(),
                    [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
@@ -19,6 +23,7 @@ void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
 
 void StartStrategy(const SolverOptions& options, const std::vector<double>& scale,
                    std::unique_ptr<TrustRegionStrategy>* strategy) {
+  // Both kinds of damped steps are one class, both kinds of Dog-Leg another.
   if (*strategy == nullptr || !(*strategy)->Serves(options.strategy)) {
     if (IsDamped(options.strategy)) {
       *strategy = std::make_unique<LevenbergMarquardt>();

@@ -5,6 +5,10 @@
 namespace inceres::internal {
 namespace {
 
+// The structure of a graph as one list of numbers, walked by one function for all three uses:
+// counting, collecting and comparing cannot disagree about what belongs to it. Comparing stops at
+// the first difference, so a graph that is another is told apart at once mostly.
+
 // visit(number), or visit(first, count) for many, for each number of the structure, in a fixed
 // order, until it returns false. Every list is preceded by its length, so that equal sequences mean
 // equal structures.
@@ -16,7 +20,9 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     const bool landmark = graph.role(id) == Role::kLandmark;
     const bool curved = graph.manifold(id) != nullptr;
+    // A manifold counts by being there: which variables have a map to compute.
     const int flags = (landmark ? 1 : 0) + (graph.IsConstant(id) ? 2 : 0) + (curved ? 4 : 0);
+    // 64 bits in two halves: where a variable's values lie decides where parameters point.
     const std::int64_t offset = graph.StateOffset(id);
     if (!visit(flags) || !visit(graph.AmbientSize(id)) || !visit(graph.TangentSize(id)) ||
         !visit(static_cast<std::int32_t>(offset)) ||
@@ -26,6 +32,7 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
+    // Sizes before the list of variables: its length follows from them.
     if (!visit(graph.NumFactors(id)) || !visit(family.residual_size()) ||
         !visit(family.num_slots())) {
       return false;
@@ -37,6 +44,7 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
     }
     const std::int64_t num_entries =
         static_cast<std::int64_t>(graph.NumFactors(id)) * family.num_slots();
+    // Free places are in the list as -1.
     if (num_entries > 0 && !visit(graph.Variables(id, 0), num_entries)) {
       return false;
     }
@@ -44,6 +52,7 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   return true;
 }
 
+// The list is as long as counted, for it stays while the solver does.
 struct Counter {
   bool operator()(std::int32_t /*number*/) {
     ++count;
@@ -56,6 +65,7 @@ struct Counter {
   std::int64_t count = 0;
 };
 
+// Writes what the counter has counted.
 struct Collector {
   bool operator()(std::int32_t number) {
     numbers.push_back(number);
@@ -70,6 +80,7 @@ struct Collector {
 
 // Goes along a list.
 struct Comparer {
+  // Also false where the list ends too early.
   bool operator()(std::int32_t number) { return next != end && *next++ == number; }
   bool operator()(const std::int32_t* first, std::int64_t count) {
     const std::int32_t* const begin = next;
@@ -91,6 +102,7 @@ Structure::Structure(const FactorGraph& graph) {
 }
 
 bool Structure::IsThatOf(const FactorGraph& graph) const {
+  // The list must end with the graph: a longer one is another structure.
   Comparer comparer{numbers_.data(), numbers_.data() + numbers_.size()};
   return ForEachNumber(graph, comparer) && comparer.next == comparer.end;
 }

@@ -7,6 +7,9 @@ namespace inceres {
 
 using internal::JsonObject;
 
+// Summaries as JSON (docs/json.md has the fields). The names are those of that page, and not
+// always those of the members: num_inner_iterations counts steps of single landmarks.
+
 namespace {
 
 std::string ToJson(const IterationSummary& iteration) {
@@ -32,6 +35,7 @@ std::string ToJson(const IterationSummary& iteration) {
 
 namespace internal {
 
+// Shared with other summaries, hence not in the unnamed namespace.
 std::string ToJson(const StageSeconds& seconds) {
   return JsonObject()
       .Add("setup", seconds.setup)
@@ -92,6 +96,7 @@ std::string ToJson(const LineSearchSummary& search) {
 
 }  // namespace
 
+// Ceres's names.
 const char* ToString(Termination termination) {
   switch (termination) {
     case Termination::kConvergence:
@@ -105,6 +110,7 @@ const char* ToString(Termination termination) {
     case Termination::kUserFailure:
       return "USER_FAILURE";
   }
+  // Of a number that is none of them.
   return "UNKNOWN";
 }
 

@@ -11,6 +11,9 @@ using internal::Formatted;
 using internal::ReportLine;
 using internal::ReportSeconds;
 
+// Reports of a batch solve to be read by people: one line, and a page with sizes, solver, costs,
+// counts and seconds.
+
 namespace {
 
 // Steps tried: the start is no iteration.
@@ -18,6 +21,7 @@ int NumIterations(const Summary& summary) {
   return std::max(0, static_cast<int>(summary.iterations.size()) - 1);
 }
 
+// Two columns: of the whole problem, and of what moves.
 std::string Sizes(const ProblemSizes& sizes) {
   return Formatted("%45s%25s\n", "Problem", "Moving") +
          ReportLine("Variables", sizes.num_variables, sizes.num_moving_variables) +
@@ -30,6 +34,7 @@ std::string Sizes(const ProblemSizes& sizes) {
 std::string SolverUsed(const Summary& summary) {
   const WorkCounts& work = summary.work;
   std::string text = ReportLine("Trust region strategy", summary.strategy);
+  // A solve that ended before its model was made used no linear solver.
   if (!summary.reduced_solver.empty()) {
     text += ReportLine("Linear solver", summary.reduced_solver) +
             ReportLine("Eliminated landmarks", work.num_landmarks) +
@@ -41,6 +46,7 @@ std::string SolverUsed(const Summary& summary) {
 
 std::string Costs(const Summary& summary) {
   std::string text = "Cost:\n" + ReportLine("Initial", summary.initial_cost);
+  // After a failure there is no cost to compare with.
   if (summary.IsSolutionUsable()) {
     text += ReportLine("Final", summary.final_cost) +
             ReportLine("Change", summary.initial_cost - summary.final_cost);
@@ -48,6 +54,7 @@ std::string Costs(const Summary& summary) {
   return text;
 }
 
+// Stages with the number of their calls where they are counted.
 std::string Seconds(const Summary& summary) {
   const StageSeconds& seconds = summary.seconds;
   const WorkCounts& work = summary.work;
@@ -60,6 +67,7 @@ std::string Seconds(const Summary& summary) {
       ReportSeconds("  Factorization", seconds.factorization, work.num_linear_solves) +
       ReportSeconds("  Back-substitution", seconds.back_substitution) +
       ReportSeconds("  Model cost", seconds.model_cost);
+  // Searches need bounds; without any there is no line.
   if (summary.line_search.num_steps > 0) {
     text += ReportSeconds("  Line search", summary.line_search.total_seconds,
                           summary.line_search.num_steps);
@@ -78,6 +86,7 @@ std::string Summary::BriefReport() const {
 std::string Summary::FullReport() const {
   std::string text = internal::ReportTitle("Solver Summary", INCERES_VERSION_STRING);
   text += Sizes(sizes) + "\n" + SolverUsed(*this) + "\n" + Costs(*this) + "\n";
+  // -1 where there was nothing to solve.
   text += ReportLine("Iterations", NumIterations(*this)) +
           ReportLine("Successful steps", std::max(0, num_successful_steps)) +
           ReportLine("Unsuccessful steps", std::max(0, num_unsuccessful_steps));
@@ -86,6 +95,7 @@ std::string Summary::FullReport() const {
   }
   text +=
       "\n" + Seconds(*this) + "\n" + internal::ReportTermination(ToString(termination), message);
+  // The last error, and the first step that could not be evaluated, if there were any.
   text += detail.empty() ? "" : "Detail: " + detail + "\n";
   return text + (failed_step.empty() ? "" : "Refused step: " + failed_step + "\n");
 }
