@@ -6,6 +6,11 @@ namespace inceres::internal {
 
 // A row that no factor touches is one of the identity, coupled to nothing.
 Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
+  schur->changes().TakeUninverted(&changed_);
+  *num_factored = 0;
+  if (!is_new_ && changed_.empty()) {
+    return factored_;
+  }
   diagonal_.assign(schur->size(), 0.0);
   constant_.assign(schur->frames().size(), 0);
   for (std::size_t row = 0; row < schur->frames().size(); ++row) {
@@ -16,17 +21,16 @@ Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
       std::fill_n(diagonal_.begin() + schur->FrameOffset(static_cast<int>(row)), frame.size, 1.0);
     }
   }
-  schur->changes().TakeUninverted(&changed_);
   ReducedSolver::Rows changed{changed_.empty() ? schur->S().num_rows() : changed_.front(),
                               &changed_};
   if (is_new_) {
     changed = {};
   }
   is_new_ = false;
-  const Status factored =
+  factored_ =
       tree_.Factorize(ReducedMatrix(schur->S(), diagonal_.data(), constant_.data()), changed);
   *num_factored = tree_.work().factored_rows;
-  return factored;
+  return factored_;
 }
 
 }  // namespace inceres::internal
