@@ -77,7 +77,10 @@ class StalenessOf {
 
 void CountStaleness(const IncrementalSystem& system, const std::vector<double>& frame_step,
                     VariableId id, FactorStaleness* staleness) {
-  StalenessOf(system, frame_step, staleness).AddVariable(id);
+  // Since S has other rows no step was solved for.
+  const bool is_known = frame_step.size() == static_cast<std::size_t>(system.schur().size());
+  const std::vector<double> none(is_known ? 0 : system.schur().size(), 0.0);
+  StalenessOf(system, is_known ? frame_step : none, staleness).AddVariable(id);
 }
 
 }  // namespace inceres::internal

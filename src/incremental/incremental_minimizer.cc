@@ -188,11 +188,15 @@ bool IncrementalMinimizer::StepLandmarks() {
   return moved;
 }
 
-Status IncrementalMinimizer::FactorizeAnew() {
+Status IncrementalMinimizer::LinearizeAnew() {
   const double damping =
       options_.damping == DampingForm::kThesis ? 0.0 : tuning_.landmarks.min_damping;
   RelinearizeWork work;
-  const Status linearized = system_.Relinearize(damping, RuleOf(options_.rebuild), &work);
+  return system_.Relinearize(damping, RuleOf(options_.rebuild), &work);
+}
+
+Status IncrementalMinimizer::FactorizeAnew() {
+  const Status linearized = LinearizeAnew();
   return linearized.ok()
              ? frame_step_.FactorizeOnly(options_.damping, options_.min_damping, &system_.schur())
              : linearized;

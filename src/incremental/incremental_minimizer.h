@@ -37,8 +37,10 @@ class IncrementalMinimizer {
   /// where half a step leads elsewhere than a whole one; all of it moves.
   void Minimize(bool mostly_new, const std::atomic<bool>& stop, UpdateTrace* trace);
 
-  /// Where the batch solver was the last to move: linearizes everything and factors S, with the
-  /// least damping.
+  /// Where the batch solver was the last to move: linearizes everything, with the least damping of
+  /// landmarks.
+  Status LinearizeAnew();
+  /// And factors S, with that of frames.
   Status FactorizeAnew();
   FrameStep& frame_step() { return frame_step_; }
 

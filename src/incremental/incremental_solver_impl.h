@@ -52,7 +52,7 @@ class IncrementalSolver::Impl {
   void Minimize(internal::UpdateTrace* trace);
   bool SolveInBatch(internal::UpdateTrace* trace);
   void PutBackStart();
-  Status FactorizeAnew();
+  Status PrepareAnew(bool factorize);
 
   IncrementalOptions options_;
   const internal::Tuning tuning_ = internal::TuningOfNewSolvers();

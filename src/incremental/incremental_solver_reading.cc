@@ -31,9 +31,9 @@ bool IncrementalSolver::Impl::ReadSnapshot(ValueSnapshot* snapshot) {
 }
 
 // Where the batch solver was the last to move, or no step was asked for since S has other rows.
-Status IncrementalSolver::Impl::FactorizeAnew() {
+Status IncrementalSolver::Impl::PrepareAnew(bool factorize) {
   Form();
-  const Status status = minimizer_->FactorizeAnew();
+  const Status status = factorize ? minimizer_->FactorizeAnew() : minimizer_->LinearizeAnew();
   if (!status.ok() && status.code != StatusCode::kSingular) {
     Restart();
   }
@@ -52,9 +52,11 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
                            "there is no factor to take covariances from: the graph was edited "
                            "since the last Update that did not fail, or there was none");
   }
+  // The undamped S has a factor of its own.
+  const bool damped = options.accuracy != CovarianceAccuracy::kUndamped;
   if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
-    status = FactorizeAnew();
-  } else if (status.ok() && live->schur().changes().num_unfactored() > 0) {
+    status = PrepareAnew(damped);
+  } else if (status.ok() && damped && live->schur().changes().num_unfactored() > 0) {
     // An Update may have ended by what the factor from before told.
     internal::FrameStep& frames = minimizer_->frame_step();
     status = frames.FactorizeOnly(options_.damping, frames.factored_mu(), &live->schur());

@@ -10,6 +10,11 @@ namespace inceres::internal {
 
 // A row that no factor touches is one of the identity, coupled to nothing.
 Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
+  schur->changes().TakeUninverted(&changed_);
+  *num_factored = 0;
+  if (!is_new_ && changed_.empty()) {
+    return factored_;
+  }
   // Zero damping but for rows that count as constant, which have a 1 there, as ReducedMatrix has
   // it.
   diagonal_.assign(schur->size(), 0.0);
@@ -22,7 +27,6 @@ Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
       std::fill_n(diagonal_.begin() + schur->FrameOffset(static_cast<int>(row)), frame.size, 1.0);
     }
   }
-  schur->changes().TakeUninverted(&changed_);
   ReducedSolver::Rows changed{changed_.empty() ? schur->S().num_rows() : changed_.front(),
                               &changed_};
   // The list began with the solver, and the tree knows nothing of what was there before: all is
@@ -31,10 +35,10 @@ Status UndampedFactor::Follow(IncrementalSchur* schur, int* num_factored) {
     changed = {};
   }
   is_new_ = false;
-  const Status factored =
+  factored_ =
       tree_.Factorize(ReducedMatrix(schur->S(), diagonal_.data(), constant_.data()), changed);
   *num_factored = tree_.work().factored_rows;
-  return factored;
+  return factored_;
 }
 
 }  // namespace inceres::internal

@@ -23,6 +23,7 @@ class UndampedFactor {
  private:
   BayesTree tree_;
   bool is_new_ = true;
+  Status factored_;  // the last time
   std::vector<std::int32_t> changed_;
   std::vector<double> diagonal_;
   std::vector<char> constant_;

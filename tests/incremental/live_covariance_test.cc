@@ -364,6 +364,26 @@ TEST(LiveCovariance, AfterABatchSolve) {
   EXPECT_EQ(next.num_batch_iterations, 0);
 }
 
+// The batch solver leaves neither S nor a step: of what is not damped, and of frames and landmarks.
+TEST(LiveCovariance, UndampedIsTheFirstThingAskedAfterABatchSolve) {
+  IncrementalBundle bundle(IncrementalOptions(), 14);
+  bundle.Grow(6, 16, 3);
+  ASSERT_GT(bundle.solver.Update().num_batch_iterations, 0);
+  const VariableId frame = bundle.frames()[2], landmark = bundle.landmarks()[3];
+  LiveCovariance covariance;
+  const Status status =
+      bundle.solver.JointCovariance(frame, landmark, LiveCovarianceOptions(), &covariance);
+  ASSERT_TRUE(status.ok()) << status.message;
+  EXPECT_LT(covariance.staleness.largest_pending_step, 1e-3) << "the landmark's own";
+  GraphCovariance expected;
+  ASSERT_TRUE(expected.Compute(bundle.solver, {{frame, frame}}).ok());
+  double block[36];
+  ASSERT_TRUE(expected.Get(frame, frame, block));
+  for (int k = 0; k < 6; ++k) {
+    EXPECT_NEAR(covariance(k, k), block[7 * k], 1e-4 * block[7 * k]);
+  }
+}
+
 // Same Updates to the last bit, whether or not covariances were asked for in between, and the same
 // covariances for any number of threads.
 TEST(LiveCovariance, ChangesNothing) {
