@@ -4,23 +4,22 @@
 #include <utility>
 #include <vector>
 
-#include "schur/gauge_modes.h"
+#include "schur/gauge_normals.h"
 
 namespace inceres::internal {
 
-void GaugeModes::CollectSources() {
-  std::int64_t of_landmarks = 0, of_points = 0;
+void GaugeNormals::CollectSources() {
   for (const Linearization& cache : evaluator_.families()) {
     for (int p = 0; p < cache.num_slots; ++p) {
       std::vector<std::int32_t> factors;
       for (int i = 0; i < cache.num_factors; ++i) {
         const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(i) + p];
-        of_landmarks += evaluator_.layout().LandmarkOf(id) >= 0 ? 1 : 0;
+        num_of_landmarks_ += evaluator_.layout().LandmarkOf(id) >= 0 ? 1.0 : 0.0;
         if (LandmarkThrough(cache, i, p) >= 0) {
           factors.push_back(i);
         }
       }
-      of_points += static_cast<std::int64_t>(factors.size());
+      num_of_points_ += static_cast<double>(factors.size());
       for (int s = 0; !factors.empty() && s < cache.num_slots; ++s) {
         if (s != p) {
           AddSource(cache, s, p, factors);
@@ -28,11 +27,10 @@ void GaugeModes::CollectSources() {
       }
     }
   }
-  are_euclidean_ = 2 * of_points > of_landmarks;
 }
 
-void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_slot,
-                           const std::vector<std::int32_t>& factors) {
+void GaugeNormals::AddSource(const Linearization& cache, int slot, int landmark_slot,
+                             const std::vector<std::int32_t>& factors) {
   Source source{cache.id, slot, landmark_slot, {}, {}};
   source.begin.assign(evaluator_.layout().num_frames + 1, 0);
   for (const std::int32_t i : factors) {
@@ -53,7 +51,7 @@ void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_sl
   }
 }
 
-void GaugeModes::BuildPattern() {
+void GaugeNormals::BuildPattern() {
   const Layout& layout = evaluator_.layout();
   pattern_.offsets.assign(layout.packed_offset.begin(),
                           layout.packed_offset.begin() + layout.num_frames + 1);
@@ -83,12 +81,6 @@ void GaugeModes::BuildPattern() {
     }
     pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
   }
-  const auto size = static_cast<std::size_t>(pattern_.size());
-  C_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
-  diagonal_.resize(size);
-  R_.resize(size * kStride);
-  V_.resize(size * kStride);
-  squares_.resize(static_cast<std::size_t>(layout.num_frames) * kStride);
 }
 
 }  // namespace inceres::internal
