@@ -25,13 +25,16 @@
 #include "tools/distributed/mpi_process.h"
 #include "tools/distributed/mpi_report.h"
 #include "tools/distributed/partition.h"
+#include "tools/generate/scene_flags.h"
 
 DEFINE_string(input, "",
               "The BAL file to solve: text, .gz or .bz2. Text is read by all ranks, each its share "
               "of the bytes.");
 DEFINE_string(
     generate, "",
-    "Solve the problem that bal_generate --preset makes of this name, instead of a file.");
+    "Solve the problem that bal_generate --preset makes of this name, instead of a file: path-N, "
+    "city-N, collection-N, .... The flags of bal_generate that describe the scene, as "
+    "--true_start, are those of this tool too.");
 DEFINE_string(output, "", "Write the solved problem to this BAL file (.gz and .bz2 compress).");
 
 namespace inceres::tools {
@@ -46,6 +49,9 @@ const ToolHelp kHelp = {
     {{"one process", "bal_solve_mpi --input problem-49-7776-pre.txt"},
      {"two processes, and the solved file",
       "mpiexec -n 2 bal_solve_mpi --input problem.txt --output solved.txt"},
+     {"three hundred cameras in a city, by conjugate gradients",
+      "bal_solve_mpi --generate city-300 --linear_solver conjugate_gradients "
+      "--preconditioner two_level"},
      {"a solver and a preconditioner of PETSc",
       "bal_solve_mpi --input problem.txt --linear_solver ksp --form_schur_complement "
       "-inceres_ksp_type fcg -inceres_pc_type bjacobi"}}};
@@ -54,6 +60,9 @@ const ToolHelp kHelp = {
 Status Load(MPI_Comm comm, const MpiSettings& settings, Tracks* tracks, MpiReport* report) {
   if (FLAGS_input.empty() == FLAGS_generate.empty()) {
     return Invalid("one of --input FILE and --generate PRESET is required; see --help");
+  }
+  if (const std::string flag = FirstSceneFlagSet(); !FLAGS_input.empty() && !flag.empty()) {
+    return Invalid("--" + flag + " describes what --generate makes; --input has its own");
   }
   double start = MPI_Wtime();
   const bool generates = FLAGS_input.empty();

@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <numeric>
-#include <set>
+#include <utility>
 
+#include "distributed/exchange.h"
 #include "tools/distributed/agree.h"
-#include "tools/distributed/exchange.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Exchange;
 
 double WorkOf(const Tracks& tracks, std::size_t point, bool forms_S) {
   const auto n = static_cast<double>(tracks.begin[point + 1] - tracks.begin[point]);
@@ -16,8 +18,10 @@ double WorkOf(const Tracks& tracks, std::size_t point, bool forms_S) {
 }
 
 // The middle one of the positions of the cameras that see a point.
-int KeyOf(const Tracks& tracks, std::size_t point, const std::vector<int>& position) {
-  std::vector<int> seen_from;
+int KeyOf(const Tracks& tracks, std::size_t point, const std::vector<int>& position,
+          std::vector<int>* workspace) {
+  std::vector<int>& seen_from = *workspace;
+  seen_from.clear();
   for (std::size_t k = tracks.begin[point]; k < tracks.begin[point + 1]; ++k) {
     seen_from.push_back(position[static_cast<std::size_t>(tracks.seen[k].camera)]);
   }
@@ -39,8 +43,9 @@ std::vector<int> CutByWork(MPI_Comm comm, const Tracks& tracks, const std::vecto
   MPI_Comm_rank(comm, &rank);
   std::vector<double> own(static_cast<std::size_t>(tracks.num_cameras()), 0.0);
   std::vector<int> keys(tracks.points.size());
+  std::vector<int> workspace;
   for (std::size_t i = 0; i < keys.size(); ++i) {
-    keys[i] = KeyOf(tracks, i, position);
+    keys[i] = KeyOf(tracks, i, position, &workspace);
     own[static_cast<std::size_t>(keys[i])] += WorkOf(tracks, i, forms_S);
   }
   std::vector<double> before(own.size(), 0.0);  // of each key, on lower ranks
@@ -70,19 +75,25 @@ std::vector<int> CutByWork(MPI_Comm comm, const Tracks& tracks, const std::vecto
 std::int64_t CountCopies(MPI_Comm comm, const Tracks& tracks, const std::vector<int>& target) {
   int size = 1;
   MPI_Comm_size(comm, &size);
-  std::vector<std::set<int>> cameras_of(static_cast<std::size_t>(size));
+  const auto num_cameras = static_cast<std::size_t>(tracks.num_cameras());
+  std::vector<bool> sees(num_cameras * static_cast<std::size_t>(size), false);  // by rank
   for (std::size_t i = 0; i < target.size(); ++i) {
+    const std::size_t first = num_cameras * static_cast<std::size_t>(target[i]);
     for (std::size_t k = tracks.begin[i]; k < tracks.begin[i + 1]; ++k) {
-      cameras_of[static_cast<std::size_t>(target[i])].insert(tracks.seen[k].camera);
+      sees[first + static_cast<std::size_t>(tracks.seen[k].camera)] = true;
     }
   }
-  std::vector<std::vector<int>> to_rank;
-  to_rank.reserve(cameras_of.size());
-  for (const std::set<int>& cameras : cameras_of) {
-    to_rank.emplace_back(cameras.begin(), cameras.end());
+  std::vector<std::vector<int>> to_rank(static_cast<std::size_t>(size));
+  for (std::size_t k = 0; k < sees.size(); ++k) {
+    if (sees[k]) {
+      to_rank[k / num_cameras].push_back(static_cast<int>(k % num_cameras));
+    }
   }
-  const std::vector<int> received = Exchange(comm, to_rank);
-  auto copies = static_cast<std::int64_t>(std::set<int>(received.begin(), received.end()).size());
+  std::vector<char> is_here(num_cameras, 0);
+  for (const int camera : Exchange(comm, std::move(to_rank))) {
+    is_here[static_cast<std::size_t>(camera)] = 1;
+  }
+  std::int64_t copies = std::count(is_here.begin(), is_here.end(), 1);
   MPI_Allreduce(MPI_IN_PLACE, &copies, 1, MPI_INT64_T, MPI_SUM, comm);
   return copies;
 }
