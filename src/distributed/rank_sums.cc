@@ -59,7 +59,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
 
 }  // namespace
 
-SegmentSums::SegmentSums(const Communicator& ranks, std::vector<int> own) : ranks_(ranks) {
+SegmentSums::SegmentSums(const Communicator& ranks, const std::vector<int>& own) : ranks_(ranks) {
   const std::vector<std::int64_t> counts = ranks.Gather({static_cast<std::int64_t>(own.size())});
   const std::vector<int> all = ToInts(ranks.GatherBytes(ToBytes(own)));
   auto next = all.begin();
@@ -108,8 +108,9 @@ BlockSums::BlockSums(const Communicator& ranks, const std::vector<int>& sizes,
     : pattern_(UnionOf(ranks, sizes, own)), sums_(ranks, NumbersOf(own)) {
 }
 
-std::vector<int> BlockSums::NumbersOf(std::vector<Place> own) const {
+std::vector<int> BlockSums::NumbersOf(const std::vector<Place>& own) const {
   std::vector<int> numbers;
+  numbers.reserve(own.size());
   for (const Place& place : own) {
     numbers.push_back(Find(place));
   }

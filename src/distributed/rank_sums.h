@@ -15,7 +15,7 @@ namespace inceres::internal {
 class SegmentSums {
  public:
   /// The segments that this rank adds to, ascending. Collective, as all calls.
-  SegmentSums(const Communicator& ranks, std::vector<int> own);
+  SegmentSums(const Communicator& ranks, const std::vector<int>& own);
 
   /// values[begin[s]], …: segment s; there is one more of `begin`. In: what this rank adds, in its
   /// own segments; the others may be anything. Out: the sums. Cost: each rank's own segments go to
@@ -46,7 +46,7 @@ class BlockSums {
   void Sum(double* values) const { sums_.Sum(pattern_.value_begin, values); }
 
  private:
-  std::vector<int> NumbersOf(std::vector<Place> own) const;
+  std::vector<int> NumbersOf(const std::vector<Place>& own) const;
 
   const BlockPattern pattern_;
   const SegmentSums sums_;

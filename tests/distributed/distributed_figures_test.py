@@ -69,7 +69,7 @@ class Played(unittest.TestCase):
                 self.assertEqual(done.stderr, "")
                 self.assertIn("| 2 ranks / 2 threads |", done.stdout)
             kept = json.loads(figures.read_text(encoding="utf-8"))["problems"]["ladybug-like"]
-            self.assertLess(abs(kept["cost_excess"]), 1e-4)
+            self.assertLess(abs(kept["cost_excess"]), 1e-2)  # three inexact steps
             self.assertEqual({run: count for run, (count, _) in kept["iterations"].items()}["1 rank"], 3)
 
     def test_a_run_that_fails(self):

@@ -12,9 +12,9 @@ namespace {
 
 using internal::Exchange;
 
-double WorkOf(const Tracks& tracks, std::size_t point, bool forms_S) {
+double WorkOf(const Tracks& tracks, std::size_t point, double per_square) {
   const auto n = static_cast<double>(tracks.begin[point + 1] - tracks.begin[point]);
-  return 1.0 + n + (forms_S ? n * n : 0.0);
+  return 1.0 + n + per_square * n * n;
 }
 
 // The middle one of the positions of the cameras that see a point.
@@ -36,7 +36,7 @@ int KeyOf(const Tracks& tracks, std::size_t point, const std::vector<int>& posit
 // Cuts the points, in the order of key, then rank, then place, where the sum of their work passes
 // a share of the whole.
 std::vector<int> CutByWork(MPI_Comm comm, const Tracks& tracks, const std::vector<int>& position,
-                           bool forms_S) {
+                           double per_square) {
   int size = 1;
   int rank = 0;
   MPI_Comm_size(comm, &size);
@@ -46,7 +46,7 @@ std::vector<int> CutByWork(MPI_Comm comm, const Tracks& tracks, const std::vecto
   std::vector<int> workspace;
   for (std::size_t i = 0; i < keys.size(); ++i) {
     keys[i] = KeyOf(tracks, i, position, &workspace);
-    own[static_cast<std::size_t>(keys[i])] += WorkOf(tracks, i, forms_S);
+    own[static_cast<std::size_t>(keys[i])] += WorkOf(tracks, i, per_square);
   }
   std::vector<double> before(own.size(), 0.0);  // of each key, on lower ranks
   std::vector<double> all(own.size(), 0.0);
@@ -65,8 +65,8 @@ std::vector<int> CutByWork(MPI_Comm comm, const Tracks& tracks, const std::vecto
   std::vector<int> target(keys.size());
   for (std::size_t i = 0; i < keys.size(); ++i) {
     double& at = before[static_cast<std::size_t>(keys[i])];
-    const double middle = at + 0.5 * WorkOf(tracks, i, forms_S);
-    at += WorkOf(tracks, i, forms_S);
+    const double middle = at + 0.5 * WorkOf(tracks, i, per_square);
+    at += WorkOf(tracks, i, per_square);
     target[i] = std::clamp(static_cast<int>(middle / total * size), 0, size - 1);
   }
   return target;
@@ -99,12 +99,12 @@ std::int64_t CountCopies(MPI_Comm comm, const Tracks& tracks, const std::vector<
 }
 
 double ImbalanceOf(MPI_Comm comm, const Tracks& tracks, const std::vector<int>& target,
-                   bool forms_S) {
+                   double per_square) {
   int size = 1;
   MPI_Comm_size(comm, &size);
   std::vector<double> work(static_cast<std::size_t>(size), 0.0);
   for (std::size_t i = 0; i < target.size(); ++i) {
-    work[static_cast<std::size_t>(target[i])] += WorkOf(tracks, i, forms_S);
+    work[static_cast<std::size_t>(target[i])] += WorkOf(tracks, i, per_square);
   }
   MPI_Allreduce(MPI_IN_PLACE, work.data(), size, MPI_DOUBLE, MPI_SUM, comm);
   const double total = std::accumulate(work.begin(), work.end(), 0.0);
@@ -113,8 +113,8 @@ double ImbalanceOf(MPI_Comm comm, const Tracks& tracks, const std::vector<int>& 
 
 }  // namespace
 
-Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& by, bool forms_S,
-                       Partition* partition) {
+Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& by,
+                       double per_square, Partition* partition) {
   int size = 1;
   MPI_Comm_size(comm, &size);
   *partition = Partition();
@@ -122,7 +122,7 @@ Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& b
   std::iota(position.begin(), position.end(), 0);
   if (by != "ptscotch" || size == 1) {
     partition->by = "order";
-    partition->target = CutByWork(comm, tracks, position, forms_S);
+    partition->target = CutByWork(comm, tracks, position, per_square);
     partition->num_frame_copies = CountCopies(comm, tracks, partition->target);
   }
   if (by != "order" && size > 1) {
@@ -130,7 +130,7 @@ Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& b
     if (!status.ok()) {
       return status;
     }
-    std::vector<int> target = CutByWork(comm, tracks, position, forms_S);
+    std::vector<int> target = CutByWork(comm, tracks, position, per_square);
     const std::int64_t copies = CountCopies(comm, tracks, target);
     if (partition->target.empty() && partition->by.empty()) {
       partition->num_frame_copies = copies + 1;
@@ -141,7 +141,7 @@ Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& b
       partition->num_frame_copies = copies;
     }
   }
-  partition->imbalance = ImbalanceOf(comm, tracks, partition->target, forms_S);
+  partition->imbalance = ImbalanceOf(comm, tracks, partition->target, per_square);
   return Status::Ok();
 }
 

@@ -10,11 +10,12 @@
 
 namespace inceres::tools {
 
-// The flags that describe the scene of bal_generate, and of what else simulates one. Sizes come from
-// the preset of this name, then from what was given on the command line; derived ones follow. kInvalidArgument names a flag that is not for
-// this kind of scene, or the field that is out of range.
+// The flags that describe the scene of bal_generate, and of what else simulates one. Sizes come
+// from the preset of this name ("": none, for a street), then from what was given on the command
+// line; derived ones follow. kInvalidArgument names a flag that is not for this kind of scene, or the
+// field that is out of range.
 
-Status ReadStreet(const std::string& name, StreetSceneOptions* options);  ///< none: ""
+Status ReadStreet(const std::string& name, StreetSceneOptions* options);
 Status ReadCity(const std::string& name, CityOptions* options);
 Status ReadCollection(const std::string& name, CollectionOptions* options);
 

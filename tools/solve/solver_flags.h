@@ -24,9 +24,9 @@ struct SolverSettings : CommonSettings {
   bool incremental = false;  ///< ours solves in incremental mode
 };
 
-/// Reads --trust_region, --linear_solver, --preconditioner, --mode, --builtin_factors and the common
-/// flags. A value that makes no sense is kInvalidArgument; the message names the flag and what it
-/// may be.
+/// Reads --trust_region, --linear_solver, --preconditioner, --mode, --builtin_factors and the
+/// common flags. A value that makes no sense is kInvalidArgument; the message names the flag and
+/// what it may be.
 Status ReadSolverFlags(SolverSettings* settings);
 
 /// The linear solver the settings ask for; `automatic` where they leave it open.

@@ -1,5 +1,5 @@
-// Solves a small BAL problem on all ranks with inceres::distributed from an installation: points are
-// dealt out, each rank has the cameras they are seen by.
+// Solves a small BAL problem on all ranks with inceres::distributed from an installation: points
+// are dealt out, each rank has all cameras.
 #include <mpi.h>
 
 #include <cstdio>
