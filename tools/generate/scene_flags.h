@@ -11,8 +11,8 @@
 namespace inceres::tools {
 
 // The flags that describe the scene of bal_generate, and of what else simulates one. Sizes come
-// from the preset of this name ("": none, for a street), then from what was given on the command
-// line; derived ones follow. kInvalidArgument names a flag that is not for this kind of scene, or the
+// from the preset of this name (none: "", a street), then from what was given on the command line;
+// derived ones follow. kInvalidArgument names a flag that is not for this kind of scene, or the
 // field that is out of range.
 
 Status ReadStreet(const std::string& name, StreetSceneOptions* options);
