@@ -50,8 +50,7 @@ const ToolHelp kHelp = {
      {"two processes, and the solved file",
       "mpiexec -n 2 bal_solve_mpi --input problem.txt --output solved.txt"},
      {"three hundred cameras in a city, by conjugate gradients",
-      "bal_solve_mpi --generate city-300 --linear_solver conjugate_gradients "
-      "--preconditioner two_level"},
+      "bal_solve_mpi --generate city-300 --preconditioner two_level"},
      {"a solver and a preconditioner of PETSc",
       "bal_solve_mpi --input problem.txt --linear_solver ksp --form_schur_complement "
       "-inceres_ksp_type fcg -inceres_pc_type bjacobi"}}};
