@@ -32,10 +32,7 @@ class CholeskySolver final : public DistributedReducedSolver {
   Status Solve(const std::vector<double>& b, std::vector<double>* x) override {
     matrix_.Assemble();
     const LogStage stage("inceres factor S");
-    double* values = nullptr;
-    Check(VecGetArray(b_.get(), &values), "VecGetArray");
-    std::copy(b.begin(), b.end(), values);
-    Check(VecRestoreArray(b_.get(), &values), "VecRestoreArray");
+    Copy(b, b_.get());
     for (;; extra_space_ *= 2) {
       if (!is_set_up_) {
         SetUp();
@@ -54,10 +51,7 @@ class CholeskySolver final : public DistributedReducedSolver {
       }
       is_set_up_ = false;
     }
-    const double* solution = nullptr;
-    Check(VecGetArrayRead(x_.get(), &solution), "VecGetArrayRead");
-    std::copy(solution, solution + x->size(), x->begin());
-    Check(VecRestoreArrayRead(x_.get(), &solution), "VecRestoreArrayRead");
+    Copy(x_.get(), x);
     return Status::Ok();
   }
 

@@ -183,6 +183,24 @@ std::vector<double> Communicator::GatherNumbers(const std::vector<double>& own) 
   return all;
 }
 
+std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
+                                              const std::vector<std::int64_t>& counts) const {
+  const StageTimer timer(&seconds_);
+  const std::int64_t total = std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
+  if (total > INT_MAX) {  // the same on all ranks
+    throw std::length_error("the ranks have more than 2³¹ numbers to sum at once");
+  }
+  const std::vector<int> sizes(counts.begin(), counts.end());
+  std::vector<int> begins(counts.size(), 0);
+  std::partial_sum(sizes.begin(), sizes.end() - 1, begins.begin() + 1);
+  std::vector<double> all(static_cast<std::size_t>(total));
+  MPI_Allgatherv(own.data(), static_cast<int>(own.size()), MPI_DOUBLE, all.data(), sizes.data(),
+                 begins.data(), MPI_DOUBLE, comm_);
+  bytes_sent_ += static_cast<std::int64_t>(own.size() * sizeof(double)) * (size_ - 1);
+  ++num_reductions_;
+  return all;
+}
+
 std::vector<char> Communicator::GatherBytes(const std::vector<char>& own) const {
   const std::vector<std::int64_t> sizes = Gather({static_cast<std::int64_t>(own.size())});
   const std::int64_t total = std::accumulate(sizes.begin(), sizes.end(), std::int64_t{0});

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/stopwatch.h"
+#include "distributed/exchange.h"
 #include "trust_region/agreement.h"
 
 namespace inceres::internal {
@@ -57,6 +59,20 @@ class Communicator final : public Agreement {
   std::vector<std::int64_t> Gather(const std::vector<std::int64_t>& own) const;
   std::vector<double> GatherNumbers(const std::vector<double>& own) const;
   std::vector<char> GatherBytes(const std::vector<char>& own) const;
+
+  /// The same of numbers, counts[r] of rank r; 2³¹ and more in all end the program.
+  std::vector<double> GatherParts(const std::vector<double>& own,
+                                  const std::vector<std::int64_t>& counts) const;
+  /// Sends to_rank[r] to each rank r; what all have sent here, in the order of the ranks. Throws
+  /// std::length_error if that is 2 GiB or more.
+  template <typename T>
+  std::vector<T> SendToEach(std::vector<std::vector<T>> to_rank) const {
+    const StageTimer timer(&seconds_);
+    for (const std::vector<T>& part : to_rank) {
+      bytes_sent_ += static_cast<std::int64_t>(part.size() * sizeof(T));
+    }
+    return Exchange(comm_, std::move(to_rank));
+  }
 
   /// Ends the program on all ranks, with a message: for what nobody can be told in time.
   [[noreturn]] void Abort(const char* what) const;

@@ -20,15 +20,37 @@ SchurBlocks BlocksToForm(const DistributedOptions& options) {
   if (FormsS(options)) {
     return SchurBlocks::kAll;
   }
-  return options.solver.conjugate_gradients.preconditioner == PreconditionerKind::kSchurJacobi
-             ? SchurBlocks::kDiagonal
-             : SchurBlocks::kNone;
+  switch (options.solver.conjugate_gradients.preconditioner) {
+    case PreconditionerKind::kSchurJacobi:
+      return SchurBlocks::kDiagonal;
+    case PreconditionerKind::kTwoLevel:
+      return SchurBlocks::kClustered;
+    default:
+      return SchurBlocks::kNone;
+  }
 }
 
-// Where S is not formed all of Y is kept, for products.
+bool IsTwoLevel(const DistributedOptions& options) {
+  return options.linear_solver != DistributedLinearSolver::kCholesky &&
+         options.solver.conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel;
+}
+
+// Products take the Jacobians, blocks of S a chunk of Y after the other; A V takes all of Y.
 std::int64_t QuadsPerChunk(const DistributedOptions& options) {
-  return FormsS(options) ? LandmarkIncidences::kQuadsPerChunk
-                         : std::numeric_limits<std::int64_t>::max();
+  return IsTwoLevel(options) ? std::numeric_limits<std::int64_t>::max()
+                             : LandmarkIncidences::kQuadsPerChunk;
+}
+
+std::unique_ptr<RankedAggregates> AggregatesFor(const DistributedOptions& options,
+                                                const Communicator& ranks,
+                                                const SharedFrames& frames,
+                                                const Evaluator& evaluator,
+                                                const LandmarkIncidences& incidences) {
+  if (!IsTwoLevel(options)) {
+    return nullptr;
+  }
+  const LogStage stage("inceres aggregate");
+  return std::make_unique<RankedAggregates>(ranks, frames, evaluator, incidences);
 }
 
 }  // namespace
@@ -40,7 +62,9 @@ DistributedModel::DistributedModel(const DistributedOptions& options, const Comm
       ranks_(ranks),
       frames_(frames),
       incidences_(evaluator, QuadsPerChunk(options), FormsS(options)),
-      plans_(evaluator, incidences_, BlocksToForm(options)),
+      aggregates_(AggregatesFor(options, ranks, frames, evaluator, incidences_)),
+      plans_(evaluator, incidences_, BlocksToForm(options),
+             aggregates_ != nullptr ? &aggregates_->by_owner : nullptr),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
       exchange_(ranks, frames, frames.moving(), FramePlace::kTangent),
@@ -50,6 +74,9 @@ DistributedModel::DistributedModel(const DistributedOptions& options, const Comm
   if (status->ok()) {
     solver_ = MakeDistributedSolver(options.linear_solver, options.solver.conjugate_gradients,
                                     &system_, status);
+  }
+  if (status->ok() && aggregates_ != nullptr && frames.num_frames() > 0) {
+    *status = system_.MakeTwoLevel(incidences_, *aggregates_);
   }
   owned_.resize(static_cast<std::size_t>(exchange_.owned_size()));
   owned_b_.resize(owned_.size());
@@ -69,6 +96,7 @@ void DistributedModel::Refresh() {
   hessian_.Accumulate();
   GatherFrames(hessian_.gradient(), &gradient_);
   GatherFrames(hessian_.diagonal(), &diagonal_);
+  system_.Refresh();
   clock_->Charge(&seconds_->hessian);
 }
 

@@ -6,6 +6,7 @@
 
 #include "distributed/communicator.h"
 #include "distributed/frame_exchange.h"
+#include "distributed/ranked_aggregates.h"
 #include "distributed/reduced_system.h"
 #include "distributed/shared_frames.h"
 #include "inceres/distributed/options.h"
@@ -49,6 +50,7 @@ class DistributedModel final : public LinearModel {
   const Communicator& ranks_;
   const SharedFrames& frames_;
   LandmarkIncidences incidences_;
+  std::unique_ptr<RankedAggregates> aggregates_;  // of a two-level preconditioner
   FramePlans plans_;
   Hessian hessian_;
   Elimination elimination_;

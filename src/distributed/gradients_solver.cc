@@ -11,7 +11,10 @@ class GradientsSolver final : public DistributedReducedSolver, private MergedGra
       : options_(options), system_(*system), iteration_(system->ranks()) {}
 
   const char* Name() const override {
-    return "conjugate gradients on the reduced system, by products, one reduction an iteration";
+    return options_.preconditioner == PreconditionerKind::kTwoLevel
+               ? "conjugate gradients on the reduced system, by products, two-level"
+               : "conjugate gradients on the reduced system, by products, one reduction an "
+                 "iteration";
   }
 
   // A step that took too many iterations, or met a direction without curvature, is as good as any.

@@ -10,6 +10,19 @@
 namespace inceres::internal {
 namespace {
 
+// Hands the entries of two vectors to what reads the one and writes the other.
+template <typename Apply>
+PetscErrorCode OnArrays(Vec from, Vec to, const Apply& apply) {
+  const double* in = nullptr;
+  double* out = nullptr;
+  PetscCall(VecGetArrayRead(from, &in));
+  PetscCall(VecGetArrayWrite(to, &out));
+  apply(in, out);
+  PetscCall(VecRestoreArrayRead(from, &in));
+  PetscCall(VecRestoreArrayWrite(to, &out));
+  return 0;
+}
+
 class KspSolver final : public DistributedReducedSolver {
  public:
   KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* system);
@@ -86,15 +99,14 @@ void KspSolver::MakeSolver() {
   Check(KSPSetFromOptions(ksp), "KSPSetFromOptions");
   const char* type = nullptr;
   Check(KSPGetType(ksp, &type), "KSPGetType");
-  name_ = std::string("PETSc's ") + type;
+  name_ = std::string("PETSc's ") + type + ", preconditioned by ";
   Check(PCGetType(pc, &type), "PCGetType");
-  uses_blocks_ = type != nullptr && std::string(type) == PCSHELL;
-  name_ += std::string(", preconditioned by ") +
-           (uses_blocks_      ? "blocks"
-            : type != nullptr ? type
-                              : "nothing") +
-           (matrix_ != nullptr ? ", on the reduced system, formed"
-                               : ", on the reduced system, by products");
+  const std::string preconditioner = type != nullptr ? type : "nothing";
+  uses_blocks_ = preconditioner == PCSHELL;
+  const bool two_level = options_.preconditioner == PreconditionerKind::kTwoLevel;
+  name_ += !uses_blocks_ ? preconditioner : two_level ? "blocks, two-level" : "blocks";
+  name_ += ", on the reduced system, ";
+  name_ += matrix_ != nullptr ? "formed" : "by products";
 }
 
 Status KspSolver::CheckPreconditioner() const {
@@ -114,28 +126,14 @@ Status KspSolver::CheckPreconditioner() const {
 
 PetscErrorCode KspSolver::MultiplyShell(Mat shell, Vec v, Vec y) {
   ReducedSystem* system = nullptr;
-  const double* from = nullptr;
-  double* to = nullptr;
   PetscCall(MatShellGetContext(shell, &system));
-  PetscCall(VecGetArrayRead(v, &from));
-  PetscCall(VecGetArrayWrite(y, &to));
-  system->Multiply(from, to);
-  PetscCall(VecRestoreArrayRead(v, &from));
-  PetscCall(VecRestoreArrayWrite(y, &to));
-  return 0;
+  return OnArrays(v, y, [&](const double* in, double* out) { system->Multiply(in, out); });
 }
 
 PetscErrorCode KspSolver::ApplyBlocks(PC shell, Vec r, Vec z) {
   ReducedSystem* system = nullptr;
-  const double* from = nullptr;
-  double* to = nullptr;
   PetscCall(PCShellGetContext(shell, &system));
-  PetscCall(VecGetArrayRead(r, &from));
-  PetscCall(VecGetArrayWrite(z, &to));
-  system->Precondition(from, to);
-  PetscCall(VecRestoreArrayRead(r, &from));
-  PetscCall(VecRestoreArrayWrite(z, &to));
-  return 0;
+  return OnArrays(r, z, [&](const double* in, double* out) { system->Precondition(in, out); });
 }
 
 // A step that took too many iterations is as good as any.
@@ -150,10 +148,7 @@ Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
       return status;
     }
   }
-  double* values = nullptr;
-  Check(VecGetArrayWrite(b_.get(), &values), "VecGetArrayWrite");
-  std::copy(b.begin(), b.end(), values);
-  Check(VecRestoreArrayWrite(b_.get(), &values), "VecRestoreArrayWrite");
+  Copy(b, b_.get());
   Check(KSPSolve(ksp_.get(), b_.get(), x_.get()), "KSPSolve");
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
   Check(KSPGetConvergedReason(ksp_.get(), &reason), "KSPGetConvergedReason");
@@ -164,10 +159,7 @@ Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
     return Status::Error(StatusCode::kSingular, std::string("PETSc's solver did not converge: ") +
                                                     KSPConvergedReasons[reason]);
   }
-  const double* solution = nullptr;
-  Check(VecGetArrayRead(x_.get(), &solution), "VecGetArrayRead");
-  std::copy(solution, solution + x->size(), x->begin());
-  Check(VecRestoreArrayRead(x_.get(), &solution), "VecRestoreArrayRead");
+  Copy(x_.get(), x);
   return Status::Ok();
 }
 

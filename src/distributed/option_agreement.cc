@@ -1,5 +1,6 @@
 #include "distributed/option_agreement.h"
 
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <utility>
@@ -36,6 +37,18 @@ Status DistributedOptions::Validate() const {
       : solver.conjugate_gradients.explicit_schur_complement &&
               linear_solver == DistributedLinearSolver::kConjugateGradients
           ? "solver.conjugate_gradients.explicit_schur_complement: with kKsp only"
+      : solver.conjugate_gradients.preconditioner == PreconditionerKind::kClusterJacobi ||
+              solver.conjugate_gradients.preconditioner == PreconditionerKind::kClusterTridiagonal
+          ? "solver.conjugate_gradients.preconditioner: clusters are for one process; use kTwoLevel"
+      : solver.conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel &&
+              solver.conjugate_gradients.explicit_schur_complement
+          ? "solver.conjugate_gradients.preconditioner: kTwoLevel takes S by products"
+      : solver.conjugate_gradients.eta_follows_gradient
+          ? "solver.conjugate_gradients.eta_follows_gradient is for one process"
+      : !(solver.conjugate_gradients.eta >= 0.0) ? "solver.conjugate_gradients.eta: at least 0"
+      : solver.conjugate_gradients.max_iterations <
+              std::max(1, solver.conjugate_gradients.min_iterations)
+          ? "solver.conjugate_gradients.max_iterations: at least 1, and not below min_iterations"
       : checkpoint.every < 1 ? "checkpoint.every: at least 1"
                              : nullptr;
   if (refused != nullptr) {

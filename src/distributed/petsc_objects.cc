@@ -2,6 +2,7 @@
 
 #include <petscsys.h>
 
+#include <algorithm>
 #include <limits>
 
 namespace inceres::internal {
@@ -33,6 +34,20 @@ PetscInt ToPetscInt(long long count) {
                        "integers of this build of PETSc are too short for this problem");
   }
   return static_cast<PetscInt>(count);
+}
+
+void Copy(const std::vector<double>& from, Vec to) {
+  double* values = nullptr;
+  Check(VecGetArrayWrite(to, &values), "VecGetArrayWrite");
+  std::copy(from.begin(), from.end(), values);
+  Check(VecRestoreArrayWrite(to, &values), "VecRestoreArrayWrite");
+}
+
+void Copy(Vec from, std::vector<double>* to) {
+  const double* values = nullptr;
+  Check(VecGetArrayRead(from, &values), "VecGetArrayRead");
+  std::copy(values, values + to->size(), to->begin());
+  Check(VecRestoreArrayRead(from, &values), "VecRestoreArrayRead");
 }
 
 void EnsurePetsc() {

@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace inceres::internal {
 
@@ -48,6 +49,10 @@ class PetscOwned {
  private:
   Object object_ = nullptr;
 };
+
+/// Copies the entries of this rank.
+void Copy(const std::vector<double>& from, Vec to);
+void Copy(Vec from, std::vector<double>* to);
 
 /// Starts PETSc and MPI, if nobody has; from then on PETSc's errors are returned, not printed.
 void EnsurePetsc();

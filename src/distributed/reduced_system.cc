@@ -15,6 +15,7 @@ ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& fram
       frames_(frames),
       evaluator_(evaluator),
       plans_(plans),
+      hessian_(hessian),
       elimination_(elimination),
       exchange_(*exchange),
       block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare),
@@ -80,11 +81,30 @@ void ReducedSystem::Multiply(const double* v, double* y) {
   }
 }
 
+Status ReducedSystem::MakeTwoLevel(const LandmarkIncidences& incidences,
+                                   const RankedAggregates& aggregates) {
+  Status status;
+  two_level_ = RankedTwoLevel::Make(ranks_, frames_, evaluator_, incidences, plans_, hessian_,
+                                    elimination_, aggregates, &status);
+  return status;
+}
+
+void ReducedSystem::Refresh() {
+  if (two_level_ != nullptr) {
+    two_level_->Refresh();
+  }
+}
+
 Status ReducedSystem::Prepare(PreconditionerKind kind) {
   kind_ = kind;
-  return kind == PreconditionerKind::kIdentity
-             ? Status::Ok()
-             : InvertBlocks(kind == PreconditionerKind::kSchurJacobi);
+  switch (kind) {
+    case PreconditionerKind::kIdentity:
+      return Status::Ok();
+    case PreconditionerKind::kTwoLevel:
+      return two_level_->Prepare(owned_damping_);
+    default:
+      return InvertBlocks(kind == PreconditionerKind::kSchurJacobi);
+  }
 }
 
 Status ReducedSystem::InvertBlocks(bool of_S) {
@@ -137,7 +157,11 @@ void ReducedSystem::Precondition(const double* r, double* z) {
   for_each_frame([&](int at, int size, std::size_t padded) {
     std::copy_n(r + at, size, padded_owned_.data() + padded);
   });
-  inverses_.Apply(evaluator_.executor(), padded_owned_.data(), padded_result_.data());
+  if (kind_ == PreconditionerKind::kTwoLevel) {
+    two_level_->Apply(padded_owned_.data(), padded_result_.data());
+  } else {
+    inverses_.Apply(evaluator_.executor(), padded_owned_.data(), padded_result_.data());
+  }
   for_each_frame([&](int at, int size, std::size_t padded) {
     std::copy_n(padded_result_.data() + padded, size, z + at);
   });
@@ -147,7 +171,8 @@ std::int64_t ReducedSystem::Bytes() const {
   const std::size_t doubles = no_damping_.size() + packed_.size() + padded_.size() +
                               padded_product_.size() + owned_damping_.size() + owned_scale_.size() +
                               padded_owned_.size() + padded_result_.size();
-  return static_cast<std::int64_t>(doubles * sizeof(double)) + product_.Bytes() + inverses_.Bytes();
+  return static_cast<std::int64_t>(doubles * sizeof(double)) + product_.Bytes() +
+         inverses_.Bytes() + (two_level_ != nullptr ? two_level_->Bytes() : 0);
 }
 
 }  // namespace inceres::internal

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/aligned_vector.h"
 #include "distributed/communicator.h"
 #include "distributed/frame_exchange.h"
+#include "distributed/ranked_two_level.h"
 #include "distributed/shared_frames.h"
 #include "inceres/solver/options.h"
 #include "linear/block_inverses.h"
@@ -24,6 +26,11 @@ class ReducedSystem {
                 const FramePlans& plans, const Hessian& hessian, const Elimination& elimination,
                 FrameExchange* exchange);
 
+  /// Makes what PreconditionerKind::kTwoLevel takes, before the first Prepare of it. Collective. An
+  /// error is that of all ranks.
+  Status MakeTwoLevel(const LandmarkIncidences& incidences, const RankedAggregates& aggregates);
+  /// C and the Jacobians are new.
+  void Refresh();
   /// After each elimination. `frame_damping`: of the frames here, packed; stays where it is.
   void SetDamping(const double* frame_damping);
   /// The scale of the columns, for preconditioner kIdentity; of the frames here.
@@ -54,11 +61,13 @@ class ReducedSystem {
   const SharedFrames& frames_;
   const Evaluator& evaluator_;
   const FramePlans& plans_;
+  const Hessian& hessian_;
   const Elimination& elimination_;
   FrameExchange& exchange_;
   FrameExchange block_exchange_;  // of diagonal blocks
   BlockProduct product_;
   BlockInverses inverses_;
+  std::unique_ptr<RankedTwoLevel> two_level_;
   PreconditionerKind kind_ = PreconditionerKind::kIdentity;
   std::vector<const double*> blocks_;  // of C, by the pattern
   std::vector<double> no_damping_;     // of the frames here

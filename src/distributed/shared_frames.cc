@@ -6,6 +6,8 @@
 #include <string>
 #include <type_traits>
 
+#include "distributed/frame_owners.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -167,25 +169,21 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
   return Status::Ok();
 }
 
-// Whoever owns a frame sends it to all others: the one of them who has least to send so far, of
-// equals who has more of its factors.
 void SharedFrames::ChooseOwners(const std::vector<Record>& all, int num_ranks,
                                 std::vector<Group>* groups) {
-  std::vector<std::int64_t> load(static_cast<std::size_t>(num_ranks), 0);
-  for (Group& group : *groups) {
-    const Record* owner = nullptr;
+  std::vector<int> sizes;
+  std::vector<FrameSharer> sharers;
+  for (const Group& group : *groups) {
     for (std::size_t k = group.begin; k < group.end; ++k) {
-      const Record& record = all[k];
-      const auto load_of = [&](const Record& r) { return load[static_cast<std::size_t>(r.rank)]; };
-      if (record.num_factors > 0 &&
-          (owner == nullptr || load_of(record) < load_of(*owner) ||
-           (load_of(record) == load_of(*owner) && record.num_factors > owner->num_factors))) {
-        owner = &record;
+      if (all[k].num_factors > 0) {
+        sharers.push_back({static_cast<int>(sizes.size()), all[k].rank, all[k].num_factors});
       }
     }
-    group.owner = owner->rank;
-    load[static_cast<std::size_t>(owner->rank)] +=
-        std::int64_t{group.num_sharers - 1} * owner->tangent_size;
+    sizes.push_back(all[group.begin].tangent_size);
+  }
+  const std::vector<int> owners = ChooseFrameOwners(sizes, sharers, num_ranks);
+  for (std::size_t i = 0; i < owners.size(); ++i) {
+    (*groups)[i].owner = owners[i];
   }
 }
 
@@ -204,7 +202,7 @@ Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>
     return status;
   }
   ChooseOwners(all, ranks.size(), &groups);
-  num_frames_ = static_cast<std::int64_t>(groups.size());
+  CountFrames(groups, all, ranks.rank());
   for (int kind = 0; kind < 3; ++kind) {
     std::vector<std::int64_t> next(static_cast<std::size_t>(ranks.size()) + 1, 0);
     for (const Group& group : groups) {
@@ -232,6 +230,19 @@ void SharedFrames::Place(const Group& group, const std::vector<Record>& all, int
       place.begin[kind] = at;
       place.num_others = group.num_sharers - (all[k].num_factors > 0 ? 1 : 0);
     }
+  }
+}
+
+void SharedFrames::CountFrames(const std::vector<Group>& groups, const std::vector<Record>& all,
+                               int rank) {
+  sizes_.clear();
+  for (const Group& group : groups) {
+    for (std::size_t k = group.begin; k < group.end; ++k) {
+      if (all[k].rank == rank) {
+        numbered_[static_cast<std::size_t>(all[k].place)].number = static_cast<int>(sizes_.size());
+      }
+    }
+    sizes_.push_back(all[group.begin].tangent_size);
   }
 }
 

@@ -22,6 +22,7 @@ struct FramePlace {
   int owner = -1;                     ///< −1: it moves nowhere
   std::int64_t begin[3] = {0, 0, 0};  ///< in what all ranks own, rank by rank
   int num_others = 0;                 ///< other ranks with factors of it
+  int number = -1;                    ///< among all frames that move, by ascending id
 };
 
 /// Which frames the ranks have in common, and who owns each: sums its rows, and counts it. That is
@@ -43,7 +44,9 @@ class SharedFrames {
   /// Entries owned here, and by all, of each of the three kinds.
   std::int64_t owned_size(int kind) const { return owned_size_[kind]; }
   std::int64_t total_size(int kind) const { return total_size_[kind]; }
-  std::int64_t num_frames() const { return num_frames_; }
+  std::int64_t num_frames() const { return static_cast<std::int64_t>(sizes_.size()); }
+  /// Tangent sizes of all frames that move, by ascending id.
+  const std::vector<int>& sizes() const { return sizes_; }
 
  private:
   struct Record;
@@ -57,6 +60,7 @@ class SharedFrames {
   Status Number(const Communicator& ranks, const std::vector<Record>& all);
   void Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
              std::int64_t at);
+  void CountFrames(const std::vector<Group>& groups, const std::vector<Record>& all, int rank);
   void Keep(const GraphPart& part, const Layout& layout, int rank);
 
   std::vector<FramePlace> numbered_;  // of this rank, in the order of its part
@@ -65,7 +69,7 @@ class SharedFrames {
   std::vector<int> owned_;
   std::int64_t owned_size_[3] = {0, 0, 0};
   std::int64_t total_size_[3] = {0, 0, 0};
-  std::int64_t num_frames_ = 0;
+  std::vector<int> sizes_;
 };
 
 }  // namespace inceres::internal

@@ -92,29 +92,43 @@ struct Rows {
 
 }  // namespace
 
-std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
-  const int num_frames = evaluator.layout().num_frames;
-  std::vector<std::int64_t> factors(num_frames, 0), beside_few(num_frames, 0);
+std::vector<double> CountFactorsOfFrames(const Evaluator& evaluator) {
+  std::vector<double> factors(evaluator.layout().num_frames, 0.0);
   ForEachFactor(evaluator, [&](const std::vector<int>& frames) {
     for (const int frame : frames) {
-      ++factors[frame];
+      factors[frame] += 1.0;
     }
   });
+  return factors;
+}
+
+std::vector<double> CountFactorsBesideFew(const Evaluator& evaluator,
+                                          const std::vector<double>& factors) {
+  std::vector<double> beside_few(factors.size(), 0.0);
   ForEachFactor(evaluator, [&](const std::vector<int>& frames) {
-    std::int64_t fewest = std::numeric_limits<std::int64_t>::max();
+    double fewest = std::numeric_limits<double>::max();
     for (const int frame : frames) {
       fewest = std::min(fewest, factors[frame]);
     }
     for (const int frame : frames) {
-      const double few = kFewFactors * static_cast<double>(factors[frame]);
-      beside_few[frame] += static_cast<double>(fewest) < few ? 1 : 0;
+      beside_few[frame] += fewest < kFewFactors * factors[frame] ? 1.0 : 0.0;
     }
   });
-  std::vector<char> is_shared(num_frames);
-  for (int i = 0; i < num_frames; ++i) {
-    is_shared[i] = 2 * beside_few[i] > factors[i] ? 1 : 0;
+  return beside_few;
+}
+
+std::vector<char> FindSharedFrames(const std::vector<double>& factors,
+                                   const std::vector<double>& beside_few) {
+  std::vector<char> is_shared(factors.size());
+  for (std::size_t i = 0; i < factors.size(); ++i) {
+    is_shared[i] = 2.0 * beside_few[i] > factors[i] ? 1 : 0;
   }
   return is_shared;
+}
+
+std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
+  const std::vector<double> factors = CountFactorsOfFrames(evaluator);
+  return FindSharedFrames(factors, CountFactorsBesideFew(evaluator, factors));
 }
 
 WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncidences& incidences,

@@ -12,6 +12,18 @@ namespace inceres::internal {
 /// frame.
 std::vector<char> FindSharedFrames(const Evaluator& evaluator);
 
+// What tells them, for processes that have some of the factors each, and add up. Counts are whole
+// numbers.
+
+/// Per frame the factors that touch it.
+std::vector<double> CountFactorsOfFrames(const Evaluator& evaluator);
+/// Those of them in which another frame is in far fewer. `factors`: per frame, of all processes.
+std::vector<double> CountFactorsBesideFew(const Evaluator& evaluator,
+                                          const std::vector<double>& factors);
+/// Shared ones, by the two counts.
+std::vector<char> FindSharedFrames(const std::vector<double>& factors,
+                                   const std::vector<double>& beside_few);
+
 /// Frames and how much two of them have in common: landmarks seen from both, and factors that touch
 /// both. Of a landmark seen from very many, neighbors in its list count only. Shared frames have no
 /// edges. Cost: Σ over landmarks of frames², bounded for each.

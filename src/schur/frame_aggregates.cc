@@ -9,6 +9,11 @@
 #include "schur/covisibility.h"
 
 namespace inceres::internal {
+
+double NumbersReadWithoutS(const LandmarkIncidences& incidences) {
+  return 2.0 * kQuad * static_cast<double>(incidences.y_quads);
+}
+
 namespace {
 
 constexpr int kFirstRound = 3;  // 2³ frames an aggregate
@@ -21,10 +26,10 @@ constexpr double kFlopsPerNumberRead = 256.0;
 
 double NumbersRead(const Evaluator& evaluator, const LandmarkIncidences& incidences,
                    const WeightedGraph& graph, bool forms_S) {
-  const Layout& layout = evaluator.layout();
   if (!forms_S) {
-    return 2.0 * kQuad * static_cast<double>(incidences.y_quads);
+    return NumbersReadWithoutS(incidences);
   }
+  const Layout& layout = evaluator.layout();
   const double size = layout.frame_size() / std::max(1.0, static_cast<double>(layout.num_frames));
   return size * size * static_cast<double>(graph.neighbors.size());
 }
@@ -63,10 +68,15 @@ FrameAggregates::FrameAggregates(const Evaluator& evaluator, const LandmarkIncid
                                  bool forms_S)
     : is_shared(FindSharedFrames(evaluator)) {
   const WeightedGraph graph = CovisibilityGraph(evaluator, incidences, is_shared);
-  const double numbers_read = NumbersRead(evaluator, incidences, graph, forms_S);
-  clusters.cluster_of = AggregateByMatching(graph, kFirstRound, [&](const WeightedGraph& parts) {
-                          return IsCheap(parts, numbers_read, evaluator.executor());
-                        }).part_of;
+  Join(graph, NumbersRead(evaluator, incidences, graph, forms_S), evaluator.executor());
+}
+
+void FrameAggregates::Join(const WeightedGraph& covisibility, double numbers_read,
+                           const Executor& executor) {
+  clusters.cluster_of =
+      AggregateByMatching(covisibility, kFirstRound, [&](const WeightedGraph& parts) {
+        return IsCheap(parts, numbers_read, executor);
+      }).part_of;
   for (const int part : clusters.cluster_of) {
     count = std::max(count, part + 1);
   }

@@ -53,46 +53,46 @@ ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const
 }
 
 void ProjectedProducts::Form(const AggregateReach& reach, const double* damping,
-                             const Executor& executor, CoarseSpace* space) const {
+                             const Executor& executor, CoarseColumns* columns) const {
   executor.For(reach.shape.num_aggregates(), kAggregateTask, [&](int begin, int end) {
     Scratch scratch;
     scratch.place_of.resize(plans_.pattern.num_blocks());
     for (int aggregate = begin; aggregate < end; ++aggregate) {
-      FormAggregate(aggregate, reach, damping, space, &scratch);
+      FormAggregate(aggregate, reach, damping, columns, &scratch);
     }
   });
 }
 
 void ProjectedProducts::FormAggregate(int aggregate, const AggregateReach& reach,
-                                      const double* damping, CoarseSpace* space,
+                                      const double* damping, CoarseColumns* columns,
                                       Scratch* scratch) const {
   const CoarseShape& shape = reach.shape;
-  const int stride = space->stride(aggregate);
+  const int stride = columns->stride(aggregate);
   const int first = shape.coupled_begin[aggregate], last = shape.coupled_begin[aggregate + 1];
   for (int place = first; place < last; ++place) {
     const int frame = shape.coupled[place];
     scratch->place_of[frame] = place;
-    std::fill_n(space->AV(place), space->block_size(frame) * stride, 0.0);
+    std::fill_n(columns->AV(place), columns->block_size(frame) * stride, 0.0);
   }
   for (int place = first; place < last; ++place) {
     if (shape.aggregate_of[shape.coupled[place]] == aggregate) {
-      AddFrameBlocks(shape.coupled[place], stride, damping, space, *scratch);
+      AddFrameBlocks(shape.coupled[place], stride, damping, columns, *scratch);
     }
   }
   if (elimination_ == nullptr) {
     return;
   }
   for (int k = reach.landmarks_begin[aggregate]; k < reach.landmarks_begin[aggregate + 1]; ++k) {
-    SubtractLandmark(reach.landmarks[k], aggregate, stride, space, scratch);
+    SubtractLandmark(reach.landmarks[k], aggregate, stride, columns, scratch);
   }
 }
 
 // Column `frame` of C + Λ_c, times V of the frame.
 void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damping,
-                                       CoarseSpace* space, const Scratch& scratch) const {
-  const int size = space->block_size(frame);
-  const double* const V = space->V(frame);
-  double* const own = space->AV(scratch.place_of[frame]);
+                                       CoarseColumns* columns, const Scratch& scratch) const {
+  const int size = columns->block_size(frame);
+  const double* const V = columns->V(frame);
+  double* const own = columns->AV(scratch.place_of[frame]);
   const double* const lambda = damping + plans_.pattern.offsets[frame];
   for (int r = 0; r < size; ++r) {
     AddScaled(lambda[r], V + r * stride, stride, own + r * stride);
@@ -100,8 +100,8 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
   for (int k = row_begin_[frame]; k < row_begin_[frame + 1]; ++k) {
     const auto [block, other] = places_[k];
     const double* const A = blocks_[block];
-    double* const out = space->AV(scratch.place_of[other]);
-    const int other_size = space->block_size(other);
+    double* const out = columns->AV(scratch.place_of[other]);
+    const int other_size = columns->block_size(other);
     for (int r = 0; r < other_size; ++r) {
       for (int c = 0; c < size; ++c) {
         const double a = other >= frame ? A[r * size + c] : A[c * other_size + r];
@@ -112,18 +112,18 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
 }
 
 void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride,
-                                         CoarseSpace* space, Scratch* scratch) const {
+                                         CoarseColumns* columns, Scratch* scratch) const {
   const auto l = static_cast<std::size_t>(landmark);
   const int depth = incidences_.sizes[l];
   scratch->Z.assign(static_cast<std::size_t>(depth) * stride, 0.0);
   for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
     const int frame = incidences_.frames[q];
-    if (space->shape().aggregate_of[frame] != aggregate) {
+    if (columns->shape().aggregate_of[frame] != aggregate) {
       continue;
     }
     const double* Y = elimination_->Y(incidences_.incidences[q]);
-    const double* const V = space->V(frame);
-    const int size = space->block_size(frame);
+    const double* const V = columns->V(frame);
+    const int size = columns->block_size(frame);
     for (int d = 0; d < depth; ++d, Y += PadToQuad(size)) {
       for (int c = 0; c < size; ++c) {
         AddScaled(Y[c], V + c * stride, stride, scratch->Z.data() + d * stride);
@@ -133,8 +133,8 @@ void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride
   for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
     const int frame = incidences_.frames[q];
     const double* const Y = elimination_->Y(incidences_.incidences[q]);
-    double* const out = space->AV(scratch->place_of[frame]);
-    const int size = space->block_size(frame), row = PadToQuad(size);
+    double* const out = columns->AV(scratch->place_of[frame]);
+    const int size = columns->block_size(frame), row = PadToQuad(size);
     for (int c = 0; c < size; ++c) {
       for (int d = 0; d < depth; ++d) {
         AddScaled(-Y[d * row + c], scratch->Z.data() + d * stride, stride, out + c * stride);

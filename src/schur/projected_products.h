@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "linear/coarse_space.h"
+#include "linear/coarse_columns.h"
 #include "linearize/incidences.h"
 #include "linearize/product_plan.h"
 #include "schur/elimination.h"
@@ -11,7 +11,7 @@
 
 namespace inceres::internal {
 
-/// A V for the A = S + Λ_c of an elimination and the V of a coarse space, S formed or not:
+/// A V for the A = S + Λ_c of an elimination and the V of coarse columns, S formed or not:
 ///
 ///     (A V)_ia = Σ_{j∈a} (C + Λ_c)_ij V_j − Σ_l Y_liᵀ Z_la,   Z_la = Σ_{j∈a} Y_lj V_j
 ///
@@ -25,9 +25,9 @@ class ProjectedProducts {
   ProjectedProducts(const LandmarkIncidences& incidences, const FramePlans& plans,
                     std::vector<const double*> blocks, const Elimination* without_S);
 
-  /// Writes the coarse space's A V; its shape is that of `reach`. `damping`: Λ_c, packed.
+  /// Writes A V of the columns; their shape is that of `reach`. `damping`: Λ_c, packed.
   void Form(const AggregateReach& reach, const double* damping, const Executor& executor,
-            CoarseSpace* space) const;
+            CoarseColumns* columns) const;
 
  private:
   struct Place {
@@ -36,10 +36,10 @@ class ProjectedProducts {
   };
   struct Scratch;
   void FormAggregate(int aggregate, const AggregateReach& reach, const double* damping,
-                     CoarseSpace* space, Scratch* scratch) const;
-  void AddFrameBlocks(int frame, int stride, const double* damping, CoarseSpace* space,
+                     CoarseColumns* columns, Scratch* scratch) const;
+  void AddFrameBlocks(int frame, int stride, const double* damping, CoarseColumns* columns,
                       const Scratch& scratch) const;
-  void SubtractLandmark(int landmark, int aggregate, int stride, CoarseSpace* space,
+  void SubtractLandmark(int landmark, int aggregate, int stride, CoarseColumns* columns,
                         Scratch* scratch) const;
 
   const LandmarkIncidences& incidences_;

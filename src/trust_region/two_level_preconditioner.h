@@ -8,6 +8,7 @@
 #include "linear/coarse_space.h"
 #include "schur/frame_aggregates.h"
 #include "schur/gauge_modes.h"
+#include "schur/mode_columns.h"
 #include "schur/projected_products.h"
 #include "trust_region/preconditioner.h"
 
@@ -44,16 +45,13 @@ class TwoLevelPreconditioner final : public Preconditioner {
   std::int64_t Bytes() const override;
 
  private:
-  std::vector<int> Widths();
   void ComputeModes();
 
   const Evaluator& evaluator_;
-  const FramePlans& plans_;
   const Elimination& elimination_;
-  const FrameAggregates& aggregates_;
   std::vector<const double*> C_diagonal_;  // per frame
-  std::vector<int> constant_column_;       // per frame: the first of its own, without gauge modes
   std::unique_ptr<GaugeModes> modes_;
+  std::unique_ptr<ModeColumns> columns_;
   std::unique_ptr<AggregateReach> reach_;
   std::unique_ptr<CoarseSpace> space_;
   std::unique_ptr<ClusterCholesky> fine_;

@@ -9,6 +9,7 @@
 
 #include "integration/problems.h"
 #include "tools/problems/bal_cost.h"
+#include "tools/problems/ceres_loss.h"
 #include "tools/sim/street_scene.h"
 
 namespace inceres::test {

@@ -12,6 +12,7 @@
 #include "examples/sliding_window/vins/local_parameterization.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
+#include "tools/problems/ceres_loss.h"
 
 namespace inceres::test {
 namespace {

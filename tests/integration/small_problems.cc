@@ -6,6 +6,7 @@
 #include "inceres/io/g2o.h"
 #include "integration/problems.h"
 #include "support/random_values.h"
+#include "tools/problems/ceres_loss.h"
 #include "tools/problems/pose_graph_ceres_problem.h"
 
 namespace inceres::test {

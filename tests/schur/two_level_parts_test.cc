@@ -158,9 +158,7 @@ TEST(ProjectedProductsTest, AreThoseOfTheDenseMatrix) {
       const AggregateReach reach(aggregates,
                                  std::vector<int>(static_cast<std::size_t>(aggregates.count), 5),
                                  incidences, plans.pattern);
-      Status status;
-      CoarseSpace space(plans.pattern.offsets, reach.shape, core.executor, &status);
-      ASSERT_TRUE(status.ok());
+      CoarseColumns space(plans.pattern.offsets, reach.shape, core.executor);
       const int n_c = core.layout.frame_size(), n_l = core.layout.size() - n_c;
       Eigen::MatrixXd V = Eigen::MatrixXd::Zero(n_c, 5 * aggregates.count);
       test::Random random(5);

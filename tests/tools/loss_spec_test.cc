@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tools/problems/ceres_loss.h"
+
 namespace inceres::tools {
 namespace {
 

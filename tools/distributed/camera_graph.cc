@@ -3,15 +3,18 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <map>
+#include <numeric>
 #include <utility>
 
+#include "distributed/exchange.h"
 #include "tools/distributed/agree.h"
-#include "tools/distributed/exchange.h"
 #include "tools/distributed/partition.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Exchange;
+using internal::GatherToAll;
 
 struct Edge {
   int from;
@@ -41,24 +44,57 @@ struct Rows {
   int rank = 0;
 };
 
-std::vector<Edge> CollectEdges(MPI_Comm comm, const Tracks& tracks, const Rows& rows) {
-  std::map<std::pair<int, int>, int> own;
+// visit(a, b): cameras that follow each other in a track here.
+template <typename Visit>
+void ForEachStep(const Tracks& tracks, const Visit& visit) {
   for (std::size_t i = 0; i + 1 < tracks.begin.size(); ++i) {
     for (std::size_t k = tracks.begin[i] + 1; k < tracks.begin[i + 1]; ++k) {
       const int a = tracks.seen[k - 1].camera;
       const int b = tracks.seen[k].camera;
       if (a != b) {
-        ++own[{a, b}];
-        ++own[{b, a}];
+        visit(a, b);
       }
     }
   }
-  std::vector<std::vector<Edge>> to_rank(static_cast<std::size_t>(rows.size));
-  for (const auto& [ends, weight] : own) {
-    to_rank[static_cast<std::size_t>(rows.OwnerOf(ends.first))].push_back(
-        {ends.first, ends.second, weight});
+}
+
+// Those of the tracks here, both directions, by ascending camera.
+std::vector<Edge> CollectOwnEdges(const Tracks& tracks) {
+  const int num_cameras = tracks.num_cameras();
+  std::vector<std::size_t> begin(static_cast<std::size_t>(num_cameras) + 1, 0);
+  const auto count = [&](int camera) { ++begin[static_cast<std::size_t>(camera) + 1]; };
+  ForEachStep(tracks, [&](int a, int b) {
+    count(a);
+    count(b);
+  });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<int> others(begin.back());
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+  ForEachStep(tracks, [&](int a, int b) {
+    others[next[static_cast<std::size_t>(a)]++] = b;
+    others[next[static_cast<std::size_t>(b)]++] = a;
+  });
+  std::vector<Edge> edges;
+  std::vector<int> weight(static_cast<std::size_t>(num_cameras), 0);
+  for (int camera = 0; camera < num_cameras; ++camera) {
+    const auto first = others.begin() + static_cast<std::ptrdiff_t>(begin[camera]);
+    const auto last = others.begin() + static_cast<std::ptrdiff_t>(begin[camera + 1]);
+    std::for_each(first, last, [&](int other) { ++weight[static_cast<std::size_t>(other)]; });
+    std::for_each(first, last, [&](int other) {
+      if (const int count_of_pair = std::exchange(weight[static_cast<std::size_t>(other)], 0)) {
+        edges.push_back({camera, other, count_of_pair});
+      }
+    });
   }
-  std::vector<Edge> edges = Exchange(comm, to_rank);
+  return edges;
+}
+
+std::vector<Edge> CollectEdges(MPI_Comm comm, const Tracks& tracks, const Rows& rows) {
+  std::vector<std::vector<Edge>> to_rank(static_cast<std::size_t>(rows.size));
+  for (const Edge& edge : CollectOwnEdges(tracks)) {
+    to_rank[static_cast<std::size_t>(rows.OwnerOf(edge.from))].push_back(edge);
+  }
+  std::vector<Edge> edges = Exchange(comm, std::move(to_rank));
   std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) {
     return std::make_pair(a.from, a.to) < std::make_pair(b.from, b.to);
   });

@@ -1,18 +1,18 @@
 #include "tools/distributed/generate.h"
 
+#include <utility>
+
 #include "tools/distributed/agree.h"
-#include "tools/sim/street_scene.h"
+#include "tools/distributed/mpi_process.h"
+#include "tools/generate/make_scene.h"
 
 namespace inceres::tools {
 
 Status GenerateTracks(MPI_Comm comm, const std::string& preset, Tracks* tracks) {
-  StreetSceneOptions options;
-  StreetScene scene;
-  Status status = GetStreetScenePreset(preset, &options);
-  status = status.ok() ? GenerateStreetScene(options, &scene) : status;
-  status = Agree(comm, status);
+  SimulatedBal scene;
+  const Status status = Agree(comm, IsRoot(comm) ? MakeScene(preset, &scene) : Status::Ok());
   if (status.ok()) {
-    TakeTracks(comm, scene.problem, tracks);
+    TakeTracks(comm, std::move(scene.problem), tracks);
   }
   return status;
 }

@@ -9,8 +9,8 @@
 
 namespace inceres::tools {
 
-/// The problem of a preset of bal_generate. Every rank makes all of it, and keeps its share.
-/// Collective.
+/// The problem of a preset of bal_generate, with what the flags say of it (scene_flags.h). Rank 0
+/// makes it, and deals it out. Collective.
 Status GenerateTracks(MPI_Comm comm, const std::string& preset, Tracks* tracks);
 
 }  // namespace inceres::tools

@@ -5,7 +5,7 @@
 #include <gflags/gflags.h>
 
 #include "tools/command_line/command_line.h"
-#include "tools/problems/loss_spec.h"
+#include "tools/solve/common_flags.h"
 
 DEFINE_string(trust_region, "lm",
               "Trust-region strategy: lm (Levenberg-Marquardt), marquardt or dogleg.");
@@ -15,23 +15,9 @@ DEFINE_string(linear_solver, "auto",
               "factor is predicted to be small, else conjugate_gradients.");
 DEFINE_string(preconditioner, "schur_jacobi",
               "Of conjugate_gradients, and of ksp unless -inceres_pc_type says otherwise: "
-              "identity, jacobi or schur_jacobi.");
+              "identity, jacobi, schur_jacobi or two_level.");
 DEFINE_bool(form_schur_complement, false,
             "With ksp: form the reduced system, for preconditioners that need its entries.");
-DEFINE_double(eta, 0.1,
-              "Conjugate gradients stop when iteration k gains less than this over k of what the "
-              "step promises; of ksp the relative tolerance. At least 0.");
-DEFINE_int32(max_linear_solver_iterations, 500, "Conjugate gradients a step at most, at least 1.");
-DEFINE_int32(num_threads, 1, "Threads of each rank, at least 1.");
-DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
-DEFINE_double(function_tolerance, 1e-6,
-              "Stop when the cost changes by less than this, relative; 0: never.");
-DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
-DEFINE_double(parameter_tolerance, 1e-8,
-              "Stop when the step is shorter than this, relative to the parameters; 0: never.");
-DEFINE_double(initial_trust_region_radius, 1e4, "First trust-region radius. Above 0.");
-DEFINE_string(robust, "none",
-              "Robust loss: none, huber:A or cauchy:A, with the scale A in pixels.");
 DEFINE_string(partition, "auto",
               "How points are dealt to ranks: by the order of the cameras in the file (order), by "
               "a partition of the camera graph (ptscotch), or auto: whichever has ranks share "
@@ -78,7 +64,8 @@ Status ChooseKinds(MpiSettings* settings) {
     status = Choose("preconditioner", FLAGS_preconditioner,
                     {{"identity", PreconditionerKind::kIdentity},
                      {"jacobi", PreconditionerKind::kJacobi},
-                     {"schur_jacobi", PreconditionerKind::kSchurJacobi}},
+                     {"schur_jacobi", PreconditionerKind::kSchurJacobi},
+                     {"two_level", PreconditionerKind::kTwoLevel}},
                     &solver.conjugate_gradients.preconditioner);
   }
   if (status.ok()) {
@@ -92,25 +79,20 @@ Status ChooseKinds(MpiSettings* settings) {
 }  // namespace
 
 Status ReadMpiFlags(MpiSettings* settings) {
+  CommonSettings common;
   Status status = ChooseKinds(settings);
-  LossSpec loss;
-  status = status.ok() ? ParseLoss(FLAGS_robust, &loss) : status;
+  status = status.ok() ? ReadCommonFlags(&common) : status;
   if (!status.ok()) {
-    return Invalid(status.message);
+    return status;
   }
-  settings->loss = MakeCoreLoss(loss);
-  settings->robust = ToString(loss);
+  settings->loss = MakeCoreLoss(common.robust);
+  settings->robust = ToString(common.robust);
   DistributedOptions& options = settings->options;
-  SolverOptions& solver = options.solver;
-  solver.conjugate_gradients.explicit_schur_complement = FLAGS_form_schur_complement;
-  solver.conjugate_gradients.eta = FLAGS_eta;
-  solver.conjugate_gradients.max_iterations = FLAGS_max_linear_solver_iterations;
-  solver.num_threads = FLAGS_num_threads;
-  solver.max_num_iterations = FLAGS_max_num_iterations;
-  solver.function_tolerance = FLAGS_function_tolerance;
-  solver.gradient_tolerance = FLAGS_gradient_tolerance;
-  solver.parameter_tolerance = FLAGS_parameter_tolerance;
-  solver.initial_trust_region_radius = FLAGS_initial_trust_region_radius;
+  CopyNumbers(common, &options.solver);
+  ConjugateGradientsOptions& gradients = options.solver.conjugate_gradients;
+  gradients.explicit_schur_complement = FLAGS_form_schur_complement;
+  gradients.eta = common.eta;
+  gradients.max_iterations = common.max_linear_solver_iterations;
   options.checkpoint.path = FLAGS_checkpoint;
   options.checkpoint.every = FLAGS_checkpoint_every;
   options.checkpoint.resume = FLAGS_resume;

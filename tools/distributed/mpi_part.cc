@@ -2,11 +2,13 @@
 
 #include <algorithm>
 
+#include "distributed/exchange.h"
 #include "inceres/factors/bal_reprojection.h"
-#include "tools/distributed/exchange.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::GatherToAll;
 
 constexpr std::size_t kCameraSize = BalProblem::kCameraSize;
 
@@ -22,6 +24,17 @@ MpiPart::MpiPart(const Tracks& tracks, const std::shared_ptr<const Loss>& loss) 
   std::vector<VariableId> cameras(tracks.cameras.size() / kCameraSize, -1);
   const auto family = graph.AddFamily(std::make_shared<BalReprojectionFamily>());
   family->Reserve(static_cast<int>(tracks.seen.size()));
+  // By ascending number, as one process has them: neighbors lie together.
+  for (const Seen& seen : tracks.seen) {
+    cameras[static_cast<std::size_t>(seen.camera)] = 0;
+  }
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (cameras[i] == 0) {
+      cameras[i] =
+          graph.AddVariable(tracks.cameras.data() + i * kCameraSize, kCameraSize, Role::kFrame);
+      part.frames.push_back({static_cast<std::int64_t>(i), cameras[i]});
+    }
+  }
   std::vector<VariableId> variables;
   variables.reserve(2 * tracks.seen.size());
   for (std::size_t i = 0; i < tracks.points.size(); ++i) {
@@ -33,14 +46,8 @@ MpiPart::MpiPart(const Tracks& tracks, const std::shared_ptr<const Loss>& loss) 
     part.landmarks.push_back({tracks.points[i].id, point});
     for (std::size_t k = tracks.begin[i]; k < tracks.begin[i + 1]; ++k) {
       const Seen& seen = tracks.seen[k];
-      const auto camera = static_cast<std::size_t>(seen.camera);
-      if (cameras[camera] < 0) {
-        cameras[camera] = graph.AddVariable(tracks.cameras.data() + camera * kCameraSize,
-                                            BalProblem::kCameraSize, Role::kFrame);
-        part.frames.push_back({seen.camera, cameras[camera]});
-      }
       family->Add({seen.x, seen.y});
-      variables.push_back(cameras[camera]);
+      variables.push_back(cameras[static_cast<std::size_t>(seen.camera)]);
       variables.push_back(point);
     }
   }

@@ -55,46 +55,56 @@ nlohmann::json ToJson(const RankReport& rank) {
           {"reduction_seconds", rank.reduction_seconds}};
 }
 
+long long Long(std::int64_t count) {
+  return static_cast<long long>(count);
+}
+
+template <typename... Values>
+void PrintRow(const char* name, const char* format, Values... values) {
+  std::fprintf(Out(), "%-22s ", name);
+  std::fprintf(Out(), format, values...);  // NOLINT: formats are literals of this file
+  std::fprintf(Out(), "\n");
+}
+
+void PrintRanks(const std::vector<RankReport>& ranks) {
+  std::fprintf(Out(), "%4s %9s %9s %7s %7s %10s %12s %12s %10s %10s\n", "rank", "factors", "points",
+               "cameras", "shared", "MB", "B/product", "B sent", "exchange s", "reduce s");
+  int number = 0;
+  for (const RankReport& rank : ranks) {
+    std::fprintf(Out(), "%4d %9lld %9lld %7lld %7lld %10.1f %12lld %12lld %10.3f %10.3f\n",
+                 number++, Long(rank.num_factors), Long(rank.num_landmarks), Long(rank.num_frames),
+                 Long(rank.num_shared_frames), static_cast<double>(rank.peak_resident_bytes) * 1e-6,
+                 Long(rank.exchange_bytes_per_product),
+                 Long(rank.bytes_sent + rank.reduction_bytes_sent), rank.exchange_seconds,
+                 rank.reduction_seconds);
+  }
+}
+
 }  // namespace
 
 void PrintTable(const MpiReport& report) {
   const Summary& solve = report.summary.solve;
-  std::fprintf(Out(), "\n%-22s %d cameras, %lld points, %lld observations\n", "problem",
-               report.num_cameras, static_cast<long long>(report.num_points),
-               static_cast<long long>(report.num_observations));
-  std::fprintf(Out(), "%-22s %s\n", "solver", solve.reduced_solver.c_str());
-  std::fprintf(Out(), "%-22s %zu, with %d threads each\n", "ranks", report.summary.ranks.size(),
-               report.num_threads);
-  std::fprintf(Out(), "%-22s by %s, %lld copies of cameras, imbalance %.3f\n", "partition",
-               report.partition.by.c_str(),
-               static_cast<long long>(report.partition.num_frame_copies),
-               report.partition.imbalance);
-  std::fprintf(Out(), "%-22s %.10e -> %.10e\n", "cost", solve.initial_cost, solve.final_cost);
+  std::fprintf(Out(), "\n");
+  PrintRow("problem", "%d cameras, %lld points, %lld observations", report.num_cameras,
+           Long(report.num_points), Long(report.num_observations));
+  PrintRow("solver", "%s", solve.reduced_solver.c_str());
+  PrintRow("ranks", "%zu, with %d threads each", report.summary.ranks.size(), report.num_threads);
+  PrintRow("partition", "by %s, %lld copies of cameras, imbalance %.3f",
+           report.partition.by.c_str(), Long(report.partition.num_frame_copies),
+           report.partition.imbalance);
+  PrintRow("cost", "%.10e -> %.10e", solve.initial_cost, solve.final_cost);
   if (report.robust == "none") {
-    std::fprintf(Out(), "%-22s %.6f -> %.6f px\n", "RMS reprojection error",
-                 RmsOf(solve.initial_cost, report), RmsOf(solve.final_cost, report));
+    PrintRow("RMS reprojection error", "%.6f -> %.6f px", RmsOf(solve.initial_cost, report),
+             RmsOf(solve.final_cost, report));
   }
-  std::fprintf(Out(), "%-22s %d\n%-22s %s\n", "iterations", IterationsOf(solve), "termination",
-               solve.message.c_str());
-  std::fprintf(Out(), "%-22s %lld\n", "conjugate gradients",
-               static_cast<long long>(solve.work.num_conjugate_gradients));
-  std::fprintf(Out(), "%-22s %.6f s\n", "time", solve.seconds.total);
+  PrintRow("iterations", "%d", IterationsOf(solve));
+  PrintRow("termination", "%s", solve.message.c_str());
+  PrintRow("conjugate gradients", "%lld", Long(solve.work.num_conjugate_gradients));
+  PrintRow("time", "%.6f s", solve.seconds.total);
   for (const auto& [stage, seconds] : StagesOf(report)) {
     std::fprintf(Out(), "  %-20s %.6f s\n", stage, seconds);
   }
-  std::fprintf(Out(), "%4s %9s %9s %7s %7s %10s %12s %12s %10s %10s\n", "rank", "factors", "points",
-               "cameras", "shared", "MB", "B/product", "B sent", "exchange s", "reduce s");
-  int number = 0;
-  for (const RankReport& rank : report.summary.ranks) {
-    std::fprintf(
-        Out(), "%4d %9lld %9lld %7lld %7lld %10.1f %12lld %12lld %10.3f %10.3f\n", number++,
-        static_cast<long long>(rank.num_factors), static_cast<long long>(rank.num_landmarks),
-        static_cast<long long>(rank.num_frames), static_cast<long long>(rank.num_shared_frames),
-        static_cast<double>(rank.peak_resident_bytes) * 1e-6,
-        static_cast<long long>(rank.exchange_bytes_per_product),
-        static_cast<long long>(rank.bytes_sent) + static_cast<long long>(rank.reduction_bytes_sent),
-        rank.exchange_seconds, rank.reduction_seconds);
-  }
+  PrintRanks(report.summary.ranks);
 }
 
 std::string ToJson(const MpiReport& report) {

@@ -19,11 +19,11 @@ struct Partition {
 };
 
 /// Points in the order of the middle one of their cameras, cut so that all ranks have as much work:
-/// observations, and their squares where S is formed. Cameras in the order of the file; or in that
-/// of their parts in a partition of the camera graph by PT-Scotch, if that makes fewer copies of
-/// frames (`by`: "order", "ptscotch", or "auto" for the better one). Collective.
-Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& by, bool forms_S,
-                       Partition* partition);
+/// observations of a point, and `per_square` times their square. Cameras in the order of the file;
+/// or in that of their parts in a partition of the camera graph by PT-Scotch, if that makes fewer
+/// copies of frames (`by`: "order", "ptscotch", or "auto" for the better one). Collective.
+Status PartitionTracks(MPI_Comm comm, const Tracks& tracks, const std::string& by,
+                       double per_square, Partition* partition);
 
 /// The part of each camera, by PT-Scotch: all of them on all ranks. An edge for cameras that follow
 /// each other in a track, as heavy as there are such tracks. Collective.

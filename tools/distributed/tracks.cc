@@ -4,15 +4,19 @@
 #include <numeric>
 #include <utility>
 
+#include "distributed/exchange.h"
 #include "io/bal_binary.h"
 #include "io/bal_share.h"
 #include "io/byte_source.h"
 #include "tools/distributed/agree.h"
-#include "tools/distributed/exchange.h"
 #include "tools/distributed/mpi_process.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Exchange;
+using internal::GatherToAll;
+using internal::GatherToRoot;
 
 using internal::BalCounts;
 using internal::BalShare;
@@ -28,11 +32,18 @@ std::size_t HomeOf(std::int64_t point, std::int64_t num_points, std::size_t num_
   return static_cast<std::size_t>(point * static_cast<std::int64_t>(num_ranks) / num_points);
 }
 
+// Mostly it is sorted: ranks have sent stretches of the problem, in their order.
+template <typename T, typename Less>
+void Sort(std::vector<T>* values, const Less& less) {
+  if (!std::is_sorted(values->begin(), values->end(), less)) {
+    std::sort(values->begin(), values->end(), less);
+  }
+}
+
 // Sorts what has come, and finds where each point's track begins.
 void Arrange(std::vector<PlacedPoint> points, std::vector<Seen> seen, Tracks* tracks) {
-  std::sort(points.begin(), points.end(),
-            [](const PlacedPoint& a, const PlacedPoint& b) { return a.id < b.id; });
-  std::sort(seen.begin(), seen.end(), [](const Seen& a, const Seen& b) {
+  Sort(&points, [](const PlacedPoint& a, const PlacedPoint& b) { return a.id < b.id; });
+  Sort(&seen, [](const Seen& a, const Seen& b) {
     return a.point != b.point ? a.point < b.point : a.index < b.index;
   });
   tracks->begin.assign(1, 0);
@@ -48,7 +59,7 @@ void Arrange(std::vector<PlacedPoint> points, std::vector<Seen> seen, Tracks* tr
 }
 
 // A stretch of the problem's three lists, on each rank: to where it belongs.
-void SpreadShare(MPI_Comm comm, const BalCounts& counts, const BalShare& share, Tracks* tracks) {
+void SpreadShare(MPI_Comm comm, const BalCounts& counts, BalShare share, Tracks* tracks) {
   const std::size_t num_ranks = SizeOf(comm);
   tracks->num_points = counts.num_points;
   tracks->num_observations = counts.num_observations;
@@ -65,23 +76,9 @@ void SpreadShare(MPI_Comm comm, const BalCounts& counts, const BalShare& share, 
     seen[HomeOf(o.point, counts.num_points, num_ranks)].push_back(
         {index++, o.camera, o.point, o.x, o.y});
   }
-  Arrange(Exchange(comm, points), Exchange(comm, seen), tracks);
-}
-
-BalShare ShareOf(const BalProblem& bal) {
-  BalShare share;
-  share.observations = bal.observations;
-  share.cameras = bal.cameras;
-  share.points = bal.points;
-  return share;
-}
-
-BalCounts CountsOf(const BalProblem& bal) {
-  BalCounts counts;
-  counts.num_cameras = bal.num_cameras;
-  counts.num_points = bal.num_points;
-  counts.num_observations = static_cast<std::int64_t>(bal.observations.size());
-  return counts;
+  share = BalShare();
+  std::vector<PlacedPoint> own_points = Exchange(comm, std::move(points));
+  Arrange(std::move(own_points), Exchange(comm, std::move(seen)), tracks);
 }
 
 // Rank 0 reads it all.
@@ -93,11 +90,7 @@ Status ReadWhole(MPI_Comm comm, const std::string& path, const ReadOptions& opti
   if (!status.ok()) {
     return status;
   }
-  BalCounts counts = CountsOf(bal);
-  std::int64_t numbers[3] = {counts.num_cameras, counts.num_points, counts.num_observations};
-  MPI_Bcast(numbers, 3, MPI_INT64_T, 0, comm);
-  counts = {numbers[0], numbers[1], numbers[2]};
-  SpreadShare(comm, counts, reads ? ShareOf(bal) : BalShare(), tracks);
+  TakeTracks(comm, std::move(bal), tracks);
   return status;
 }
 
@@ -153,7 +146,7 @@ Status ReadTracks(MPI_Comm comm, const std::string& path, const ReadOptions& opt
                               ? ReadBinaryShares(comm, path, &counts, &share)
                               : ReadShares(comm, path, &counts, &share);
     if (status.ok()) {
-      SpreadShare(comm, counts, share, tracks);
+      SpreadShare(comm, counts, std::move(share), tracks);
       return Status::Ok();
     }
     // Whoever reads it all says in which line it is wrong.
@@ -161,28 +154,17 @@ Status ReadTracks(MPI_Comm comm, const std::string& path, const ReadOptions& opt
   return ReadWhole(comm, path, options, tracks);
 }
 
-void TakeTracks(MPI_Comm comm, const BalProblem& bal, Tracks* tracks) {
-  const std::size_t num_ranks = SizeOf(comm);
-  const auto own = static_cast<std::size_t>(RankOf(comm));
-  tracks->num_points = bal.num_points;
-  tracks->num_observations = static_cast<std::int64_t>(bal.observations.size());
-  tracks->cameras = bal.cameras;
-  std::vector<PlacedPoint> points;
-  for (int i = 0; i < bal.num_points; ++i) {
-    if (HomeOf(i, bal.num_points, num_ranks) == own) {
-      const double* const x = bal.PointData(i);
-      points.push_back({i, {x[0], x[1], x[2]}});
-    }
+void TakeTracks(MPI_Comm comm, BalProblem bal, Tracks* tracks) {
+  std::int64_t counts[3] = {bal.num_cameras, bal.num_points,
+                            static_cast<std::int64_t>(bal.observations.size())};
+  MPI_Bcast(counts, 3, MPI_INT64_T, 0, comm);
+  BalShare share;
+  if (RankOf(comm) == 0) {
+    share.observations = std::move(bal.observations);
+    share.cameras = std::move(bal.cameras);
+    share.points = std::move(bal.points);
   }
-  std::vector<Seen> seen;
-  std::int64_t index = 0;
-  for (const BalObservation& o : bal.observations) {
-    if (HomeOf(o.point, bal.num_points, num_ranks) == own) {
-      seen.push_back({index, o.camera, o.point, o.x, o.y});
-    }
-    ++index;
-  }
-  Arrange(std::move(points), std::move(seen), tracks);
+  SpreadShare(comm, {counts[0], counts[1], counts[2]}, std::move(share), tracks);
 }
 
 void MoveTracks(MPI_Comm comm, const std::vector<int>& target, Tracks* tracks) {
@@ -195,8 +177,9 @@ void MoveTracks(MPI_Comm comm, const std::vector<int>& target, Tracks* tracks) {
     seen[rank].insert(seen[rank].end(), begin + static_cast<std::ptrdiff_t>(tracks->begin[i]),
                       begin + static_cast<std::ptrdiff_t>(tracks->begin[i + 1]));
   }
-  std::vector<PlacedPoint> moved_points = Exchange(comm, points);
-  Arrange(std::move(moved_points), Exchange(comm, seen), tracks);
+  std::vector<Seen>().swap(tracks->seen);
+  std::vector<PlacedPoint> moved_points = Exchange(comm, std::move(points));
+  Arrange(std::move(moved_points), Exchange(comm, std::move(seen)), tracks);
 }
 
 BalProblem GatherProblem(MPI_Comm comm, const Tracks& tracks) {

@@ -45,8 +45,8 @@ struct Tracks {
 Status ReadTracks(MPI_Comm comm, const std::string& path, const ReadOptions& options,
                   Tracks* tracks);
 
-/// The same of a problem that all ranks have made, each in its own memory.
-void TakeTracks(MPI_Comm comm, const BalProblem& bal, Tracks* tracks);
+/// The same of the problem that rank 0 has; those of the others are not read. Collective.
+void TakeTracks(MPI_Comm comm, BalProblem bal, Tracks* tracks);
 
 /// Sends each point, with its track, to a rank: target[i] of points[i]. Collective.
 void MoveTracks(MPI_Comm comm, const std::vector<int>& target, Tracks* tracks);

@@ -30,10 +30,10 @@ SceneProgress Printer() {
   };
 }
 
-Status MakeStreet(SimulatedBal* scene) {
+Status MakeStreet(const std::string& preset, SimulatedBal* scene) {
   StreetSceneOptions options;
   StreetScene street;
-  Status status = ReadStreet(&options);
+  Status status = ReadStreet(preset, &options);
   if (status.ok()) {
     const Heartbeat heartbeat(ProgressOutput(), "simulating");
     status = GenerateStreetScene(options, &street);
@@ -47,21 +47,21 @@ Status MakeStreet(SimulatedBal* scene) {
 
 }  // namespace
 
-Status MakeScene(SimulatedBal* scene) {
+Status MakeScene(const std::string& preset, SimulatedBal* scene) {
   if (Status status = CheckSceneFlags(); !status.ok()) {
     return status;
   }
-  if (StartsWith(ScenePreset(), "city-")) {
+  if (StartsWith(preset, "city-")) {
     CityOptions options;
-    const Status status = ReadCity(&options);
+    const Status status = ReadCity(preset, &options);
     return status.ok() ? GenerateCity(options, Printer(), scene) : status;
   }
-  if (StartsWith(ScenePreset(), "collection-")) {
+  if (StartsWith(preset, "collection-")) {
     CollectionOptions options;
-    const Status status = ReadCollection(&options);
+    const Status status = ReadCollection(preset, &options);
     return status.ok() ? GenerateCollection(options, Printer(), scene) : status;
   }
-  return MakeStreet(scene);
+  return MakeStreet(preset, scene);
 }
 
 }  // namespace inceres::tools

@@ -1,9 +1,11 @@
 #include "tools/generate/scene_flags.h"
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <gflags/gflags.h>
 
@@ -12,15 +14,6 @@
 #include "tools/sim/collection_scene.h"
 #include "tools/sim/street_scene.h"
 
-DEFINE_string(
-    preset, "",
-    "sizes of a well-known problem: ladybug-like (49 cameras, 7776 points, 31843 observations), "
-    "venice11 (11, 8366, 20271), cathedral (92, 57957, 422163); and paths with loops: path-400 "
-    "(16000, 80000), path-1800 (72000, 360000), path-1000 (40000, 200000), path-10000 "
-    "(400000, 2000000). city-N: N cameras in the streets of a city, 20 points each, start values "
-    "that drift. collection-N: a collection of N photos, 326 points and up to 2119 observations "
-    "each; collection-13682 has 4456117 points and 28987644 observations. Other flags given as "
-    "well take precedence");
 DEFINE_int32(num_cameras, 100, "cameras along the path, 2 to 1000000");
 DEFINE_double(points_per_camera, 100.0,
               "number of points = this times num_cameras, unless num_points is given");
@@ -122,11 +115,11 @@ Status StartAtTruth(Options* options) {
 }  // namespace
 
 // Sizes: from the preset, then from what was given on the command line; derived ones follow.
-Status ReadStreet(StreetSceneOptions* options) {
-  const bool preset = !FLAGS_preset.empty();
+Status ReadStreet(const std::string& name, StreetSceneOptions* options) {
+  const bool preset = !name.empty();
   Status status = Refuse("street", {"street_width", "drift"});
   if (status.ok() && preset) {
-    status = GetStreetScenePreset(FLAGS_preset, options);
+    status = GetStreetScenePreset(name, options);
   }
   if (!status.ok()) {
     return status;
@@ -150,10 +143,10 @@ Status ReadStreet(StreetSceneOptions* options) {
   return status.ok() ? StartAtTruth(options) : status;
 }
 
-Status ReadCity(CityOptions* options) {
+Status ReadCity(const std::string& name, CityOptions* options) {
   Status status = Refuse("city", {"laps", "num_cameras"});
   if (status.ok()) {
-    status = GetCityPreset(FLAGS_preset, options);
+    status = GetCityPreset(name, options);
   }
   if (status.ok()) {
     status = SetPoints(true, options->num_cameras, &options->num_points);
@@ -179,11 +172,11 @@ Status ReadCity(CityOptions* options) {
   return status;
 }
 
-Status ReadCollection(CollectionOptions* options) {
+Status ReadCollection(const std::string& name, CollectionOptions* options) {
   Status status = Refuse("collection", {"laps", "num_cameras", "loop_fraction", "camera_spacing",
                                         "street_width", "drift"});
   if (status.ok()) {
-    status = GetCollectionPreset(FLAGS_preset, options);
+    status = GetCollectionPreset(name, options);
   }
   if (status.ok()) {
     status = SetPoints(true, options->num_cameras, &options->num_points);
@@ -207,8 +200,13 @@ Status CheckSceneFlags() {
   return Status::Ok();
 }
 
-const std::string& ScenePreset() {
-  return FLAGS_preset;
+std::string FirstSceneFlagSet() {
+  std::vector<gflags::CommandLineFlagInfo> flags;
+  gflags::GetAllFlags(&flags);
+  const auto set = std::find_if(flags.begin(), flags.end(), [](const auto& flag) {
+    return flag.filename == __FILE__ && !flag.is_default;
+  });
+  return set != flags.end() ? set->name : "";
 }
 
 std::uint64_t SceneSeed() {

@@ -11,6 +11,7 @@
 
 #include "inceres/factors/bal_reprojection.h"
 #include "tools/problems/bal_cost.h"
+#include "tools/problems/ceres_loss.h"
 #include "tools/problems/factor_cost_function.h"
 
 namespace inceres::tools {

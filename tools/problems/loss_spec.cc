@@ -43,18 +43,6 @@ std::string ToString(const LossSpec& spec) {
   return (spec.kind == LossSpec::Kind::kHuber ? "huber:" : "cauchy:") + std::string(number, end);
 }
 
-std::unique_ptr<ceres::LossFunction> MakeCeresLoss(const LossSpec& spec) {
-  switch (spec.kind) {
-    case LossSpec::Kind::kHuber:
-      return std::make_unique<ceres::HuberLoss>(spec.scale);
-    case LossSpec::Kind::kCauchy:
-      return std::make_unique<ceres::CauchyLoss>(spec.scale);
-    case LossSpec::Kind::kNone:
-      break;
-  }
-  return nullptr;
-}
-
 std::shared_ptr<const Loss> MakeCoreLoss(const LossSpec& spec) {
   switch (spec.kind) {
     case LossSpec::Kind::kHuber:

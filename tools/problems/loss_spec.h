@@ -4,8 +4,6 @@
 #include <string>
 #include <tuple>
 
-#include <ceres/loss_function.h>
-
 #include "inceres/problem/losses.h"
 #include "inceres/status.h"
 
@@ -29,8 +27,7 @@ Status ParseLoss(const std::string& text, LossSpec* spec);
 /// "none", "huber:1.5", …: what ParseLoss reads.
 std::string ToString(const LossSpec& spec);
 
-/// The loss as Ceres and as the core know it; null for none.
-std::unique_ptr<ceres::LossFunction> MakeCeresLoss(const LossSpec& spec);
+/// The loss as the core knows it; null for none.
 std::shared_ptr<const Loss> MakeCoreLoss(const LossSpec& spec);
 
 }  // namespace inceres::tools

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 #include <ceres/manifold.h>
 
+#include "tools/problems/ceres_loss.h"
 #include "tools/problems/pose_graph_cost.h"
 
 namespace inceres::tools {

@@ -9,6 +9,7 @@
 #include <ceres/product_manifold.h>
 
 #include "inceres/factors/imu_factor.h"
+#include "tools/problems/ceres_loss.h"
 #include "tools/problems/factor_cost_function.h"
 #include "tools/replay/replay_autodiff.h"
 

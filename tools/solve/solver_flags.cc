@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 
 #include <ceres/types.h>
 #include <gflags/gflags.h>
@@ -21,27 +20,11 @@ DEFINE_string(
     "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
     "among them. In ab_compare this is for "
     "inceres; stock runs in --configurations.");
-DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
-DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
-DEFINE_double(function_tolerance, 1e-6,
-              "Stop when the cost changes by less than this, relative; 0: never.");
-DEFINE_double(gradient_tolerance, 1e-10, "Stop when no entry of the gradient is larger; 0: never.");
-DEFINE_double(parameter_tolerance, 1e-8,
-              "Stop when the step is shorter than this, relative to the parameters; 0: never.");
-DEFINE_double(initial_trust_region_radius, 1e4,
-              "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
 DEFINE_string(
     preconditioner, "schur_jacobi",
     "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
     "cluster_tridiagonal or, with --builtin_factors, two_level (not of Ceres: stock then takes "
     "schur_jacobi); cgnr takes jacobi in place of the last four.");
-DEFINE_double(eta, 0.1,
-              "Conjugate gradients stop when iteration k gains less than this over k of what the "
-              "step promises. At least 0.");
-DEFINE_int32(max_linear_solver_iterations, 500, "Conjugate gradients a step at most, at least 1.");
-DEFINE_string(robust, "none",
-              "Robust loss: none, huber:A or cauchy:A, with the scale A in the units of the "
-              "residual (BAL: pixels).");
 DEFINE_string(mode, "exact",
               "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while "
               "they are good enough).");
@@ -115,25 +98,6 @@ Status ParseMode(const std::string& text, bool* incremental) {
              : Invalid("--mode '" + text + "': use exact or incremental");
 }
 
-Status CheckRadius() {
-  const double radius = FLAGS_initial_trust_region_radius;
-  return std::isfinite(radius) && radius > 0.0
-             ? Status::Ok()
-             : Invalid("--initial_trust_region_radius " + std::to_string(radius) +
-                       ": must be a finite number above 0");
-}
-
-// What Ceres and the core call by the same names.
-template <typename Options>
-void CopyNumbers(const SolverSettings& settings, Options* options) {
-  options->num_threads = settings.num_threads;
-  options->max_num_iterations = settings.max_num_iterations;
-  options->function_tolerance = settings.function_tolerance;
-  options->gradient_tolerance = settings.gradient_tolerance;
-  options->parameter_tolerance = settings.parameter_tolerance;
-  options->initial_trust_region_radius = settings.initial_trust_region_radius;
-}
-
 // Without a Schur complement there is no preconditioner by it.
 ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
                                            ceres::LinearSolverType type) {
@@ -176,35 +140,15 @@ Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options
 
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
-  Status robust = ParseLoss(FLAGS_robust, &read.robust);
-  if (!robust.ok()) {
-    robust.message = "--robust " + robust.message;
-  }
   for (Status& status : std::vector<Status>{
            ParseMode(FLAGS_mode, &read.incremental),
            ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
            ParseLinearSolver(FLAGS_linear_solver, &read),
-           ParsePreconditioner(FLAGS_preconditioner, &read),
-           CheckNumbers({{"--max_linear_solver_iterations", FLAGS_max_linear_solver_iterations, 1}},
-                        {{"--eta", FLAGS_eta}}),
-           CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
-                         {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
-                        {{"--function_tolerance", FLAGS_function_tolerance},
-                         {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                         {"--parameter_tolerance", FLAGS_parameter_tolerance}}),
-           CheckRadius(), robust}) {
+           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read)}) {
     if (!status.ok()) {
       return status;
     }
   }
-  read.eta = FLAGS_eta;
-  read.max_linear_solver_iterations = FLAGS_max_linear_solver_iterations;
-  read.num_threads = FLAGS_num_threads;
-  read.max_num_iterations = FLAGS_max_num_iterations;
-  read.function_tolerance = FLAGS_function_tolerance;
-  read.gradient_tolerance = FLAGS_gradient_tolerance;
-  read.parameter_tolerance = FLAGS_parameter_tolerance;
-  read.initial_trust_region_radius = FLAGS_initial_trust_region_radius;
   read.builtin_factors = FLAGS_builtin_factors;
   *settings = read;
   return Status::Ok();

@@ -9,35 +9,24 @@
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/options.h"
 #include "inceres/status.h"
-#include "tools/problems/loss_spec.h"
+#include "tools/solve/common_flags.h"
 
 namespace inceres::tools {
 
 /// What the flags shared by bal_solve and ab_compare say.
-struct SolverSettings {
+struct SolverSettings : CommonSettings {
   ceres::TrustRegionStrategyType trust_region = ceres::LEVENBERG_MARQUARDT;
   std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
   bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
   ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
   bool two_level = false;  ///< with built-in factors: kTwoLevel in its place
-  double eta = 0.1;        ///< of conjugate gradients
-  int max_linear_solver_iterations = 500;
-  int num_threads = 1;
-  int max_num_iterations = 50;
-  double function_tolerance = 1e-6;
-  double gradient_tolerance = 1e-10;
-  double parameter_tolerance = 1e-8;
-  double initial_trust_region_radius = 1e4;
-  LossSpec robust;
   bool builtin_factors = false;
   bool incremental = false;  ///< ours solves in incremental mode
 };
 
-/// Reads --trust_region, --linear_solver, --preconditioner, --eta,
-/// --max_linear_solver_iterations, --num_threads, --max_num_iterations,
-/// --function_tolerance, --gradient_tolerance, --parameter_tolerance,
-/// --initial_trust_region_radius, --robust, --mode and --builtin_factors. A value that makes no
-/// sense is kInvalidArgument; the message names the flag and what it may be.
+/// Reads --trust_region, --linear_solver, --preconditioner, --mode, --builtin_factors and the
+/// common flags. A value that makes no sense is kInvalidArgument; the message names the flag and
+/// what it may be.
 Status ReadSolverFlags(SolverSettings* settings);
 
 /// The linear solver the settings ask for; `automatic` where they leave it open.

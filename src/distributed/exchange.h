@@ -9,12 +9,12 @@
 #include <type_traits>
 #include <vector>
 
-namespace inceres::tools {
+namespace inceres::internal {
 
 /// Sends to_rank[r] to each rank r; what all ranks have sent here, in the order of the ranks.
 /// Throws std::length_error if that is 2 GiB or more. Collective.
 template <typename T>
-std::vector<T> Exchange(MPI_Comm comm, const std::vector<std::vector<T>>& to_rank) {
+std::vector<T> Exchange(MPI_Comm comm, std::vector<std::vector<T>> to_rank) {
   static_assert(std::is_trivially_copyable_v<T>);
   const std::size_t num_ranks = to_rank.size();
   std::vector<int> sizes(num_ranks), begins(num_ranks), received(num_ranks), places(num_ranks);
@@ -28,8 +28,10 @@ std::vector<T> Exchange(MPI_Comm comm, const std::vector<std::vector<T>>& to_ran
     sizes[r] = static_cast<int>(to_rank[r].size() * sizeof(T));
   }
   std::vector<T> sent;
-  for (const std::vector<T>& part : to_rank) {
+  sent.reserve(static_cast<std::size_t>(total) / sizeof(T));
+  for (std::vector<T>& part : to_rank) {
     sent.insert(sent.end(), part.begin(), part.end());
+    std::vector<T>().swap(part);
   }
   MPI_Alltoall(sizes.data(), 1, MPI_INT, received.data(), 1, MPI_INT, comm);
   std::int64_t incoming = 0;
@@ -64,4 +66,4 @@ std::vector<T> GatherToRoot(MPI_Comm comm, const std::vector<T>& own) {
   return Exchange(comm, to_rank);
 }
 
-}  // namespace inceres::tools
+}  // namespace inceres::internal

@@ -4,31 +4,30 @@
 #include <utility>
 #include <vector>
 
-#include "schur/gauge_modes.h"
+#include "schur/gauge_normals.h"
 
 namespace inceres::internal {
 
-// The symbolic half of GaugeModes (docs/algorithms.md, "Reduced linear systems", two levels). The
+// The symbolic half of GaugeNormals (docs/algorithms.md, "Reduced linear systems", two levels). The
 // modes of the frames solve J_c v = −J_l w in least squares over the factors of Euclidean
 // landmarks, so what is set up is: by family and pair of slots, the factors that count, sorted by
 // frame; and the pattern of J_cᵀJ_c over these factors, for the sparse Cholesky. Done once for a
 // structure.
 
 // A source for each pair of a slot with a Euclidean landmark and another slot that has a frame.
-void GaugeModes::CollectSources() {
-  std::int64_t of_landmarks = 0, of_points = 0;
+void GaugeNormals::CollectSources() {
   for (const Linearization& cache : evaluator_.families()) {
     for (int p = 0; p < cache.num_slots; ++p) {
       std::vector<std::int32_t> factors;
       for (int i = 0; i < cache.num_factors; ++i) {
         const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(i) + p];
         // Of all landmarks, Euclidean or not: the share decides whether modes are of any use.
-        of_landmarks += evaluator_.layout().LandmarkOf(id) >= 0 ? 1 : 0;
+        num_of_landmarks_ += evaluator_.layout().LandmarkOf(id) >= 0 ? 1.0 : 0.0;
         if (LandmarkThrough(cache, i, p) >= 0) {
           factors.push_back(i);
         }
       }
-      of_points += static_cast<std::int64_t>(factors.size());
+      num_of_points_ += static_cast<double>(factors.size());
       for (int s = 0; !factors.empty() && s < cache.num_slots; ++s) {
         if (s != p) {
           AddSource(cache, s, p, factors);
@@ -36,12 +35,10 @@ void GaugeModes::CollectSources() {
       }
     }
   }
-  // Counted by factors, so a few points that are held in another way do not matter.
-  are_euclidean_ = 2 * of_points > of_landmarks;
 }
 
-void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_slot,
-                           const std::vector<std::int32_t>& factors) {
+void GaugeNormals::AddSource(const Linearization& cache, int slot, int landmark_slot,
+                             const std::vector<std::int32_t>& factors) {
   Source source{cache.id, slot, landmark_slot, {}, {}};
   source.begin.assign(evaluator_.layout().num_frames + 1, 0);
   for (const std::int32_t i : factors) {
@@ -67,7 +64,7 @@ void GaugeModes::AddSource(const Linearization& cache, int slot, int landmark_sl
 
 // Two frames are coupled if a factor of a source touches both. The diagonal block is there for all
 // frames, also for those without such a factor, and is last in its row.
-void GaugeModes::BuildPattern() {
+void GaugeNormals::BuildPattern() {
   const Layout& layout = evaluator_.layout();
   pattern_.offsets.assign(layout.packed_offset.begin(),
                           layout.packed_offset.begin() + layout.num_frames + 1);
@@ -100,13 +97,6 @@ void GaugeModes::BuildPattern() {
     }
     pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
   }
-  const auto size = static_cast<std::size_t>(pattern_.size());
-  C_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
-  diagonal_.resize(size);
-  // Seven modes side by side, in rows of eight.
-  R_.resize(size * kStride);
-  V_.resize(size * kStride);
-  squares_.resize(static_cast<std::size_t>(layout.num_frames) * kStride);
 }
 
 }  // namespace inceres::internal

@@ -1,0 +1,115 @@
+#include "distributed/ranked_aggregates.h"
+
+#include <algorithm>
+#include <cstring>
+#include <tuple>
+#include <vector>
+
+#include "schur/covisibility.h"
+
+namespace inceres::internal {
+namespace {
+
+struct Edge {
+  int from;
+  int to;
+  double weight;
+};
+
+// Counts per frame here, summed over all ranks: per frame of all.
+std::vector<double> SumByFrame(const SharedFrames& frames, const SegmentSums& by_frame,
+                               const std::vector<double>& here) {
+  std::vector<double> all(frames.sizes().size(), 0.0);
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    all[frames.moving()[i].number] = here[i];
+  }
+  by_frame.Sum(SegmentBegins(std::vector<int>(all.size(), 1)), all.data());
+  return all;
+}
+
+std::vector<Edge> GatherEdges(const Communicator& ranks, const SharedFrames& frames,
+                              const WeightedGraph& here) {
+  std::vector<Edge> own;
+  for (int i = 0; i < here.num_vertices(); ++i) {
+    for (int k = here.begin[i]; k < here.begin[i + 1]; ++k) {
+      own.push_back(
+          {frames.moving()[i].number, frames.moving()[here.neighbors[k]].number, here.weights[k]});
+    }
+  }
+  std::vector<char> bytes(own.size() * sizeof(Edge));
+  if (!own.empty()) {
+    std::memcpy(bytes.data(), own.data(), bytes.size());
+  }
+  const std::vector<char> gathered = ranks.GatherBytes(bytes);
+  std::vector<Edge> all(gathered.size() / sizeof(Edge));
+  if (!all.empty()) {
+    std::memcpy(all.data(), gathered.data(), gathered.size());
+  }
+  std::sort(all.begin(), all.end(), [](const Edge& a, const Edge& b) {
+    return std::tie(a.from, a.to) < std::tie(b.from, b.to);
+  });
+  return all;
+}
+
+// Weights are whole numbers: their sums have no order.
+WeightedGraph SumGraphs(const Communicator& ranks, const SharedFrames& frames,
+                        const WeightedGraph& here) {
+  WeightedGraph graph;
+  const std::vector<Edge> edges = GatherEdges(ranks, frames, here);
+  auto next = edges.begin();
+  for (int i = 0; i < static_cast<int>(frames.sizes().size()); ++i) {
+    for (; next != edges.end() && next->from == i; ++next) {
+      const bool is_new = static_cast<int>(graph.neighbors.size()) == graph.begin.back() ||
+                          graph.neighbors.back() != next->to;
+      if (is_new) {
+        graph.neighbors.push_back(next->to);
+        graph.weights.push_back(next->weight);
+      } else {
+        graph.weights.back() += next->weight;
+      }
+    }
+    graph.begin.push_back(static_cast<int>(graph.neighbors.size()));
+  }
+  return graph;
+}
+
+std::vector<int> NumbersOf(const SharedFrames& frames) {
+  std::vector<int> numbers;
+  for (const FramePlace& place : frames.moving()) {
+    numbers.push_back(place.number);
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+template <typename T>
+std::vector<T> AtFramesHere(const SharedFrames& frames, const std::vector<T>& all) {
+  std::vector<T> here;
+  for (const FramePlace& place : frames.moving()) {
+    here.push_back(all[place.number]);
+  }
+  return here;
+}
+
+}  // namespace
+
+RankedAggregates::RankedAggregates(const Communicator& ranks, const SharedFrames& frames,
+                                   const Evaluator& evaluator, const LandmarkIncidences& incidences)
+    : by_frame(ranks, NumbersOf(frames)) {
+  const std::vector<double> factors = SumByFrame(frames, by_frame, CountFactorsOfFrames(evaluator));
+  const std::vector<double> beside_few =
+      SumByFrame(frames, by_frame, CountFactorsBesideFew(evaluator, AtFramesHere(frames, factors)));
+  all.is_shared = FindSharedFrames(factors, beside_few);
+  here.is_shared = AtFramesHere(frames, all.is_shared);
+  const WeightedGraph graph =
+      SumGraphs(ranks, frames, CovisibilityGraph(evaluator, incidences, here.is_shared));
+  all.Join(graph, ranks.Sum(NumbersReadWithoutS(incidences)), evaluator.executor());
+  here.count = all.count;
+  here.clusters.cluster_of = AtFramesHere(frames, all.clusters.cluster_of);
+  for (std::size_t i = 0; i < frames.moving().size(); ++i) {
+    by_owner.cluster_of.push_back(here.clusters.cluster_of[i] * ranks.size() +
+                                  frames.moving()[i].owner);
+  }
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,146 @@
+#include "distributed/ranked_modes.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+CoarseShape ShapeWithoutProducts(const FrameAggregates& all, std::vector<int> widths) {
+  CoarseShape shape;
+  shape.aggregate_of = all.clusters.cluster_of;
+  shape.coupled_begin.assign(widths.size() + 1, 0);
+  shape.widths = std::move(widths);
+  return shape;
+}
+
+std::vector<std::int64_t> SquaresOf(const std::vector<int>& sizes) {
+  std::vector<std::int64_t> begin{0};
+  for (const int size : sizes) {
+    begin.push_back(begin.back() + std::int64_t{size} * size);
+  }
+  return begin;
+}
+
+}  // namespace
+
+RankedModes::RankedModes(const Communicator& ranks, const SharedFrames& frames,
+                         const SegmentSums& by_frame, const Evaluator& evaluator,
+                         const Hessian& hessian, const FramePlans& plans,
+                         const FrameAggregates& all, const FrameAggregates& here, Status* status)
+    : ranks_(ranks),
+      frames_(frames),
+      by_frame_(by_frame),
+      hessian_(hessian),
+      plans_(plans),
+      normals_(evaluator, here.is_shared),
+      C_sums_(ranks, frames.sizes(), PlacesHere()),
+      here_(normals_.pattern()),
+      all_(C_sums_.pattern()),
+      fit_(C_sums_.pattern(), evaluator.executor(), status) {
+  by_gauge_ = 2.0 * ranks.Sum(normals_.num_of_points()) > ranks.Sum(normals_.num_of_landmarks());
+  const std::vector<int>& offsets = C_sums_.pattern().offsets;
+  columns_ = std::make_unique<ModeColumns>(all, offsets, by_gauge_);
+  V_ = std::make_unique<CoarseColumns>(offsets, ShapeWithoutProducts(all, columns_->widths()),
+                                       evaluator.executor());
+  *status = ranks.Agree(*status);
+}
+
+// Blocks of the normal equations that factors here add to, by the numbers of the frames.
+std::vector<BlockSums::Place> RankedModes::PlacesHere() const {
+  const BlockPattern& pattern = normals_.pattern();
+  std::vector<BlockSums::Place> places;
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      const int row = frames_.moving()[i].number;
+      const int column = frames_.moving()[pattern.columns[k]].number;
+      places.emplace_back(std::max(row, column), std::min(row, column));
+    }
+  }
+  return places;
+}
+
+// The mean of those of the ranks: any point amid the landmarks will do.
+GaugeOrigin RankedModes::AgreeOnOrigin() const {
+  const GaugeOrigin own = normals_.FindOrigin();
+  double sums[5] = {own.num_points, 0.0, 0.0, 0.0, own.num_points * own.radius};
+  for (int k = 0; k < 3; ++k) {
+    sums[k + 1] = own.num_points * own.center[k];
+  }
+  ranks_.SumAll(5, sums);
+  GaugeOrigin origin;
+  if (sums[0] > 0.0) {
+    origin.num_points = sums[0];
+    origin.radius = sums[4] / sums[0];
+    for (int k = 0; k < 3; ++k) {
+      origin.center[k] = sums[k + 1] / sums[0];
+    }
+  }
+  return origin;
+}
+
+// all_ := the sums of here_.
+void RankedModes::SumNormals() {
+  const BlockPattern& pattern = normals_.pattern();
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    const int row = frames_.moving()[i].number;
+    const int rows = pattern.block_size(i);
+    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      const int column = frames_.moving()[pattern.columns[k]].number;
+      const int columns = pattern.block_size(pattern.columns[k]);
+      const double* const from = here_.C.data() + pattern.value_begin[k];
+      const int block = C_sums_.Find({std::max(row, column), std::min(row, column)});
+      double* const to = all_.C.data() + C_sums_.pattern().value_begin[block];
+      for (int r = 0; r < rows; ++r) {  // the other way around where numbers are
+        for (int c = 0; c < columns; ++c) {
+          to[row >= column ? r * columns + c : c * rows + r] = from[r * columns + c];
+        }
+      }
+    }
+    std::copy_n(here_.R.begin() + std::int64_t{kGaugeStride} * pattern.offsets[i],
+                kGaugeStride * rows,
+                all_.R.begin() + std::int64_t{kGaugeStride} * C_sums_.pattern().offsets[row]);
+    std::copy_n(here_.squares.begin() + std::int64_t{kGaugeStride} * i, kGaugeStride,
+                all_.squares.begin() + std::int64_t{kGaugeStride} * row);
+  }
+  C_sums_.Sum(all_.C.data());
+  by_frame_.Sum(SegmentBegins(frames_.sizes(), kGaugeStride), all_.R.data());
+  by_frame_.Sum(SegmentBegins(std::vector<int>(frames_.sizes().size(), kGaugeStride)),
+                all_.squares.data());
+}
+
+// Blocks of C on the diagonal, of all frames.
+std::vector<const double*> RankedModes::SumNorm() {
+  const std::vector<std::int64_t> begin = SquaresOf(frames_.sizes());
+  norm_.resize(static_cast<std::size_t>(begin.back()));
+  const BlockPattern& pattern = plans_.pattern;
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    const int number = frames_.moving()[i].number;
+    std::copy_n(hessian_.FrameBlock(pattern.row_begin[i + 1] - 1),
+                begin[number + 1] - begin[number], norm_.begin() + begin[number]);
+  }
+  by_frame_.Sum(begin, norm_.data());
+  std::vector<const double*> blocks;
+  for (std::size_t i = 0; i + 1 < begin.size(); ++i) {
+    blocks.push_back(norm_.data() + begin[i]);
+  }
+  return blocks;
+}
+
+void RankedModes::Compute() {
+  bool fits = false;
+  if (by_gauge_) {
+    normals_.Accumulate(AgreeOnOrigin(), &here_);
+    SumNormals();
+    fits = fit_.Solve(all_);
+  }
+  columns_->Write(fits ? &fit_ : nullptr, V_.get());
+  V_->Orthonormalize(SumNorm());
+}
+
+std::int64_t RankedModes::Bytes() const {
+  return normals_.Bytes() + here_.Bytes() + all_.Bytes() + fit_.Bytes() + V_->Bytes() +
+         static_cast<std::int64_t>(norm_.size() * sizeof(double));
+}
+
+}  // namespace inceres::internal

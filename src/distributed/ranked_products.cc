@@ -1,0 +1,252 @@
+#include "distributed/ranked_products.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kBytesPerBatch = 64.0 * 1024.0 * 1024.0;
+
+std::vector<const double*> BlocksOf(const Hessian& hessian, const FramePlans& plans) {
+  std::vector<const double*> blocks;
+  for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
+    blocks.push_back(hessian.FrameBlock(static_cast<int>(k)));
+  }
+  return blocks;
+}
+
+// The part of lists that belongs to aggregates first ≤ a < last; the others are empty.
+void Cut(const std::vector<int>& all_begin, const std::vector<int>& all, int first, int last,
+         std::vector<int>* begin, std::vector<int>* list) {
+  const int from = all_begin[first], to = all_begin[last];
+  begin->clear();
+  for (const int b : all_begin) {
+    begin->push_back(std::clamp(b, from, to) - from);
+  }
+  list->assign(all.begin() + from, all.begin() + to);
+}
+
+AggregateReach Slice(const AggregateReach& reach, int first, int last) {
+  AggregateReach slice;
+  slice.shape.aggregate_of = reach.shape.aggregate_of;
+  slice.shape.widths = reach.shape.widths;
+  Cut(reach.shape.coupled_begin, reach.shape.coupled, first, last, &slice.shape.coupled_begin,
+      &slice.shape.coupled);
+  Cut(reach.landmarks_begin, reach.landmarks, first, last, &slice.landmarks_begin,
+      &slice.landmarks);
+  return slice;
+}
+
+// visit(place, row, aggregate)
+template <typename Visit>
+void ForEachPlace(const CoarseShape& shape, const Visit& visit) {
+  for (int a = 0; a < shape.num_aggregates(); ++a) {
+    for (int place = shape.coupled_begin[a]; place < shape.coupled_begin[a + 1]; ++place) {
+      visit(place, shape.coupled[place], a);
+    }
+  }
+}
+
+}  // namespace
+
+struct RankedProducts::Key {
+  int number;  // of a frame
+  int aggregate;
+
+  friend bool operator<(const Key& a, const Key& b) {
+    return std::pair(a.aggregate, a.number) < std::pair(b.aggregate, b.number);
+  }
+  friend bool operator==(const Key& a, const Key& b) {
+    return a.aggregate == b.aggregate && a.number == b.number;
+  }
+};
+
+RankedProducts::RankedProducts(const Communicator& ranks, const SharedFrames& frames,
+                               const Evaluator& evaluator, const LandmarkIncidences& incidences,
+                               const FramePlans& plans, const Hessian& hessian,
+                               const Elimination& elimination, const FrameAggregates& here,
+                               const std::vector<int>& widths)
+    : ranks_(ranks),
+      frames_(frames),
+      evaluator_(evaluator),
+      offsets_(plans.pattern.offsets),
+      products_(incidences, plans, BlocksOf(hessian, plans), &elimination),
+      row_of_number_(frames.sizes().size(), -1),
+      no_damping_(offsets_.back(), 0.0) {
+  std::vector<int> owned_offsets{0};
+  for (const int position : frames.owned()) {
+    const FramePlace& place = frames.moving()[position];
+    row_of_number_[place.number] = static_cast<int>(owned_offsets.size()) - 1;
+    owned_offsets.push_back(owned_offsets.back() + place.sizes[FramePlace::kTangent]);
+  }
+  const AggregateReach reach(here, widths, incidences, plans.pattern);
+  owned_ = std::make_unique<CoarseColumns>(owned_offsets, ShapeOfOwned(reach.shape),
+                                           evaluator.executor());
+  ForEachPlace(owned_->shape(), [&](int, int row, int aggregate) {
+    block_sizes_.push_back(owned_->block_size(row) * owned_->stride(aggregate));
+  });
+  CutIntoBatches(reach);
+}
+
+// What other ranks have of rows owned here: in the order of the ranks, of each by aggregates.
+std::vector<RankedProducts::Key> RankedProducts::ExchangeKeys(const CoarseShape& shape) const {
+  std::vector<std::vector<Key>> to_rank(ranks_.size());
+  ForEachPlace(shape, [&](int, int row, int aggregate) {
+    const FramePlace& place = frames_.moving()[row];
+    if (place.owner != ranks_.rank()) {
+      to_rank[place.owner].push_back({place.number, aggregate});
+    }
+  });
+  return ranks_.SendToEach(std::move(to_rank));
+}
+
+// The union of what the ranks have.
+CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
+  std::vector<Key> keys = ExchangeKeys(here);
+  ForEachPlace(here, [&](int, int row, int aggregate) {
+    const FramePlace& place = frames_.moving()[row];
+    if (place.owner == ranks_.rank()) {
+      keys.push_back({place.number, aggregate});
+    }
+  });
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  CoarseShape shape;
+  shape.widths = here.widths;
+  for (const int position : frames_.owned()) {
+    shape.aggregate_of.push_back(here.aggregate_of[position]);
+  }
+  auto next = keys.begin();
+  shape.coupled_begin.push_back(0);
+  for (int a = 0; a < shape.num_aggregates(); ++a) {
+    for (; next != keys.end() && next->aggregate == a; ++next) {
+      shape.coupled.push_back(row_of_number_[next->number]);
+    }
+    shape.coupled_begin.push_back(static_cast<int>(shape.coupled.size()));
+  }
+  return shape;
+}
+
+int RankedProducts::PlaceOf(const Key& key) const {
+  return owned_->PlaceOf(row_of_number_[key.number], key.aggregate);
+}
+
+// As many on all ranks, of the same aggregates.
+void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
+  double bytes = 0.0;
+  ForEachPlace(reach.shape, [&](int, int row, int aggregate) {
+    bytes += static_cast<double>(sizeof(double)) * (offsets_[row + 1] - offsets_[row]) *
+             owned_->stride(aggregate);
+  });
+  const int count = reach.shape.num_aggregates();
+  const double wanted = std::ceil(ranks_.Max(bytes) / kBytesPerBatch);
+  const int num_batches = static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, 1.0 * count)));
+  for (int b = 0; b < num_batches; ++b) {
+    const auto begin_of = [&](std::int64_t k) { return static_cast<int>(count * k / num_batches); };
+    Batch batch;
+    batch.reach = Slice(reach, begin_of(b), begin_of(b + 1));
+    Plan(&batch);
+    batches_.push_back(std::move(batch));
+  }
+}
+
+void RankedProducts::Plan(Batch* batch) const {
+  batch->sent.resize(ranks_.size());
+  ForEachPlace(batch->reach.shape, [&](int at, int row, int aggregate) {
+    const FramePlace& place = frames_.moving()[row];
+    if (place.owner == ranks_.rank()) {
+      batch->own_from.push_back(at);
+      batch->own_to.push_back(PlaceOf({place.number, aggregate}));
+    } else {
+      batch->sent[place.owner].push_back(at);
+    }
+  });
+  for (const Key& key : ExchangeKeys(batch->reach.shape)) {
+    batch->received_to.push_back(PlaceOf(key));
+  }
+}
+
+void RankedProducts::Add(const double* block, int place) {
+  double* const sum = owned_->AV(place);
+  for (int k = 0; k < block_sizes_[place]; ++k) {
+    sum[k] += block[k];
+  }
+}
+
+void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
+  const CoarseShape& shape = batch.reach.shape;
+  CoarseColumns columns(offsets_, shape, evaluator_.executor());
+  for (int i = 0; i < columns.num_rows(); ++i) {
+    std::copy_n(modes.V(frames_.moving()[i].number),
+                columns.block_size(i) * columns.stride(shape.aggregate_of[i]), columns.V(i));
+  }
+  products_.Form(batch.reach, no_damping_.data(), evaluator_.executor(), &columns);
+  for (std::size_t k = 0; k < batch.own_from.size(); ++k) {
+    Add(columns.AV(batch.own_from[k]), batch.own_to[k]);
+  }
+  std::vector<int> sizes;
+  ForEachPlace(shape, [&](int, int row, int aggregate) {
+    sizes.push_back(columns.block_size(row) * columns.stride(aggregate));
+  });
+  std::vector<std::vector<double>> to_rank(batch.sent.size());
+  for (std::size_t r = 0; r < to_rank.size(); ++r) {
+    for (const int place : batch.sent[r]) {
+      const double* const block = columns.AV(place);
+      to_rank[r].insert(to_rank[r].end(), block, block + sizes[place]);
+    }
+  }
+  const std::vector<double> received = ranks_.SendToEach(std::move(to_rank));
+  const double* next = received.data();
+  for (const int place : batch.received_to) {
+    Add(next, place);
+    next += block_sizes_[place];
+  }
+}
+
+// Λ_c V, once.
+void RankedProducts::AddDamping(const std::vector<double>& owned_damping) {
+  const double* lambda = owned_damping.data();
+  for (int row = 0; row < owned_->num_rows(); ++row) {
+    const int aggregate = owned_->shape().aggregate_of[row];
+    const int stride = owned_->stride(aggregate);
+    const double* const V = owned_->V(row);
+    double* const A_V = owned_->AV(owned_->PlaceOf(row, aggregate));
+    for (int r = 0; r < owned_->block_size(row); ++r) {
+      for (int k = 0; k < stride; ++k) {
+        A_V[r * stride + k] += lambda[r] * V[r * stride + k];
+      }
+    }
+    lambda += owned_->block_size(row);
+  }
+}
+
+void RankedProducts::Form(const RankedModes& modes, const std::vector<double>& owned_damping) {
+  for (std::size_t place = 0; place < block_sizes_.size(); ++place) {
+    std::fill_n(owned_->AV(static_cast<int>(place)), block_sizes_[place], 0.0);
+  }
+  for (int row = 0; row < owned_->num_rows(); ++row) {
+    const FramePlace& place = frames_.moving()[frames_.owned()[row]];
+    const int stride = owned_->stride(owned_->shape().aggregate_of[row]);
+    std::copy_n(modes.V(place.number), owned_->block_size(row) * stride, owned_->V(row));
+  }
+  for (const Batch& batch : batches_) {
+    FormBatch(batch, modes);
+  }
+  AddDamping(owned_damping);
+}
+
+std::int64_t RankedProducts::Bytes() const {
+  std::size_t ints = row_of_number_.size() + block_sizes_.size();
+  for (const Batch& batch : batches_) {
+    ints += batch.reach.shape.coupled.size() + batch.reach.landmarks.size() +
+            batch.own_from.size() + batch.own_to.size() + batch.received_to.size();
+    for (const std::vector<int>& sent : batch.sent) {
+      ints += sent.size();
+    }
+  }
+  return owned_->Bytes() + static_cast<std::int64_t>(ints * sizeof(int));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,201 @@
+#include "linear/coarse_columns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kAggregateGrain = 4;
+constexpr int kCoarseRowGrain = 64;
+// A column that keeps less than this share of its length is one that the others hold.
+constexpr double kDependent = 1e-7;
+
+// x += Bᵀ r of a block of `rows` × `stride`, the first `width` columns.
+void AddTransposed(const double* B, int rows, int stride, int width, const double* r, double* x) {
+  for (int first = 0; first < width; first += kQuad) {
+    double sum[kQuad] = {};
+    for (int k = 0; k < rows; ++k) {
+      const double* const b = B + static_cast<std::ptrdiff_t>(k) * stride + first;
+      for (int lane = 0; lane < kQuad; ++lane) {
+        sum[lane] += b[lane] * r[k];
+      }
+    }
+    for (int lane = 0; lane < std::min(kQuad, width - first); ++lane) {
+      x[first + lane] += sum[lane];
+    }
+  }
+}
+
+// y += sign B q.
+void AddProduct(const double* B, int rows, int stride, int width, const double* q, double sign,
+                double* y) {
+  for (int k = 0; k < rows; ++k) {
+    const double* const b = B + static_cast<std::ptrdiff_t>(k) * stride;
+    y[k] += sign * std::inner_product(b, b + width, q, 0.0);
+  }
+}
+
+}  // namespace
+
+int CoarseColumns::stride(int aggregate) const {
+  return PadToQuad(shape_.widths[aggregate]);
+}
+
+int CoarseColumns::PlaceOf(int row, int aggregate) const {
+  const auto first = rows_.begin() + rows_begin_[row];
+  const auto last = rows_.begin() + rows_begin_[row + 1];
+  const auto found = std::lower_bound(
+      first, last, aggregate, [](const RowPlace& at, int wanted) { return at.aggregate < wanted; });
+  return found != last && found->aggregate == aggregate ? found->place : -1;
+}
+
+void CoarseColumns::Orthonormalize(const std::vector<const double*>& blocks) {
+  executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
+    for (int a = begin; a < end; ++a) {
+      OrthonormalizeAggregate(a, blocks);
+    }
+  });
+}
+
+// v_aᵀ N v_b.
+double CoarseColumns::Product(int aggregate, int a, int b,
+                              const std::vector<const double*>& blocks) const {
+  const int stride = this->stride(aggregate);
+  double sum = 0.0;
+  for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
+    const int row = members_[m];
+    const int size = block_size(row);
+    const double* const v = V(row);
+    const double* N = blocks[row];
+    for (int r = 0; r < size; ++r, N += size) {
+      double N_v = 0.0;
+      for (int c = 0; c < size; ++c) {
+        N_v += N[c] * v[c * stride + b];
+      }
+      sum += v[r * stride + a] * N_v;
+    }
+  }
+  return sum;
+}
+
+// Gram and Schmidt, modified, twice.
+void CoarseColumns::OrthonormalizeAggregate(int aggregate,
+                                            const std::vector<const double*>& blocks) {
+  const int stride = this->stride(aggregate);
+  const auto add = [&](double scale, int from, double keep, int to) {
+    for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
+      double* v = V(members_[m]);
+      for (int r = 0; r < block_size(members_[m]); ++r, v += stride) {
+        v[to] = keep * v[to] + scale * v[from];
+      }
+    }
+  };
+  for (int k = 0; k < shape_.widths[aggregate]; ++k) {
+    const double length = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
+    for (int pass = 0; pass < 2; ++pass) {
+      for (int earlier = 0; earlier < k; ++earlier) {
+        add(-Product(aggregate, earlier, k, blocks), earlier, 1.0, k);
+      }
+    }
+    const double left = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
+    const bool independent = left > kDependent * length && std::isfinite(1.0 / left);
+    add(0.0, k, independent ? 1.0 / left : 0.0, k);
+  }
+}
+
+void CoarseColumns::FormGalerkin(const BlockPattern& pattern, double* values) const {
+  std::fill_n(values, pattern.value_begin.back(), 0.0);
+  executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
+    for (int a = begin; a < end; ++a) {
+      FormColumn(a, pattern, values);
+    }
+  });
+}
+
+// The blocks of VᵀA V in one column of aggregates.
+void CoarseColumns::FormColumn(int aggregate, const BlockPattern& pattern, double* values) const {
+  const int width = shape_.widths[aggregate];
+  for (int place = shape_.coupled_begin[aggregate]; place < shape_.coupled_begin[aggregate + 1];
+       ++place) {
+    const int row = shape_.coupled[place];
+    const int other = shape_.aggregate_of[row];
+    if (other < aggregate) {
+      continue;
+    }
+    const auto first = pattern.columns.begin() + pattern.row_begin[other];
+    const auto last = pattern.columns.begin() + pattern.row_begin[other + 1];
+    const auto block = std::lower_bound(first, last, aggregate) - pattern.columns.begin();
+    double* const out = values + pattern.value_begin[block];
+    const double* const av = AV(place);
+    const double* const v = V(row);
+    const int v_stride = stride(other), av_stride = stride(aggregate);
+    for (int r = 0; r < block_size(row); ++r) {
+      for (int i = 0; i < shape_.widths[other]; ++i) {
+        for (int j = 0; j < width; ++j) {
+          out[i * width + j] += v[r * v_stride + i] * av[r * av_stride + j];
+        }
+      }
+    }
+  }
+}
+
+void CoarseColumns::Restrict(const double* r, double* x) const {
+  std::fill_n(x, column_offsets_.back(), 0.0);
+  executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
+    for (int a = begin; a < end; ++a) {
+      for (int m = members_begin_[a]; m < members_begin_[a + 1]; ++m) {
+        const int row = members_[m];
+        AddTransposed(V(row), block_size(row), stride(a), shape_.widths[a], r + padded_[row],
+                      x + column_offsets_[a]);
+      }
+    }
+  });
+}
+
+void CoarseColumns::RestrictProducts(const double* z, double* x) const {
+  std::fill_n(x, column_offsets_.back(), 0.0);
+  executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
+    for (int a = begin; a < end; ++a) {
+      for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
+        const int row = shape_.coupled[place];
+        AddTransposed(AV(place), block_size(row), stride(a), shape_.widths[a], z + padded_[row],
+                      x + column_offsets_[a]);
+      }
+    }
+  });
+}
+
+void CoarseColumns::SubtractProducts(const double* q, const double* r, double* y) const {
+  executor_.For(num_rows(), kCoarseRowGrain, [&](int begin, int end) {
+    for (int row = begin; row < end; ++row) {
+      std::copy(r + padded_[row], r + padded_[row + 1], y + padded_[row]);
+      for (int k = rows_begin_[row]; k < rows_begin_[row + 1]; ++k) {
+        const int a = rows_[k].aggregate;
+        AddProduct(AV(rows_[k].place), block_size(row), stride(a), shape_.widths[a],
+                   q + column_offsets_[a], -1.0, y + padded_[row]);
+      }
+    }
+  });
+}
+
+void CoarseColumns::Prolong(const double* q, double* z) const {
+  executor_.For(num_rows(), kCoarseRowGrain, [&](int begin, int end) {
+    for (int row = begin; row < end; ++row) {
+      const int a = shape_.aggregate_of[row];
+      AddProduct(V(row), block_size(row), stride(a), shape_.widths[a], q + column_offsets_[a], 1.0,
+                 z + padded_[row]);
+    }
+  });
+}
+
+std::int64_t CoarseColumns::Bytes() const {
+  return static_cast<std::int64_t>((V_.size() + A_V_.size()) * sizeof(double) +
+                                   rows_.size() * sizeof(RowPlace) +
+                                   (shape_.coupled.size() + offsets_.size() * 6) * sizeof(int));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,185 @@
+#include "schur/gauge_normals.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kPoint = 3;
+constexpr int kModesRowGrain = 32;
+
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+}  // namespace
+
+GaugeSums::GaugeSums(const BlockPattern& pattern)
+    : C(static_cast<std::size_t>(pattern.value_begin.back())),
+      R(static_cast<std::size_t>(pattern.size()) * kGaugeStride),
+      squares(static_cast<std::size_t>(pattern.num_blocks()) * kGaugeStride) {
+}
+
+std::int64_t GaugeSums::Bytes() const {
+  return static_cast<std::int64_t>((C.size() + R.size() + squares.size()) * sizeof(double));
+}
+
+GaugeNormals::GaugeNormals(const Evaluator& evaluator, std::vector<char> is_shared)
+    : evaluator_(evaluator), is_shared_(std::move(is_shared)) {
+  CollectSources();
+  BuildPattern();
+}
+
+int GaugeNormals::FrameThrough(const Linearization& cache, int factor, int slot) const {
+  const int frame = evaluator_.layout().FrameOf(
+      evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot]);
+  return frame >= 0 && is_shared_[frame] == 0 ? frame : -1;
+}
+
+// If it is Euclidean.
+int GaugeNormals::LandmarkThrough(const Linearization& cache, int factor, int slot) const {
+  const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot];
+  const int landmark = evaluator_.layout().LandmarkOf(id);
+  const bool euclidean = landmark >= 0 && evaluator_.graph().AmbientSize(id) == kPoint &&
+                         evaluator_.graph().manifold(id) == nullptr;
+  return euclidean ? landmark : -1;
+}
+
+// Whatever the coordinates, modes are numbers of the same size.
+GaugeOrigin GaugeNormals::FindOrigin() const {
+  const FactorGraph& graph = evaluator_.graph();
+  const Layout& layout = evaluator_.layout();
+  const double* const state = evaluator_.points().current().data();
+  std::vector<const double*> points;
+  for (int l = layout.num_frames; l < static_cast<int>(layout.variables.size()); ++l) {
+    const VariableId id = layout.variables[l];
+    if (graph.AmbientSize(id) == kPoint && graph.manifold(id) == nullptr) {
+      points.push_back(graph.ValuesIn(state, id));
+    }
+  }
+  GaugeOrigin origin;
+  origin.num_points = static_cast<double>(points.size());
+  if (points.empty()) {
+    return origin;
+  }
+  std::vector<double> values(points.size());
+  double squared_radius = 0.0;
+  for (int k = 0; k < kPoint; ++k) {
+    std::transform(points.begin(), points.end(), values.begin(),
+                   [k](const double* point) { return point[k]; });
+    origin.center[k] = Median(&values);
+    for (double& value : values) {
+      value = std::abs(value - origin.center[k]);
+    }
+    squared_radius += std::pow(Median(&values), 2);
+  }
+  origin.radius = squared_radius > 0.0 ? std::sqrt(squared_radius) : 1.0;
+  return origin;
+}
+
+// Adds a factor to the frame's rows of R, and to the squares.
+void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const GaugeOrigin& origin,
+                             GaugeSums* sums) const {
+  const Linearization& cache = evaluator_.families()[source.family];
+  const double* const point = cache.Parameters(factor)[source.landmark_slot];
+  const double scale = 1.0 / origin.radius;
+  const double x = (point[0] - origin.center[0]) * scale;
+  const double y = (point[1] - origin.center[1]) * scale;
+  const double z = (point[2] - origin.center[2]) * scale;
+  double* const R = sums->R.data() + std::ptrdiff_t{kGaugeStride} * pattern_.offsets[frame];
+  double* const squares = sums->squares.data() + std::ptrdiff_t{frame} * kGaugeStride;
+  const double w[kPoint][kGaugeStride] = {
+      {1, 0, 0, 0, z, -y, x, 0},  // translations, rotations, scale
+      {0, 1, 0, -z, 0, x, y, 0},
+      {0, 0, 1, y, -x, 0, z, 0}};
+  const SlotJacobians& of_point = cache.slots[source.landmark_slot];
+  const SlotJacobians& of_frame = cache.slots[source.slot];
+  const double* J_l = of_point.data + factor * of_point.factor_stride;
+  const double* J_c = of_frame.data + factor * of_frame.factor_stride;
+  bool counts_here = true;  // its first frame counts the factor
+  for (int s = 0; s < source.slot; ++s) {
+    counts_here = counts_here && FrameThrough(cache, factor, s) < 0;
+  }
+  for (int r = 0; r < cache.residual_size; ++r) {
+    double moved[kGaugeStride] = {};
+    for (int k = 0; k < kPoint; ++k) {
+      for (int m = 0; m < kGaugeStride; ++m) {
+        moved[m] += J_l[r * of_point.row_stride + k] * w[k][m];
+      }
+    }
+    for (int m = 0; m < kGaugeStride; ++m) {
+      squares[m] += counts_here ? moved[m] * moved[m] : 0.0;
+    }
+    for (int c = 0; c < of_frame.columns; ++c) {
+      for (int m = 0; m < kGaugeStride; ++m) {
+        R[c * kGaugeStride + m] -= J_c[r * of_frame.row_stride + c] * moved[m];
+      }
+    }
+  }
+  AddBlocks(source, factor, frame, sums);
+}
+
+// And to J_cᵀJ_c.
+void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeSums* sums) const {
+  const Linearization& cache = evaluator_.families()[source.family];
+  const SlotJacobians& of_frame = cache.slots[source.slot];
+  const double* const J_c = of_frame.data + factor * of_frame.factor_stride;
+  for (int s = 0; s < cache.num_slots; ++s) {
+    const int other = FrameThrough(cache, factor, s);
+    if (other < 0 || other > frame) {
+      continue;
+    }
+    const auto first = pattern_.columns.begin() + pattern_.row_begin[frame];
+    const auto last = pattern_.columns.begin() + pattern_.row_begin[frame + 1];
+    const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
+    double* const out = sums->C.data() + pattern_.value_begin[block];
+    const SlotJacobians& of_other = cache.slots[s];
+    const double* const J_o = of_other.data + factor * of_other.factor_stride;
+    for (int r = 0; r < cache.residual_size; ++r) {
+      for (int i = 0; i < of_frame.columns; ++i) {
+        const double a = J_c[r * of_frame.row_stride + i];
+        for (int j = 0; j < of_other.columns; ++j) {
+          out[i * of_other.columns + j] += a * J_o[r * of_other.row_stride + j];
+        }
+      }
+    }
+  }
+}
+
+void GaugeNormals::AccumulateRows(int begin, int end, const GaugeOrigin& origin,
+                                  GaugeSums* sums) const {
+  const auto clear = [](std::vector<double>* values, std::int64_t first, std::int64_t last) {
+    std::fill(values->begin() + first, values->begin() + last, 0.0);
+  };
+  clear(&sums->R, std::int64_t{kGaugeStride} * pattern_.offsets[begin],
+        std::int64_t{kGaugeStride} * pattern_.offsets[end]);
+  clear(&sums->squares, std::int64_t{kGaugeStride} * begin, std::int64_t{kGaugeStride} * end);
+  clear(&sums->C, pattern_.value_begin[pattern_.row_begin[begin]],
+        pattern_.value_begin[pattern_.row_begin[end]]);
+  for (int frame = begin; frame < end; ++frame) {
+    for (const Source& source : sources_) {
+      for (int k = source.begin[frame]; k < source.begin[frame + 1]; ++k) {
+        AddFactor(source, source.factors[k], frame, origin, sums);
+      }
+    }
+  }
+}
+
+void GaugeNormals::Accumulate(const GaugeOrigin& origin, GaugeSums* sums) const {
+  evaluator_.executor().For(pattern_.num_blocks(), kModesRowGrain,
+                            [&](int begin, int end) { AccumulateRows(begin, end, origin, sums); });
+}
+
+std::int64_t GaugeNormals::Bytes() const {
+  std::int64_t bytes = 0;
+  for (const Source& source : sources_) {
+    bytes += static_cast<std::int64_t>((source.begin.size() + source.factors.size()) * sizeof(int));
+  }
+  return bytes;
+}
+
+}  // namespace inceres::internal
