@@ -27,6 +27,8 @@ struct LandmarkCounts {
 /// block.
 struct LandmarkSelection : LandmarkCounts {
   std::vector<char> is_landmark;  ///< per parameter block
+  /// The other variable blocks in Ceres's order, where that matters (OrderingView::numbers_frames).
+  std::vector<int> frames_in_order;
   std::string obstacle;  ///< why no choice can be solved with: too little memory; empty if one can
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }
