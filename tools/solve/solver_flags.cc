@@ -22,6 +22,9 @@ DEFINE_string(
     "among them. In ab_compare this is for "
     "inceres; stock runs in --configurations.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
+DEFINE_double(max_memory, 0.0,
+              "GiB that a solve by inceres may take beside the problem; one that takes more ends "
+              "with the figures. 0: what the machine has left.");
 DEFINE_int32(max_num_iterations, 50, "Stop after this many iterations, at least 0.");
 DEFINE_double(function_tolerance, 1e-6,
               "Stop when the cost changes by less than this, relative; 0: never.");
@@ -30,11 +33,11 @@ DEFINE_double(parameter_tolerance, 1e-8,
               "Stop when the step is shorter than this, relative to the parameters; 0: never.");
 DEFINE_double(initial_trust_region_radius, 1e4,
               "First trust-region radius; the damping of lm starts at its reciprocal. Above 0.");
-DEFINE_string(
-    preconditioner, "schur_jacobi",
-    "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
-    "cluster_tridiagonal or, with --builtin_factors, two_level (not of Ceres: stock then takes "
-    "schur_jacobi); cgnr takes jacobi in place of the last four.");
+DEFINE_string(preconditioner, "schur_jacobi",
+              "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
+              "cluster_tridiagonal or, with --builtin_factors or --mode incremental, two_level "
+              "(not of Ceres: "
+              "stock then takes schur_jacobi); cgnr takes jacobi in place of the last four.");
 DEFINE_double(eta, 0.1,
               "Conjugate gradients stop when iteration k gains less than this over k of what the "
               "step promises. At least 0.");
@@ -51,6 +54,9 @@ DEFINE_bool(builtin_factors, false,
 
 namespace inceres::tools {
 namespace {
+
+constexpr double kBytesPerGibibyte = 1073741824.0;
+constexpr double kMostMemory = 1e9;  // GiB: as good as no limit
 
 std::string LowerCase(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
@@ -91,9 +97,10 @@ Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
 Status ParsePreconditioner(const std::string& text, SolverSettings* settings) {
   settings->two_level = text == "two_level";
   if (settings->two_level) {
-    return FLAGS_builtin_factors
+    return FLAGS_builtin_factors || FLAGS_mode == "incremental"
                ? Status::Ok()
-               : Invalid("--preconditioner two_level: with --builtin_factors only");
+               : Invalid(
+                     "--preconditioner two_level: with --builtin_factors or --mode incremental");
   }
   for (const ceres::PreconditionerType candidate :
        {ceres::IDENTITY, ceres::JACOBI, ceres::SCHUR_JACOBI, ceres::CLUSTER_JACOBI,
@@ -174,6 +181,15 @@ Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options
 
 }  // namespace
 
+ConjugateGradientsOptions TwoLevels(const SolverSettings& settings) {
+  ConjugateGradientsOptions options;
+  options.preconditioner = PreconditionerKind::kTwoLevel;
+  options.eta = settings.eta;
+  options.eta_follows_gradient = true;
+  options.max_iterations = settings.max_linear_solver_iterations;
+  return options;
+}
+
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
   Status robust = ParseLoss(FLAGS_robust, &read.robust);
@@ -186,7 +202,7 @@ Status ReadSolverFlags(SolverSettings* settings) {
            ParseLinearSolver(FLAGS_linear_solver, &read),
            ParsePreconditioner(FLAGS_preconditioner, &read),
            CheckNumbers({{"--max_linear_solver_iterations", FLAGS_max_linear_solver_iterations, 1}},
-                        {{"--eta", FLAGS_eta}}),
+                        {{"--eta", FLAGS_eta}, {"--max_memory", FLAGS_max_memory}}),
            CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
                          {"--max_num_iterations", FLAGS_max_num_iterations, 0}},
                         {{"--function_tolerance", FLAGS_function_tolerance},
@@ -200,6 +216,8 @@ Status ReadSolverFlags(SolverSettings* settings) {
   read.eta = FLAGS_eta;
   read.max_linear_solver_iterations = FLAGS_max_linear_solver_iterations;
   read.num_threads = FLAGS_num_threads;
+  read.max_memory_bytes =
+      static_cast<std::int64_t>(std::min(FLAGS_max_memory, kMostMemory) * kBytesPerGibibyte);
   read.max_num_iterations = FLAGS_max_num_iterations;
   read.function_tolerance = FLAGS_function_tolerance;
   read.gradient_tolerance = FLAGS_gradient_tolerance;
@@ -241,6 +259,9 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
+  result.max_memory_bytes = settings.max_memory_bytes;
+  result.conjugate_gradients.eta = settings.eta;
+  result.conjugate_gradients.max_iterations = settings.max_linear_solver_iterations;
   result.reduced_solver =
       settings.lagged_pcg ? ReducedSolverKind::kPcg : ReducedSolverKind::kAutomaticInexact;
   if (settings.linear_solver.has_value()) {
@@ -300,6 +321,11 @@ Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* 
     }
   }
   IncrementalOptions result;
+  result.batch_max_memory_bytes = settings.max_memory_bytes;
+  if (settings.two_level) {
+    result.batch_linear_model = LinearModelKind::kIterativeSchur;
+    result.batch_conjugate_gradients = TwoLevels(settings);
+  }
   result.max_num_iterations = settings.max_num_iterations;
   result.function_tolerance = settings.function_tolerance;
   result.num_threads = settings.num_threads;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,10 +20,11 @@ struct SolverSettings {
   std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
   bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
   ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
-  bool two_level = false;  ///< with built-in factors: kTwoLevel in its place
+  bool two_level = false;  ///< with built-in factors or in incremental mode: kTwoLevel in its place
   double eta = 0.1;        ///< of conjugate gradients
   int max_linear_solver_iterations = 500;
   int num_threads = 1;
+  std::int64_t max_memory_bytes = 0;  ///< that a solve may take; 0: what is left
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;
   double gradient_tolerance = 1e-10;
@@ -34,7 +36,7 @@ struct SolverSettings {
 };
 
 /// Reads --trust_region, --linear_solver, --preconditioner, --eta,
-/// --max_linear_solver_iterations, --num_threads, --max_num_iterations,
+/// --max_linear_solver_iterations, --num_threads, --max_memory, --max_num_iterations,
 /// --function_tolerance, --gradient_tolerance, --parameter_tolerance,
 /// --initial_trust_region_radius, --robust, --mode and --builtin_factors. A value that makes no
 /// sense is kInvalidArgument; the message names the flag and what it may be.
@@ -47,11 +49,13 @@ ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
 /// "dense_schur", "sparse_normal_cholesky", …: what --linear_solver reads.
 std::string FlagName(ceres::LinearSolverType type);
 
-/// The settings as options of Ceres (stock and shim), and of the core, which has no preconditioner
-/// by clusters.
+/// The settings as options of Ceres (stock and shim), and of the core.
 Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
                       ceres::Solver::Options* options);
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options);
+
+/// What --preconditioner two_level means in incremental mode.
+ConjugateGradientsOptions TwoLevels(const SolverSettings& settings);
 
 /// The settings as options of the IncrementalSolver; its damping starts at 1 /
 /// --initial_trust_region_radius. It has one linear solver and refuses --linear_solver.
