@@ -17,14 +17,14 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // photos.
 
 // A number of the Jacobians, or of S, that a product reads; a flop of what forms S.
-constexpr double kPerNumberRead = 28.0;
+constexpr double kPerNumberRead = 25.0;
 constexpr double kPerEntryOfS = 55.0;
 constexpr double kPerFormingFlop = 2.5;
-constexpr double kPerNumberWritten = 100.0;  // read before, of the blocks that a chunk adds to
+constexpr double kPerNumberWritten = 170.0;  // read before, of the blocks that a chunk adds to
 // Iterations of a step, on the way to convergence and near it. Blocks: so many for each step from
-// end to end of the scene but the first. Two levels: about as many wherever it was tried, and each
-// takes so much longer.
-constexpr double kIterationsPerLength = 10.0;
+// end to end of the scene (8 to 12 on the way, twice as many near the end). Two levels: about as
+// many wherever it was tried, and each takes so much longer.
+constexpr double kIterationsPerLength = 15.0;
 constexpr double kFewestIterations = 5.0;
 constexpr double kTwoLevelIterations = 12.0;
 constexpr double kTwoLevelPenalty = 1.6;
@@ -53,8 +53,7 @@ class Prediction {
     const double frame_size = scene_.size() / std::max(1.0, scene_.num_frames());
     fill_ = sample.fill;
     const double entries = 0.5 * fill_ * scene_.size() * (scene_.size() + 1.0);
-    const double blocks =
-        std::max(kFewestIterations, kIterationsPerLength * (scene_.Length() - 1.0));
+    const double blocks = kFewestIterations + kIterationsPerLength * scene_.Length();
     const double numbers = scene_.numbers_read();
     const double modes = kModesPerNumber * numbers;
     const double two_levels = kTwoLevelPenalty * kTwoLevelIterations;
