@@ -19,6 +19,7 @@
 #include "tools/command_line/json_report.h"
 #include "tools/command_line/output.h"
 #include "tools/command_line/progress_lines.h"
+#include "tools/command_line/text_file.h"
 #include "tools/problems/problem_source.h"
 #include "tools/solve/run_solver.h"
 #include "tools/solve/solver_flags.h"
@@ -40,6 +41,9 @@ DEFINE_string(configurations, "",
               "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur "
               "(bal and vio), sparse_normal_cholesky. "
               "By default all but iterative_schur that make sense for the problem.");
+DEFINE_string(picture, "",
+              "Show in this SVG file how each came near the lowest cost over time, of the first "
+              "round.");
 DEFINE_double(tolerance, 1e-6,
               "Exit with code 3 if our final cost is above the lowest of stock by more than this, "
               "relative. Negative: it must be lower.");
@@ -59,6 +63,9 @@ const ToolHelp kHelp = {
       "ab_compare --problem vio:cubic --trust_region dogleg"},
      {"ours with inceres::AutoDiffCostFunction, stock with its own",
       "ab_compare --problem bal:problem.txt --inceres_autodiff"},
+     {"conjugate gradients, and a picture of cost against time",
+      "ab_compare --problem bal:problem.txt --linear_solver iterative_schur --preconditioner "
+      "cluster_jacobi --picture curves.svg"},
      {"all of ten iterations",
       "ab_compare --problem bal:problem.txt --max_num_iterations 10 --function_tolerance 0 "
       "--gradient_tolerance 0 --parameter_tolerance 0"}},
@@ -213,11 +220,15 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
         "with others.\n",
         Out());
   }
+  Status status;
   if (WantsJson()) {
-    const Status status = WriteJsonReport(AbJson(context, result).dump(2));
-    if (!status.ok()) {
-      return Fail(kExitFailure, status.message);
-    }
+    status = WriteJsonReport(AbJson(context, result).dump(2));
+  }
+  if (status.ok() && !FLAGS_picture.empty()) {
+    status = WriteTextFile(FLAGS_picture, AbPicture(context, result));
+  }
+  if (!status.ok()) {
+    return Fail(kExitFailure, status.message);
   }
   if (!(result.RelativeCostDifference() <= FLAGS_tolerance)) {
     std::ostringstream message;

@@ -44,10 +44,10 @@ void SolveOnce(const internal::SolveCall& call) {
     return;
   }
   internal::SolveInput input{options, view, ordering, clock, callback};
+  input.asked = &solve_options;
   IncrementalOptions core;
   if (incremental) {
-    core = internal::MapIncrementalOptions(options, IncrementalOptions());
-    internal::ChooseIterativeSolver(options, view, ordering, internal::kMaxDirectSize, &core);
+    core = internal::IncrementalOptionsFor(input, IncrementalOptions());
   }
   if (incremental && core.batch_share >= 1.0) {  // the batch solver's solvers are direct
     internal::IncrementalProblem living(core, internal::Trust::kNothing);

@@ -31,7 +31,13 @@ const Names<LinearModelKind> kLinearModels = {
 const Names<PreconditionerKind> kPreconditioners = {
     {"identity", PreconditionerKind::kIdentity},
     {"jacobi", PreconditionerKind::kJacobi},
-    {"schur_jacobi", PreconditionerKind::kSchurJacobi}};
+    {"schur_jacobi", PreconditionerKind::kSchurJacobi},
+    {"two_level", PreconditionerKind::kTwoLevel},
+    {"cluster_jacobi", PreconditionerKind::kClusterJacobi},
+    {"cluster_tridiagonal", PreconditionerKind::kClusterTridiagonal}};
+const Names<VisibilityClusteringKind> kClusterings = {
+    {"canonical_views", VisibilityClusteringKind::kCanonicalViews},
+    {"single_linkage", VisibilityClusteringKind::kSingleLinkage}};
 const Names<LineSearchInterpolation> kInterpolations = {
     {"bisection", LineSearchInterpolation::kBisection},
     {"quadratic", LineSearchInterpolation::kQuadratic},
@@ -171,8 +177,10 @@ Table<ConjugateGradientsOptions> MakeConjugateGradientsTable() {
   table.Add("preconditioner", &O::preconditioner, kPreconditioners)
       .Add("eta", &O::eta)
       .Add("min_iterations", &O::min_iterations)
+      .Add("eta_follows_gradient", &O::eta_follows_gradient)
       .Add("max_iterations", &O::max_iterations)
-      .Add("explicit_schur_complement", &O::explicit_schur_complement);
+      .Add("explicit_schur_complement", &O::explicit_schur_complement)
+      .Add("visibility_clustering", &O::visibility_clustering, kClusterings);
   return table;
 }
 
@@ -185,6 +193,7 @@ Table<SolverOptions> MakeSolverTable() {
       .Add("conjugate_gradients", &O::conjugate_gradients, MakeConjugateGradientsTable())
       .Add("dynamic_sparsity", &O::dynamic_sparsity)
       .Add("num_threads", &O::num_threads)
+      .Add("max_memory_bytes", &O::max_memory_bytes)
       .Add("max_num_iterations", &O::max_num_iterations)
       .Add("max_solver_time_in_seconds", &O::max_solver_time_in_seconds)
       .Add("function_tolerance", &O::function_tolerance)
@@ -228,6 +237,11 @@ Table<IncrementalOptions> MakeIncrementalTable() {
       .Add("max_damping", &O::max_damping)
       .Add("batch_share", &O::batch_share)
       .Add("batch_strategy", &O::batch_strategy, kStrategies)
+      .Add("batch_linear_model", &O::batch_linear_model, kLinearModels)
+      .Add("batch_reduced_solver", &O::batch_reduced_solver, kReducedSolvers)
+      .Add("batch_conjugate_gradients", &O::batch_conjugate_gradients,
+           MakeConjugateGradientsTable())
+      .Add("batch_max_memory_bytes", &O::batch_max_memory_bytes)
       .Add("num_threads", &O::num_threads)
       .Add("damping", &O::damping, kDampings)
       .Add("relinearization", &O::relinearization, kRelinearizations)

@@ -23,13 +23,18 @@ MemoryBudget::MemoryBudget(std::int64_t limit, AvailableMemory available)
       available_(limit > 0 ? nullptr : std::move(available)) {
 }
 
-void MemoryBudget::Take(std::int64_t bytes, const char* what) {
+bool MemoryBudget::HasRoomFor(std::int64_t bytes) {
   if (available_ != nullptr && taken_ + bytes > kUnasked) {
     limit_ = static_cast<double>(taken_) + available_();
     available_ = nullptr;
   }
+  return static_cast<double>(taken_ + bytes) <= limit_;
+}
+
+void MemoryBudget::Take(std::int64_t bytes, const char* what) {
+  const bool fits = HasRoomFor(bytes);
   taken_ += bytes;
-  if (static_cast<double>(taken_) > limit_) {
+  if (!fits) {
     throw MemoryExceeded("The solve does not fit into memory: with " + std::string(what) + " (" +
                          FormatBytes(static_cast<double>(bytes)) + ") it takes " +
                          FormatBytes(static_cast<double>(taken_)) + " or more, and " +

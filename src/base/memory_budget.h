@@ -32,7 +32,9 @@ class MemoryBudget {
   /// longer than a small solve.
   explicit MemoryBudget(std::int64_t limit, AvailableMemory available = AvailableBytes);
 
-  /// Throws MemoryExceeded, with `what`, where so many bytes more are too many.
+  /// Whether so many bytes more are not too many.
+  bool HasRoomFor(std::int64_t bytes);
+  /// Throws MemoryExceeded, with `what`, where they are.
   void Take(std::int64_t bytes, const char* what);
   /// Throws it where a count that 32 bits hold is to be this, below `limit`.
   static void CheckCount(std::int64_t count, std::int64_t limit, const char* what);

@@ -311,6 +311,10 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   const bool only = options.batch_share == 0.0;
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
+  batch.linear_model = options.batch_linear_model;
+  batch.reduced_solver = options.batch_reduced_solver;
+  batch.conjugate_gradients = options.batch_conjugate_gradients;
+  batch.max_memory_bytes = options.batch_max_memory_bytes;
   batch.reduced_solver_factory = options.reduced_solver_factory;
   batch.num_threads = options.num_threads;
   batch.max_num_iterations = options.max_num_iterations;
@@ -352,6 +356,10 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   summary->num_iterations += num_iterations;
   summary->num_unsuccessful_steps += solved.num_unsuccessful_steps;
   summary->num_recentered_factors += solved.work.num_recentered_factors;
+  if (!solved.reduced_solver.empty()) {
+    summary->batch_solver = solved.reduced_solver;
+  }
+  summary->num_pcg_iterations += static_cast<int>(solved.work.num_conjugate_gradients);
   summary->batch_seconds += solved.seconds.total;
   if (summary->failed_step.empty()) {
     summary->failed_step = solved.failed_step;

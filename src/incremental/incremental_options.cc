@@ -69,7 +69,13 @@ Status IncrementalOptions::Validate() const {
         StatusCode::kInvalidArgument,
         "IncrementalOptions::reduced_solver is kAutomaticInexact, which is for batch solves");
   }
-  return Status::Ok();
+  SolverOptions batch;
+  batch.strategy = batch_strategy;
+  batch.linear_model = batch_linear_model;
+  batch.reduced_solver = batch_reduced_solver;
+  batch.conjugate_gradients = batch_conjugate_gradients;
+  batch.max_memory_bytes = batch_max_memory_bytes;
+  return batch.Validate();
 }
 
 }  // namespace inceres

@@ -58,6 +58,7 @@ std::string UpdateSummary::ToJson() const {
       .AddString("message", message)
       .Add("initial_cost", initial_cost)
       .AddString("failed_step", failed_step)
+      .AddString("batch_solver", batch_solver)
       .Add("ended_by_batch_rule", ended_by_batch_rule)
       .Add("rests_on_refusals", rests_on_refusals)
       .Add("final_cost", final_cost)

@@ -76,6 +76,10 @@ class Evaluator {
       memory_budget_->Take(bytes, what);
     }
   }
+  /// Whether he may still take so many.
+  bool HasRoomFor(std::int64_t bytes) const {
+    return memory_budget_ == nullptr || memory_budget_->HasRoomFor(bytes);
+  }
 
  private:
   struct Chunk {

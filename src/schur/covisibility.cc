@@ -39,31 +39,6 @@ void ForEachFactor(const Evaluator& evaluator, const Visit& visit) {
   }
 }
 
-// Per frame those that share a factor with it, once a factor.
-struct Companions {
-  Companions(const Evaluator& evaluator, const std::vector<char>& is_shared)
-      : begin(evaluator.layout().num_frames + 1, 0) {
-    const auto for_each_pair = [&](const auto& visit) {
-      ForEachFactor(evaluator, [&](const std::vector<int>& touched) {
-        for (const int i : touched) {
-          for (const int j : touched) {
-            if (i != j && is_shared[i] == 0 && is_shared[j] == 0) {
-              visit(i, j);
-            }
-          }
-        }
-      });
-    };
-    for_each_pair([&](int i, int) { ++begin[i + 1]; });
-    std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    frames.resize(begin.back());
-    std::vector<int> next(begin.begin(), begin.end() - 1);
-    for_each_pair([&](int i, int j) { frames[next[i]++] = j; });
-  }
-  std::vector<int> begin;
-  std::vector<int> frames;
-};
-
 // visit(frame) for each incidence of the landmark that counts with this one.
 template <typename Visit>
 void ForEachCovisible(const LandmarkIncidences& incidences, int incidence, const Visit& visit) {
@@ -129,6 +104,26 @@ std::vector<char> FindSharedFrames(const std::vector<double>& factors,
 std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
   const std::vector<double> factors = CountFactorsOfFrames(evaluator);
   return FindSharedFrames(factors, CountFactorsBesideFew(evaluator, factors));
+}
+
+Companions::Companions(const Evaluator& evaluator, const std::vector<char>& is_shared)
+    : begin(evaluator.layout().num_frames + 1, 0) {
+  const auto for_each_pair = [&](const auto& visit) {
+    ForEachFactor(evaluator, [&](const std::vector<int>& touched) {
+      for (const int i : touched) {
+        for (const int j : touched) {
+          if (i != j && is_shared[i] == 0 && is_shared[j] == 0) {
+            visit(i, j);
+          }
+        }
+      }
+    });
+  };
+  for_each_pair([&](int i, int) { ++begin[i + 1]; });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  frames.resize(begin.back());
+  std::vector<int> next(begin.begin(), begin.end() - 1);
+  for_each_pair([&](int i, int j) { frames[next[i]++] = j; });
 }
 
 WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncidences& incidences,

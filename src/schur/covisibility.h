@@ -23,6 +23,14 @@ std::vector<double> CountFactorsBesideFew(const Evaluator& evaluator,
 /// Shared ones, by the two counts.
 std::vector<char> FindSharedFrames(const std::vector<double>& factors,
                                    const std::vector<double>& beside_few);
+/// Per frame those that share a factor with it, once a factor. Shared frames have none, and nobody
+/// has them.
+struct Companions {
+  Companions(const Evaluator& evaluator, const std::vector<char>& is_shared);
+
+  std::vector<int> begin;  // per frame, one more
+  std::vector<int> frames;
+};
 
 /// Frames and how much two of them have in common: landmarks seen from both, and factors that touch
 /// both. Of a landmark seen from very many, neighbors in its list count only. Shared frames have no

@@ -9,6 +9,7 @@
 #include "schur/visibility_clusters.h"
 #include "trust_region/cg_step.h"
 #include "trust_region/schur_model.h"
+#include "trust_region/subset_preconditioner.h"
 #include "trust_region/two_level_preconditioner.h"
 
 namespace inceres::internal {
@@ -26,6 +27,7 @@ SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
   switch (options.preconditioner) {
     case PreconditionerKind::kIdentity:
     case PreconditionerKind::kJacobi:
+    case PreconditionerKind::kSubset:
       return SchurBlocks::kNone;
     case PreconditionerKind::kSchurJacobi:
       return SchurBlocks::kDiagonal;
@@ -59,10 +61,11 @@ std::int64_t QuadsPerChunk(const ConjugateGradientsOptions& options) {
 
 }  // namespace
 
-IterativeModel::IterativeModel(const SolverOptions& options, const Evaluator& evaluator,
-                               Status* status)
+IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinished unfinished,
+                               const Evaluator& evaluator, Status* status)
     : LinearModel(evaluator),
-      options_(options.conjugate_gradients),
+      options_(options),
+      unfinished_(unfinished),
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
       incidences_(evaluator, QuadsPerChunk(options_), is_formed()),
       aggregates_(AggregatesFor(options_, evaluator, incidences_)),
@@ -97,6 +100,10 @@ const FrameClusters* IterativeModel::FindClusters() {
 
 void IterativeModel::MakePreconditioner(Status* status) {
   const PreconditionerKind kind = options_.preconditioner;
+  if (kind == PreconditionerKind::kSubset) {
+    preconditioner_ = std::make_unique<SubsetPreconditioner>(evaluator_, *options_.subset, status);
+    return;
+  }
   if (!clusters_.cluster_of.empty()) {
     preconditioner_ = std::make_unique<ClusterPreconditioner>(
         plans_.pattern, clusters_, elimination_, evaluator_.executor(), status);
@@ -167,6 +174,7 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   damping_ = damping;
   num_iterations_ = 0;
   converged_ = true;
+  leaves_landmarks_ = false;
   Status status = elimination_.Eliminate(damping + frame_size);
   clock_->Charge(&seconds_->elimination);
   if (status.ok() && frame_size > 0) {
@@ -177,7 +185,8 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   if (!status.ok()) {
     return status;
   }
-  if (is_formed() && !converged_) {  // as Ceres does
+  leaves_landmarks_ = unfinished_ == Unfinished::kAsCeres && is_formed() && !converged_;
+  if (leaves_landmarks_) {
     std::fill(step + frame_size, step + Gradient().size(), 0.0);
     return status;
   }

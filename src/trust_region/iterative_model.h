@@ -13,6 +13,10 @@
 
 namespace inceres::internal {
 
+/// A step whose conjugate gradients have taken max_iterations: landmarks follow, or, where S is
+/// formed, stay where they are, as in Ceres.
+enum class Unfinished { kMovesAll, kAsCeres };
+
 /// Steps by conjugate gradients, as Ceres's ITERATIVE_SCHUR takes them where the layout has
 /// landmarks, and as its CGNR does where it has none: from zero, until the quadratic model hardly
 /// gains (Nash & Sofer 1990), the residual computed anew every ten iterations.
@@ -23,7 +27,8 @@ namespace inceres::internal {
 /// Adjustment in the Large"; docs/ceres_contract.md, "Conjugate gradients".
 class IterativeModel final : public LinearModel, private ConjugateGradients::System {
  public:
-  IterativeModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+  IterativeModel(const ConjugateGradientsOptions& options, Unfinished unfinished,
+                 const Evaluator& evaluator, Status* status);
 
   void Refresh() override;
   const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
@@ -32,7 +37,8 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   const char* SolverName() const override;
   void Describe(WorkCounts* work) const override;
   void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
-  bool left_out_landmarks() const override { return is_formed() && !converged_; }
+  bool left_out_landmarks() const override { return leaves_landmarks_; }
+  bool is_iterative() const override { return true; }
   int num_iterations() const override { return num_iterations_; }
 
  private:
@@ -46,6 +52,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   bool IsGoodEnough(const ConjugateGradients& iteration) const override;
 
   const ConjugateGradientsOptions options_;
+  const Unfinished unfinished_;
   const bool has_landmarks_;
   LandmarkIncidences incidences_;
   std::unique_ptr<FrameAggregates> aggregates_;  // of a two-level preconditioner
@@ -63,6 +70,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   double gradient_norm_ = 0.0;  // where eta_ was found; 0: nowhere yet
   int num_iterations_ = 0;
   bool converged_ = false;
+  bool leaves_landmarks_ = false;
 };
 
 }  // namespace inceres::internal

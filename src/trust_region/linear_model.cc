@@ -6,8 +6,22 @@
 #include "trust_region/iterative_model.h"
 #include "trust_region/large_block_schur_model.h"
 #include "trust_region/schur_model.h"
+#include "trust_region/step_way.h"
 
 namespace inceres::internal {
+namespace {
+
+// Whether steps may come from conjugate gradients where these are cheaper.
+bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
+  const bool damped = options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
+                      options.strategy == TrustRegionStrategyKind::kMarquardt;
+  return damped && options.linear_model == LinearModelKind::kAutomatic &&
+         options.reduced_solver == ReducedSolverKind::kAutomaticInexact &&
+         !options.reduced_solver_factory && !evaluator.leaves_out_zero_blocks() &&
+         evaluator.layout().num_landmarks() > 0;
+}
+
+}  // namespace
 
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
                                              const Evaluator& evaluator,
@@ -18,7 +32,8 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
     return std::make_unique<LargeBlockSchurModel>(options, evaluator, *eliminated, status);
   }
   if (IsIterative(options.linear_model)) {
-    return std::make_unique<IterativeModel>(options, evaluator, status);
+    return std::make_unique<IterativeModel>(options.conjugate_gradients, Unfinished::kAsCeres,
+                                            evaluator, status);
   }
   if (evaluator.storage() == JacobianStorage::kWholeRows) {
     *status = Status::Ok();
@@ -35,6 +50,12 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
   }
   if (evaluator.layout().num_landmarks() == 0) {
     return std::make_unique<PlainModel>(options, evaluator, status);
+  }
+  const StepWay way =
+      MayBeIterative(options, evaluator) ? PredictSteps(evaluator).Cheapest() : StepWay::kFactor;
+  if (way != StepWay::kFactor) {
+    return std::make_unique<IterativeModel>(OptionsOf(way, options.conjugate_gradients),
+                                            Unfinished::kMovesAll, evaluator, status);
   }
   return std::make_unique<SchurModel>(options, evaluator, status);
 }

@@ -49,6 +49,9 @@ class LinearModel {
   /// The scale of J's columns, for models that depend on it; stays where it is until the next.
   virtual void ScaleColumnsBy(const std::vector<double>& /*scale*/) {}
 
+  /// Whether steps come from conjugate gradients alone.
+  virtual bool is_iterative() const { return false; }
+
   /// Of the last Solve; 1 of a direct one.
   virtual int num_iterations() const { return 1; }
 

@@ -1,5 +1,6 @@
 #include "inceres/solver/options.h"
 
+#include <algorithm>
 #include <sstream>
 
 namespace inceres {
@@ -42,15 +43,17 @@ namespace {
 Status CheckIterative(const SolverOptions& options) {
   const ConjugateGradientsOptions& cg = options.conjugate_gradients;
   const bool iterative = IsIterative(options.linear_model);
+  const bool maybe = iterative || (options.linear_model == LinearModelKind::kAutomatic &&
+                                   options.reduced_solver == ReducedSolverKind::kAutomaticInexact);
   const Status checks[] = {
       Require(!iterative || options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
                   options.strategy == TrustRegionStrategyKind::kMarquardt,
               "strategy", static_cast<double>(options.strategy),
               "Levenberg–Marquardt or Marquardt with an iterative linear_model"),
-      Require(!iterative || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0"),
-      Require(!iterative || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",
+      Require(!maybe || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0"),
+      Require(!maybe || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",
               cg.min_iterations, ">= 0"),
-      Require(!iterative || cg.max_iterations >= std::max(1, cg.min_iterations),
+      Require(!maybe || cg.max_iterations >= std::max(1, cg.min_iterations),
               "conjugate_gradients.max_iterations", cg.max_iterations,
               ">= 1 and not below min_iterations"),
       Require(!iterative || !cg.explicit_schur_complement ||
@@ -62,6 +65,11 @@ Status CheckIterative(const SolverOptions& options) {
                   !NeedsLandmarks(cg.preconditioner),
               "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
               "another: by aggregates or clusters with linear_model kIterativeSchur only"),
+      Require(
+          !iterative || cg.preconditioner != PreconditionerKind::kSubset ||
+              (cg.subset != nullptr && options.linear_model == LinearModelKind::kIterativePlain),
+          "conjugate_gradients.preconditioner", "kSubset",
+          "with a subset, and with linear_model kIterativePlain"),
   };
   for (const Status& check : checks) {
     if (!check.ok()) {

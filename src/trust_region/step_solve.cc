@@ -73,7 +73,7 @@ void StepSolve::Count(int num_solves, IterationSummary* iteration) {
       num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
   summary_.work.num_linear_solves += num_solves;
   summary_.work.num_conjugate_gradients +=
-      IsIterative(options_.linear_model) ? iteration->linear_solver_iterations : 0;
+      model_.is_iterative() ? iteration->linear_solver_iterations : 0;
   summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
 }
 

@@ -44,6 +44,17 @@ void InverseDepthsFirst(TestProblem* test, ceres::Solver::Options* options) {
   }
 }
 
+// And the others in groups of their own, one after the other: in one group their order would be
+// that of their addresses, by which clusters break ties.
+void InverseDepthsFirstThenInOrder(TestProblem* test, ceres::Solver::Options* options) {
+  options->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  int group = 0;
+  for (std::vector<double>& block : test->blocks) {
+    options->linear_solver_ordering->AddElementToGroup(block.data(),
+                                                       block.size() == 1 ? 0 : ++group);
+  }
+}
+
 // As long as the costs are stock's. Rounding grows from step to step; where it has grown to 1e-9 a
 // test of conjugate gradients may come out the other way.
 void ExpectStocksIterations(const BothSolved& both, std::size_t at_least) {
@@ -65,7 +76,13 @@ void ExpectStocksIterations(const BothSolved& both, std::size_t at_least) {
   EXPECT_EQ(both.ours.linear_solver_ordering_used, both.stock.linear_solver_ordering_used);
 }
 
+// In the last one of CLUSTER_…: SINGLE_LINKAGE; of others: explicit.
 using Way = std::tuple<ceres::LinearSolverType, ceres::PreconditionerType, bool>;
+
+bool IsByClusters(const Way& way) {
+  return std::get<1>(way) == ceres::CLUSTER_JACOBI ||
+         std::get<1>(way) == ceres::CLUSTER_TRIDIAGONAL;
+}
 class ConjugateGradientsTrace : public ::testing::TestWithParam<Way> {
  protected:
   // Without a preconditioner conjugate gradients lose their digits in the first steps.
@@ -74,7 +91,10 @@ class ConjugateGradientsTrace : public ::testing::TestWithParam<Way> {
   }
   ceres::Solver::Options Options() const {
     ceres::Solver::Options options = Iterative(std::get<0>(GetParam()), std::get<1>(GetParam()));
-    options.use_explicit_schur_complement = std::get<2>(GetParam());
+    options.use_explicit_schur_complement = std::get<2>(GetParam()) && !IsByClusters(GetParam());
+    if (std::get<2>(GetParam()) && IsByClusters(GetParam())) {
+      options.visibility_clustering_type = ceres::SINGLE_LINKAGE;
+    }
     return options;
   }
 };
@@ -84,7 +104,8 @@ TEST_P(ConjugateGradientsTrace, IsStocksOnABundle) {
 }
 
 TEST_P(ConjugateGradientsTrace, IsStocksInAWindowWithManifoldsLossesAndConstants) {
-  ExpectStocksIterations(testing::SolveBoth(Window, Options(), InverseDepthsFirst), AtLeast(3));
+  const auto order = IsByClusters(GetParam()) ? InverseDepthsFirstThenInOrder : InverseDepthsFirst;
+  ExpectStocksIterations(testing::SolveBoth(Window, Options(), order), AtLeast(3));
 }
 
 // Cameras first: blocks of nine are eliminated, and the points are what is left.
@@ -127,7 +148,29 @@ TEST_P(ConjugateGradientsTrace, HasTheSameBitsForTwoThreads) {
 std::string NameOf(const ::testing::TestParamInfo<Way>& info) {
   return std::string(ceres::LinearSolverTypeToString(std::get<0>(info.param))) + "_" +
          ceres::PreconditionerTypeToString(std::get<1>(info.param)) +
-         (std::get<2>(info.param) ? "_explicit" : "");
+         (!std::get<2>(info.param)   ? ""
+          : IsByClusters(info.param) ? "_single_linkage"
+                                     : "_explicit");
+}
+
+// CGNR with some of the residual blocks as preconditioner: all but every fifth.
+TEST(ConjugateGradients, ByASubsetAreStocks) {
+  const auto four_fifths = [](TestProblem* test, ceres::Solver::Options* options) {
+    std::vector<ceres::ResidualBlockId> ids;
+    test->problem.GetResidualBlocks(&ids);
+    for (std::size_t k = 0; k < ids.size(); ++k) {
+      if (k % 5 != 0) {
+        options->residual_blocks_for_subset_preconditioner.insert(ids[k]);
+      }
+    }
+  };
+  for (const auto& make : {Bundle, Window}) {
+    const BothSolved both =
+        testing::SolveBoth(make, Iterative(ceres::CGNR, ceres::SUBSET), four_fifths);
+    ExpectStocksIterations(both, 3);
+    ASSERT_GT(both.ours.iterations.size(), 1U);
+    EXPECT_GT(both.ours.iterations[1].linear_solver_iterations, 1);
+  }
 }
 
 // The independent set of most blocks has poses in it, which share no residual block.
@@ -159,14 +202,19 @@ TEST(ConjugateGradients, WithoutAFirstGroupItIsTheNormalEquations) {
   EXPECT_EQ(both.ours.preconditioner_type_used, ceres::JACOBI);
 }
 
-INSTANTIATE_TEST_SUITE_P(Exact, ConjugateGradientsTrace,
-                         ::testing::Values(Way{ceres::ITERATIVE_SCHUR, ceres::IDENTITY, false},
-                                           Way{ceres::ITERATIVE_SCHUR, ceres::JACOBI, false},
-                                           Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, false},
-                                           Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, true},
-                                           Way{ceres::CGNR, ceres::IDENTITY, false},
-                                           Way{ceres::CGNR, ceres::JACOBI, false}),
-                         NameOf);
+INSTANTIATE_TEST_SUITE_P(
+    Exact, ConjugateGradientsTrace,
+    ::testing::Values(Way{ceres::ITERATIVE_SCHUR, ceres::IDENTITY, false},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::JACOBI, false},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, false},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, true},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, false},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, true},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, false},
+                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, true},
+                      Way{ceres::CGNR, ceres::IDENTITY, false},
+                      Way{ceres::CGNR, ceres::JACOBI, false}),
+    NameOf);
 
 }  // namespace
 }  // namespace inceres

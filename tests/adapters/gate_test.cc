@@ -115,14 +115,6 @@ TEST(Gate, LineSearch) {
                    "LINE_SEARCH");
 }
 
-TEST(Gate, PreconditionersByClusters) {
-  const auto adjust = [](TestProblem*, Options* o) {
-    o->linear_solver_type = ceres::ITERATIVE_SCHUR;
-    o->preconditioner_type = ceres::CLUSTER_JACOBI;
-  };
-  ExpectHandedOver(adjust, "CLUSTER_JACOBI");
-}
-
 // Stock Ceres aborts on these two, so only the strict way can be looked at.
 TEST(Gate, WhatStockAbortsOn) {
   ExpectStrictRefuses([](TestProblem*, Options* o) { o->min_lm_diagonal = 0.0; },

@@ -30,12 +30,23 @@ IncrementalOptions Chosen(ceres::LinearSolverType type, int max_direct_size,
 }
 
 TEST(IterativeChoice, GoesByTheSizeOfTheReducedSystem) {
+  const double share = IncrementalOptions().batch_share;
   for (const ceres::LinearSolverType type : {ceres::ITERATIVE_SCHUR, ceres::CGNR}) {
     EXPECT_EQ(Chosen(type, 36).reduced_solver, ReducedSolverKind::kAutomatic);
-    EXPECT_EQ(Chosen(type, 36).batch_share, IncrementalOptions().batch_share);
+    EXPECT_EQ(Chosen(type, 36).batch_share, share);
     EXPECT_EQ(Chosen(type, 35).reduced_solver, ReducedSolverKind::kPcg);
-    EXPECT_EQ(Chosen(type, 35).batch_share, 1.0) << "no factorization by the batch solver";
   }
+  EXPECT_EQ(Chosen(ceres::CGNR, 35).batch_share, 1.0) << "no factorization by the batch solver";
+  const IncrementalOptions schur = Chosen(ceres::ITERATIVE_SCHUR, 35);
+  EXPECT_EQ(schur.batch_share, share);
+  EXPECT_EQ(schur.batch_reduced_solver, ReducedSolverKind::kAutomaticInexact);
+  EXPECT_TRUE(schur.batch_conjugate_gradients.eta_follows_gradient);
+  // 216 unknowns in all
+  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 215).batch_reduced_solver,
+            ReducedSolverKind::kAutomaticInexact);
+  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 215).reduced_solver, ReducedSolverKind::kAutomatic);
+  EXPECT_EQ(Chosen(ceres::ITERATIVE_SCHUR, 216).batch_reduced_solver,
+            ReducedSolverKind::kAutomatic);
   EXPECT_EQ(Chosen(ceres::DENSE_SCHUR, 35).reduced_solver, ReducedSolverKind::kAutomatic);
 }
 

@@ -21,6 +21,7 @@ UpdateSummary Numbered() {
   s.termination = Termination::kConvergence;
   s.message = "a \"quoted\" word";
   s.failed_step = "a factor";
+  s.batch_solver = "dense Cholesky";
   s.ended_by_batch_rule = s.rests_on_refusals = true;
   double real = 0.5;
   for (double* field : {&s.initial_cost, &s.final_cost, &s.remaining_decrease, &s.seconds,
@@ -81,10 +82,10 @@ constexpr const char* kRowReals[] = {
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks",
                                       "num_relinearised_factors", "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, two texts, two flags, two
-// 64-bit counts, stages and the trace.
+// What the struct holds beside the fields in the lists is a termination, three texts, two flags,
+// two 64-bit counts, stages and the trace.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), 2 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
+  EXPECT_EQ(sizeof(UpdateSummary), 3 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
                                        sizeof(StageSeconds) +
                                        8 * (1 + 1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
@@ -101,6 +102,7 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   EXPECT_EQ(json["termination"], "CONVERGENCE");
   EXPECT_EQ(json["message"], "a \"quoted\" word");
   EXPECT_EQ(json["failed_step"], "a factor");
+  EXPECT_EQ(json["batch_solver"], "dense Cholesky");
   EXPECT_EQ(json["ended_by_batch_rule"], true);
   EXPECT_EQ(json["rests_on_refusals"], true);
   double real = 0.5;
@@ -116,7 +118,7 @@ TEST(UpdateSummaryJson, HoldsEveryField) {
   EXPECT_EQ(json["num_evaluated_factors"].get<std::int64_t>(), 5000000001);
   EXPECT_EQ(json["bytes"].get<std::int64_t>(), 5000000002);
   EXPECT_EQ(json["batch_stages"]["elimination"].get<double>(), 77.5);
-  EXPECT_EQ(json.size(), 5 + std::size(kReals) + std::size(kCounts) + 2 + 1 + 1);
+  EXPECT_EQ(json.size(), 6 + std::size(kReals) + std::size(kCounts) + 2 + 1 + 1);
 }
 
 TEST(UpdateSummaryJson, HoldsEveryFieldOfTheTrace) {

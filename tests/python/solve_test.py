@@ -21,11 +21,19 @@ def street(family=None):
 class ConjugateGradientsTest(unittest.TestCase):
     def test_they_go_where_a_factor_goes(self):
         expected = street()[0].solve(function_tolerance=1e-12)["final_cost"]
-        for preconditioner in ("jacobi", "schur_jacobi"):
+        for preconditioner in ("jacobi", "schur_jacobi", "two_level", "cluster_jacobi", "cluster_tridiagonal"):
             summary = street()[0].solve(linear_model="iterative_schur", function_tolerance=1e-12,
                                         max_num_iterations=200,
                                         conjugate_gradients={"preconditioner": preconditioner, "eta": 1e-6})
             self.assertAlmostEqual(summary["final_cost"] / expected, 1.0, places=6)
+
+    def test_a_solve_that_does_not_fit_is_refused(self):
+        graph, cameras, _ = street()
+        start = graph.values(cameras)
+        summary = graph.solve(max_memory_bytes=10000)
+        self.assertEqual(summary["termination"], "FAILURE")
+        self.assertIn("max_memory_bytes is", summary["message"])
+        self.assertTrue((graph.values(cameras) == start).all())
 
     def test_defaults_are_listed(self):
         defaults = inceres.solver_options()["conjugate_gradients"]

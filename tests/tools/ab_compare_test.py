@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import unittest
+import xml.etree.ElementTree
 
 from tool_test_support import bundled_problem, run, write_small_bal
 
@@ -163,10 +164,22 @@ class AbCompareTest(unittest.TestCase):
         self.assertLess(abs(report["relative_cost_difference"]), 1e-8)
 
     def test_stock_in_disguise_is_no_measurement(self):
-        flags = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi", "--json", self.file("report.json")]
-        _, message = run(TOOL, "--problem", "bal:" + self.small, *flags, code=4)
+        flags = ["--linear_solver", "iterative_schur", "--json", self.file("report.json")]
+        _, message = run(TOOL, "--problem", "vio:cubic", *flags, code=4)  # it eliminates velocities and biases
         self.assertIn("NO MEASUREMENT", message)
         self.assertFalse(os.path.exists(self.file("report.json")))
+
+    def test_conjugate_gradients_with_each_preconditioner_and_their_curves(self):
+        curves = self.file("curves.svg")
+        flags = ["--linear_solver", "iterative_schur", "--picture", curves, "--configurations", "sparse_schur,iterative_schur"]
+        for mode, preconditioner in (("exact", "schur_jacobi"), ("exact", "cluster_jacobi"), ("exact", "cluster_tridiagonal"),
+                                     ("incremental", "two_level")):
+            output, report = self.compare(*flags, "--preconditioner", preconditioner, "--mode", mode, "--tolerance", "1e-3")
+            self.assertEqual([entry["configuration"] for entry in report["runs"][1:]], ["sparse_schur", "iterative_schur"])
+            self.assertIn("so near the lowest", output)
+            drawn = xml.etree.ElementTree.parse(curves).getroot()
+            labels = [path.get("data-label") for path in drawn.iter("{http://www.w3.org/2000/svg}path") if path.get("data-label")]
+            self.assertEqual(labels, [f"{entry['solver']}, {entry['configuration']}" for entry in report["runs"]])
 
     def test_a_cost_above_the_tolerance_is_an_error_after_the_report(self):
         report = self.file("report.json")

@@ -184,9 +184,22 @@ class BalSolveTest(unittest.TestCase):
         self.assertIn("lagged_pcg", self.fails(2, "--input", self.small, "--linear_solver", "lagged_pcg"))
         two_level = ["--linear_solver", "iterative_schur", "--preconditioner", "two_level"]
         self.assertIn("two_level", self.fails(2, "--input", self.small, *two_level))
+        self.assertIn("--max_memory", self.fails(2, "--input", self.small, "--max_memory", "-1"))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))
-        clusters = ["--linear_solver", "iterative_schur", "--preconditioner", "cluster_jacobi"]
-        self.assertIn("CLUSTER_JACOBI", self.fails(1, "--input", self.small, *clusters))
+
+    def test_preconditioners_of_a_ceres_problem(self):
+        solved = self.file("solved.json")
+        for mode, preconditioner in (("exact", "cluster_jacobi"), ("exact", "cluster_tridiagonal"), ("incremental", "two_level")):
+            flags = ["--linear_solver", "iterative_schur", "--preconditioner", preconditioner, "--mode", mode, "--json", solved]
+            run(TOOL, "--input", self.small, *flags)
+            with open(solved, encoding="utf-8") as file:
+                work = json.load(file)["work"]
+            self.assertGreater(work["conjugate_gradients"], 0)
+
+    def test_a_solve_that_does_not_fit_is_refused(self):
+        for flags in ([], ["--builtin_factors"], ["--mode", "incremental"]):
+            message = self.fails(1, "--input", self.small, "--max_memory", "1e-6", *flags)
+            self.assertIn("does not fit into memory", message)
 
     def test_a_failed_solve_writes_nothing(self):
         write_small_bal(self.small, num_cameras=2, num_points=3)

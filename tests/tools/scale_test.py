@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""benchmarks/scale.py and memory_figures.py: the arithmetic, and small runs. Arguments: the folder benchmarks/, the build directory."""
+"""benchmarks/scale.py, memory_figures.py and large_figures.py: the arithmetic, and small runs. Arguments: the folder benchmarks/, the build directory."""
 
 import json
 import os
@@ -13,6 +13,7 @@ import unittest
 BENCHMARKS, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
 sys.path.insert(0, str(BENCHMARKS))
 
+import large_figures  # noqa: E402
 import scale  # noqa: E402
 
 
@@ -47,6 +48,18 @@ class ArithmeticTest(unittest.TestCase):
         self.assertEqual(scale.judge_speed_up({1: [1.6], 2: [1.0]}, same, None), (1.6, ["slow"]))
 
 
+class LargeFiguresTest(unittest.TestCase):
+    ROW = {"factor": {"seconds": 2.0}, "two levels": {"seconds": 1.0}, "automatic": {"seconds": 1.2}}
+
+    def test_the_automatic_choice_is_held_against_the_better(self):
+        self.assertEqual(large_figures.ratio_of(self.ROW), 1.2)
+
+    def test_a_step_is_what_a_linear_solve_takes(self):
+        report = {"stage_seconds": {"elimination": 1.0, "factorization": 2.0, "back_substitution": 1.0, "setup": 9.0},
+                  "work": {"linear_solves": 4, "conjugate_gradients": 40}}
+        self.assertEqual((large_figures.seconds_a_step(report), large_figures.iterations_a_step(report)), (1.0, 10.0))
+
+
 class RunTest(unittest.TestCase):
     def run_script(self, name, *arguments):
         return subprocess.run([sys.executable, BENCHMARKS / name, "--build", BUILD, *map(str, arguments)], capture_output=True,
@@ -64,6 +77,17 @@ class RunTest(unittest.TestCase):
             self.assertTrue(all(row["peak_bytes"] > 1e6 and row["seconds_to_cost"] > 0.0 for row in rows))
             self.assertRegex(result.stdout, r"\| ours, built-in factors \| cameras\^-?\d\.\d\d \| cameras\^-?\d\.\d\d \|")
             self.assertEqual(len(re.findall("<polyline", plot.read_text(encoding="utf-8"))), 4)
+
+    def test_a_small_city(self):
+        with tempfile.TemporaryDirectory() as folder:
+            figures = pathlib.Path(folder) / "grid.json"
+            result = self.run_script("large_figures.py", "--sizes", "60,90", "--widths", "16", "--steps", "2", "--json", figures)
+            self.assertIn(result.returncode, (0, 1))  # 1: not within the limit, on a machine that does other things
+            self.assertEqual(result.stderr, "")
+            self.assertEqual(len(re.findall(r"^\| (60|90) \| 16 \|.*Cholesky", result.stdout, re.MULTILINE)), 2)
+            rows = json.loads(figures.read_text(encoding="utf-8"))
+            self.assertTrue(all(row["two levels"]["iterations"] > 1 for row in rows))
+            self.assertIn("faster from", result.stdout)
 
     def test_a_build_without_tools_is_an_error(self):
         result = subprocess.run([sys.executable, BENCHMARKS / "scale.py", "--build", "/nowhere"], capture_output=True, text=True,

@@ -135,6 +135,37 @@ TEST_P(IterativeModelTest, ToleranceThatFollowsTheGradientTightens) {
 
 INSTANTIATE_TEST_SUITE_P(LandmarkSizes, IterativeModelTest, ::testing::Values(1, 2, 3, 4));
 
+TEST(IterativeModel, ByASubsetOfAllFactorsTakesOneIteration) {
+  for (const bool all : {true, false}) {
+    const auto bundle = MakeBundle(Mixed(3));
+    auto subset = std::make_shared<std::vector<FactorId>>();
+    for (FamilyId family = 0; family < bundle->graph().num_families(); ++family) {
+      for (int i = 0; i < bundle->graph().NumFactors(family); i += all ? 1 : 2) {
+        subset->push_back({family, i});
+      }
+    }
+    SolverOptions options =
+        ToTheEnd(LinearModelKind::kIterativePlain, PreconditionerKind::kSubset, false);
+    options.conjugate_gradients.subset = subset;
+    options.conjugate_gradients.eta = 0.1;
+    std::vector<std::vector<double>> states;
+    for (const int num_threads : {1, 2}) {
+      const auto copy = MakeBundle(Mixed(3));
+      options.num_threads = num_threads;
+      const Summary summary = Solve(options, &copy->graph());
+      ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+      // the second one shows that there is nothing left to gain
+      const std::int64_t per_step =
+          summary.work.num_conjugate_gradients / summary.work.num_linear_solves;
+      EXPECT_EQ(per_step <= 2, all) << per_step;
+      states.push_back(copy->graph().state());
+    }
+    EXPECT_EQ(states[0], states[1]);
+    subset->push_back({0, 1 << 20});
+    EXPECT_NE(Solve(options, &bundle->graph()).message.find("subset"), std::string::npos);
+  }
+}
+
 TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {
   SolverOptions options;
   options.linear_model = LinearModelKind::kIterativeSchur;
@@ -150,6 +181,15 @@ TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {
   options.linear_model = LinearModelKind::kIterativePlain;
   EXPECT_NE(options.Validate().message.find("conjugate_gradients.preconditioner"),
             std::string::npos);
+  options.conjugate_gradients.preconditioner = PreconditionerKind::kSubset;
+  EXPECT_NE(options.Validate().message.find("with a subset"), std::string::npos);
+  options.conjugate_gradients.preconditioner = PreconditionerKind::kJacobi;
+  options.linear_model = LinearModelKind::kAutomatic;
+  options.reduced_solver = ReducedSolverKind::kAutomaticInexact;
+  options.conjugate_gradients.eta = -1.0;
+  EXPECT_NE(options.Validate().message.find("eta"), std::string::npos);
+  options.conjugate_gradients.eta = 0.1;
+  options.reduced_solver = ReducedSolverKind::kAutomatic;
   options.linear_model = LinearModelKind::kIterativeSchur;
   options.conjugate_gradients.max_iterations = 0;
   EXPECT_NE(options.Validate().message.find("max_iterations"), std::string::npos);

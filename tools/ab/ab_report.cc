@@ -1,9 +1,12 @@
 #include "tools/ab/ab_report.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdarg>
 #include <cstdio>
 #include <optional>
+
+#include "tools/draw/gap_curves_svg.h"
 
 namespace inceres::tools {
 namespace {
@@ -50,17 +53,43 @@ json ToJson(const Spread& spread) {
   return {{"median", spread.median}, {"min", spread.min}, {"max", spread.max}};
 }
 
+std::optional<double> MedianToGap(const ContenderRuns& runs, double lowest_cost, double gap) {
+  std::vector<std::optional<double>> seconds;
+  for (const SolveRecord& record : runs.rounds) {
+    seconds.push_back(TimeToGap(record.trace, lowest_cost, gap));
+  }
+  return MedianOrNever(seconds);
+}
+
 json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
   json times = json::object();
   for (const Gap& gap : kGaps) {
-    std::vector<std::optional<double>> seconds;
-    for (const SolveRecord& record : runs.rounds) {
-      seconds.push_back(TimeToGap(record.trace, lowest_cost, gap.value));
-    }
-    const std::optional<double> median = MedianOrNever(seconds);
+    const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
     times[gap.name] = median ? json(*median) : json(nullptr);
   }
   return times;
+}
+
+// "1.2 s", or a dash where the cost never came so near.
+std::string GapTable(const AbResult& result) {
+  const double lowest_cost = result.LowestCost();
+  std::string text = "\nmedian seconds until the cost was so near the lowest, relative:\n";
+  text += Format("%-8s %-26s", "solver", "configuration");
+  for (const Gap& gap : kGaps) {
+    text += Format(" %10s", gap.name);
+  }
+  text += "\n";
+  const auto add = [&](const ContenderRuns& runs) {
+    text += Format("%-8s %-26s", runs.solver.c_str(), runs.configuration.c_str());
+    for (const Gap& gap : kGaps) {
+      const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
+      text += median ? Format(" %10.4f", *median) : Format(" %10s", "-");
+    }
+    text += "\n";
+  };
+  add(result.ours);
+  std::for_each(result.stock.begin(), result.stock.end(), add);
+  return text;
 }
 
 json StagesJson(const ContenderRuns& runs) {
@@ -114,6 +143,7 @@ std::string AbTable(const AbContext& context, const AbResult& result) {
     text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
                    dropped.reason.c_str());
   }
+  text += GapTable(result);
   const Spread ratio = result.RatioToBestStock();
   text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
                  result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
@@ -124,6 +154,18 @@ std::string AbTable(const AbContext& context, const AbResult& result) {
       "size, rotations %.2e rad\n",
       context.difference.positions, context.difference.points, context.difference.rotations);
   return text;
+}
+
+std::string AbPicture(const AbContext& context, const AbResult& result) {
+  std::vector<GapCurve> curves;
+  const auto add = [&](const ContenderRuns& runs) {
+    curves.push_back({runs.solver + ", " + runs.configuration, runs.first().trace});
+  };
+  add(result.ours);
+  std::for_each(result.stock.begin(), result.stock.end(), add);
+  return GapCurvesSvg(
+      context.problem.substr(context.problem.rfind('/') + 1) + ": " + context.description,
+      result.LowestCost(), curves);
 }
 
 json AbJson(const AbContext& context, const AbResult& result) {

@@ -24,6 +24,9 @@ struct AbContext {
 /// The report for people: environment, a line per contender, ratio and differences.
 std::string AbTable(const AbContext& context, const AbResult& result);
 
+/// The cost of each over time, of the first round: GapCurvesSvg.
+std::string AbPicture(const AbContext& context, const AbResult& result);
+
 /// The report for programs. Seconds throughout; "time_to_gap" maps "1e-2" … "1e-5" to the median
 /// over the rounds of the seconds until the cost was within that gap, relative, of the lowest final
 /// cost of all runs, null if it never was.

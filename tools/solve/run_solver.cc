@@ -46,7 +46,11 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
     SolveOptions asked;
     SolveReport report;
     asked.strict = plan.strict;
+    asked.max_memory_bytes = plan.settings.max_memory_bytes;
     asked.mode = plan.settings.incremental ? SolveMode::kIncremental : SolveMode::kExact;
+    if (plan.settings.incremental && plan.settings.two_level) {
+      asked.conjugate_gradients = TwoLevels(plan.settings);
+    }
     const double seconds =
         Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
     outcome->record = RecordOf(summary, asked.mode, report, seconds);

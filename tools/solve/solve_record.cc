@@ -30,6 +30,12 @@ void FillCoreStages(const StageSeconds& seconds, SolveRecord* record) {
                            {"total", seconds.total}};
 }
 
+void FillCoreWork(const WorkCounts& work, SolveRecord* record) {
+  record->work = {{"linear_solves", work.num_linear_solves},
+                  {"conjugate_gradients", work.num_conjugate_gradients},
+                  {"bytes", work.bytes}};
+}
+
 // The stages and whole passes of an exact solve mean nothing here.
 void FillIncremental(const UpdateSummary& update, SolveRecord* record) {
   record->iterations = update.num_iterations;
@@ -41,6 +47,7 @@ void FillIncremental(const UpdateSummary& update, SolveRecord* record) {
                   {"evaluated_factors", update.num_evaluated_factors},
                   {"eliminated_landmarks", update.num_eliminated_landmarks},
                   {"factored_rows", update.num_factored_rows},
+                  {"conjugate_gradients", update.num_pcg_iterations},
                   {"visited_landmarks", update.num_visited_landmarks},
                   {"moved_frames", update.num_moved_frames},
                   {"parked_landmarks", update.num_undetermined_landmarks}};
@@ -79,6 +86,7 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode,
   } else if (!report.used_stock) {
     record.linear_solver = report.core.reduced_solver;
     FillCoreStages(report.core.seconds, &record);
+    FillCoreWork(report.core.work, &record);
   }
   return record;
 }
@@ -94,6 +102,7 @@ SolveRecord RecordOf(const Summary& summary, double seconds) {
   record.seconds = seconds;
   FillIterations(summary.iterations, &record);
   FillCoreStages(summary.seconds, &record);
+  FillCoreWork(summary.work, &record);
   return record;
 }
 

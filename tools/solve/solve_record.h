@@ -33,7 +33,7 @@ struct SolveRecord {
   double seconds = 0.0;  ///< the whole Solve call, by our own clock
   std::vector<CostSample> trace;
   std::vector<std::pair<std::string, double>> stage_seconds;
-  std::vector<std::pair<std::string, std::int64_t>> work;  ///< counts of an incremental solve
+  std::vector<std::pair<std::string, std::int64_t>> work;  ///< counts; none of stock's
   bool used_stock = false;  ///< the shim handed the problem to stock Ceres
   std::string fallback_reason;
   std::vector<std::string> options_without_effect;

@@ -20,11 +20,14 @@ DEFINE_string(
     "be cheapest, with --builtin_factors the one named, and for auto the cheapest, PCG "
     "among them. In ab_compare this is for "
     "inceres; stock runs in --configurations.");
+DEFINE_double(max_memory, 0.0,
+              "GiB that a solve by inceres may take beside the problem; one that takes more ends "
+              "with the figures. 0: what the machine has left.");
 DEFINE_string(
     preconditioner, "schur_jacobi",
     "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
-    "cluster_tridiagonal or, with --builtin_factors, two_level (not of Ceres: stock then takes "
-    "schur_jacobi); cgnr takes jacobi in place of the last four.");
+    "cluster_tridiagonal or, with --builtin_factors or --mode incremental, two_level (not of "
+    "Ceres: stock then takes schur_jacobi); cgnr takes jacobi in place of the last four.");
 DEFINE_string(mode, "exact",
               "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while "
               "they are good enough).");
@@ -34,6 +37,9 @@ DEFINE_bool(builtin_factors, false,
 
 namespace inceres::tools {
 namespace {
+
+constexpr double kBytesPerGibibyte = 1073741824.0;
+constexpr double kMostMemory = 1e9;  // GiB: as good as no limit
 
 std::string LowerCase(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
@@ -74,9 +80,10 @@ Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
 Status ParsePreconditioner(const std::string& text, SolverSettings* settings) {
   settings->two_level = text == "two_level";
   if (settings->two_level) {
-    return FLAGS_builtin_factors
+    return FLAGS_builtin_factors || FLAGS_mode == "incremental"
                ? Status::Ok()
-               : Invalid("--preconditioner two_level: with --builtin_factors only");
+               : Invalid(
+                     "--preconditioner two_level: with --builtin_factors or --mode incremental");
   }
   for (const ceres::PreconditionerType candidate :
        {ceres::IDENTITY, ceres::JACOBI, ceres::SCHUR_JACOBI, ceres::CLUSTER_JACOBI,
@@ -138,17 +145,29 @@ Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options
 
 }  // namespace
 
+ConjugateGradientsOptions TwoLevels(const SolverSettings& settings) {
+  ConjugateGradientsOptions options;
+  options.preconditioner = PreconditionerKind::kTwoLevel;
+  options.eta = settings.eta;
+  options.eta_follows_gradient = true;
+  options.max_iterations = settings.max_linear_solver_iterations;
+  return options;
+}
+
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
-  for (Status& status : std::vector<Status>{
-           ParseMode(FLAGS_mode, &read.incremental),
-           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-           ParseLinearSolver(FLAGS_linear_solver, &read),
-           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read)}) {
+  for (Status& status :
+       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
+                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+                           ParseLinearSolver(FLAGS_linear_solver, &read),
+                           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
+                           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}})}) {
     if (!status.ok()) {
       return status;
     }
   }
+  read.max_memory_bytes =
+      static_cast<std::int64_t>(std::min(FLAGS_max_memory, kMostMemory) * kBytesPerGibibyte);
   read.builtin_factors = FLAGS_builtin_factors;
   *settings = read;
   return Status::Ok();
@@ -185,6 +204,9 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
+  result.max_memory_bytes = settings.max_memory_bytes;
+  result.conjugate_gradients.eta = settings.eta;
+  result.conjugate_gradients.max_iterations = settings.max_linear_solver_iterations;
   result.reduced_solver =
       settings.lagged_pcg ? ReducedSolverKind::kPcg : ReducedSolverKind::kAutomaticInexact;
   if (settings.linear_solver.has_value()) {
@@ -244,6 +266,11 @@ Status ToIncrementalOptions(const SolverSettings& settings, IncrementalOptions* 
     }
   }
   IncrementalOptions result;
+  result.batch_max_memory_bytes = settings.max_memory_bytes;
+  if (settings.two_level) {
+    result.batch_linear_model = LinearModelKind::kIterativeSchur;
+    result.batch_conjugate_gradients = TwoLevels(settings);
+  }
   result.max_num_iterations = settings.max_num_iterations;
   result.function_tolerance = settings.function_tolerance;
   result.num_threads = settings.num_threads;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,14 +20,16 @@ struct SolverSettings : CommonSettings {
   std::optional<ceres::LinearSolverType> linear_solver;  ///< empty: automatic
   bool lagged_pcg = false;  ///< the core's conjugate gradients with an earlier factor
   ceres::PreconditionerType preconditioner = ceres::SCHUR_JACOBI;  ///< of ITERATIVE_SCHUR
-  bool two_level = false;  ///< with built-in factors: kTwoLevel in its place
+  /// with built-in factors or in incremental mode: kTwoLevel in its place
+  bool two_level = false;
+  std::int64_t max_memory_bytes = 0;  ///< that a solve may take; 0: what is left
   bool builtin_factors = false;
   bool incremental = false;  ///< ours solves in incremental mode
 };
 
-/// Reads --trust_region, --linear_solver, --preconditioner, --mode, --builtin_factors and the
-/// common flags. A value that makes no sense is kInvalidArgument; the message names the flag and
-/// what it may be.
+/// Reads --trust_region, --linear_solver, --preconditioner, --max_memory, --mode,
+/// --builtin_factors and the common flags. A value that makes no sense is kInvalidArgument; the
+/// message names the flag and what it may be.
 Status ReadSolverFlags(SolverSettings* settings);
 
 /// The linear solver the settings ask for; `automatic` where they leave it open.
@@ -36,11 +39,13 @@ ceres::LinearSolverType LinearSolverOr(const SolverSettings& settings,
 /// "dense_schur", "sparse_normal_cholesky", …: what --linear_solver reads.
 std::string FlagName(ceres::LinearSolverType type);
 
-/// The settings as options of Ceres (stock and shim), and of the core, which has no preconditioner
-/// by clusters.
+/// The settings as options of Ceres (stock and shim), and of the core.
 Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType type,
                       ceres::Solver::Options* options);
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options);
+
+/// What --preconditioner two_level means in incremental mode.
+ConjugateGradientsOptions TwoLevels(const SolverSettings& settings);
 
 /// The settings as options of the IncrementalSolver; its damping starts at 1 /
 /// --initial_trust_region_radius. It has one linear solver and refuses --linear_solver.

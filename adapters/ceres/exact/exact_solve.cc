@@ -27,6 +27,9 @@ void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summa
                  SolveReport* report) {
   report->options_without_effect =
       OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
+  if (input.asked != nullptr && input.asked->conjugate_gradients) {
+    report->options_without_effect.emplace_back("SolveOptions::conjugate_gradients");
+  }
   report->num_landmarks = landmarks.num_landmarks;
   report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
   report->core = std::move(core);
@@ -42,6 +45,26 @@ void AddFixedCost(double fixed_cost, Summary* core) {
     core->initial_cost += fixed_cost;
     core->final_cost += fixed_cost;
   }
+}
+
+// The factors of the residual blocks that a preconditioner is made of; null if there is none.
+std::shared_ptr<const std::vector<FactorId>> SubsetOf(const SolveInput& input) {
+  if (input.options.preconditioner_type != ceres::SUBSET) {
+    return nullptr;
+  }
+  const auto& ids = input.options.residual_blocks_for_subset_preconditioner;
+  auto subset = std::make_shared<std::vector<FactorId>>();
+  FamilyId id = 0;
+  for (const GraphPlan::Family& family : input.plan->families) {
+    for (std::size_t k = 0; k < family.residuals.size(); ++k) {
+      const int r = family.residuals[k];
+      if (ids.count(input.view.residuals[static_cast<std::size_t>(r)].id) > 0) {
+        subset->push_back({id, static_cast<std::int32_t>(k)});
+      }
+    }
+    ++id;
+  }
+  return subset;
 }
 
 // Rounds of coordinate descent, if there are to be any; of this graph.
@@ -75,6 +98,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
     dump.emplace(input.options, input.view, *input.plan, type);
   }
+  const auto subset = SubsetOf(input);  // while the residual blocks are there
   FactorGraph graph;
   LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
@@ -83,7 +107,9 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   observer.set_is_to_abort(input.is_to_abort);
   SolverOptions options = MapOptions(input.options, type);
+  options.conjugate_gradients.subset = subset;
   options.num_threads = summary->num_threads_used;
+  options.max_memory_bytes = input.asked != nullptr ? input.asked->max_memory_bytes : 0;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
   InnerDescent descent = DescentOf(input, inner);
   LoopOptions loop;

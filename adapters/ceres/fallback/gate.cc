@@ -92,8 +92,9 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
   const std::string obstacle = CommonOptionsObstacle(options);
   const ceres::PreconditionerType preconditioner = options.preconditioner_type;
   const bool known = preconditioner == ceres::IDENTITY || preconditioner == ceres::JACOBI ||
-                     (preconditioner == ceres::SCHUR_JACOBI &&
-                      options.linear_solver_type == ceres::ITERATIVE_SCHUR);
+                     ((preconditioner == ceres::SCHUR_JACOBI || IsByClusters(preconditioner)) &&
+                      options.linear_solver_type == ceres::ITERATIVE_SCHUR) ||
+                     preconditioner == ceres::SUBSET;
   if (obstacle.empty() && IsIterative(options.linear_solver_type) && !known) {
     return std::string("preconditioner_type ") + ceres::PreconditionerTypeToString(preconditioner) +
            " with " + ceres::LinearSolverTypeToString(options.linear_solver_type);

@@ -28,6 +28,9 @@ class Planner {
     std::vector<int> landmark_blocks;
     landmark_blocks.reserve(At(plan_.landmarks.num_landmarks));
     constexpr VariableId kWaiting = -2;
+    for (const int b : plan_.landmarks.frames_in_order) {
+      PlanVariable(b);
+    }
     for (const ResidualBlockView& residual : view_.residuals) {
       const bool brings_blocks = !residual.fixed && !residual.like_previous;
       for (int s = 0; brings_blocks && s < residual.num_slots; ++s) {

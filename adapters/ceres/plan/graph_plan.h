@@ -15,7 +15,8 @@ namespace inceres::internal {
 /// nothing of the user's, so that it serves every problem of the same structure.
 ///
 /// Variables are the blocks that residual blocks touch: constants and frames, then landmarks, both
-/// in order of first appearance, so that nothing depends on addresses. There is one family for each
+/// in order of first appearance, so that nothing depends on addresses; where the selection orders
+/// frames, these first, in that order. There is one family for each
 /// shape and landmark slot, the factors of one landmark next to each other.
 struct GraphPlan {
   struct Family {

@@ -257,6 +257,21 @@ class Chooser {
   double unknowns_left_ = 0.0;
 };
 
+// As Ceres orders the blocks that it does not eliminate where nobody has told it how: by their
+// number of neighbors, blocks with as many by first appearance.
+std::vector<int> FramesByDegree(const BlockGraph& graph, const LandmarkSelection& selection) {
+  std::vector<int> frames;
+  for (const int b : graph.order()) {
+    if (!selection.Contains(b)) {
+      frames.push_back(b);
+    }
+  }
+  std::stable_sort(frames.begin(), frames.end(), [&](int a, int b) {
+    return graph.Neighbors(a).size() < graph.Neighbors(b).size();
+  });
+  return frames;
+}
+
 // Where conjugate gradients stop depends on what was eliminated: exactly what Ceres eliminates.
 LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const OrderingView& ordering,
                                              ceres::LinearSolverType type) {
@@ -268,6 +283,11 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
     eliminated.first_group = IndependentSets(graph).TakeOne();
   }
   LandmarkSelection selection = LandmarksOfFirstGroup(view, eliminated);
+  if (ordering.numbers_frames && IsSchurType(type)) {
+    selection.frames_in_order = LandmarksAreGiven(ordering, type)
+                                    ? ordering.later_groups
+                                    : FramesByDegree(BlockGraph(view), selection);
+  }
   if (selection.num_too_large > 0) {
     selection = LandmarkSelection();
     selection.is_landmark.assign(view.blocks.size(), 0);

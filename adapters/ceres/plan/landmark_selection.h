@@ -30,6 +30,8 @@ struct LandmarkSelection : LandmarkCounts {
   /// Of ITERATIVE_SCHUR, where some are too large for landmarks: the blocks that are eliminated,
   /// none of which is a landmark. Else empty.
   std::vector<int> large;
+  /// The other variable blocks in Ceres's order, where that matters (OrderingView::numbers_frames).
+  std::vector<int> frames_in_order;
   std::string obstacle;  ///< why no choice can be solved with: too little memory; empty if one can
 
   bool Contains(int block) const { return is_landmark[static_cast<std::size_t>(block)] != 0; }

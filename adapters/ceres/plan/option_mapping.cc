@@ -72,9 +72,6 @@ void CheckProjectedLineSearch(Differences* differences) {
 // Choices within Ceres's own linear algebra.
 void CheckLinearSolver(Differences* differences) {
   using Options = ceres::Solver::Options;
-  differences->Check("visibility_clustering_type", &Options::visibility_clustering_type);
-  differences->Check("residual_blocks_for_subset_preconditioner",
-                     &Options::residual_blocks_for_subset_preconditioner);
   differences->Check("dense_linear_algebra_library_type",
                      &Options::dense_linear_algebra_library_type);
   differences->Check("sparse_linear_algebra_library_type",
@@ -83,6 +80,16 @@ void CheckLinearSolver(Differences* differences) {
   differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
   ForEachOptionOfThisRelease(
       [&](const char* name, auto member) { differences->Check(name, member); });
+}
+
+void CheckSubset(Differences* differences) {
+  differences->Check("residual_blocks_for_subset_preconditioner",
+                     &ceres::Solver::Options::residual_blocks_for_subset_preconditioner);
+}
+
+void CheckClustering(Differences* differences) {
+  differences->Check("visibility_clustering_type",
+                     &ceres::Solver::Options::visibility_clustering_type);
 }
 
 void CheckConjugateGradients(Differences* differences) {
@@ -187,9 +194,21 @@ ConjugateGradientsOptions ConjugateGradientsOf(const ceres::Solver::Options& opt
     case ceres::SCHUR_JACOBI:
       result.preconditioner = PreconditionerKind::kSchurJacobi;
       break;
+    case ceres::CLUSTER_JACOBI:
+      result.preconditioner = PreconditionerKind::kClusterJacobi;
+      break;
+    case ceres::CLUSTER_TRIDIAGONAL:
+      result.preconditioner = PreconditionerKind::kClusterTridiagonal;
+      break;
+    case ceres::SUBSET:
+      result.preconditioner = PreconditionerKind::kSubset;
+      break;
     default:
       result.preconditioner = PreconditionerKind::kJacobi;
   }
+  result.visibility_clustering = options.visibility_clustering_type == ceres::SINGLE_LINKAGE
+                                     ? VisibilityClusteringKind::kSingleLinkage
+                                     : VisibilityClusteringKind::kCanonicalViews;
   result.eta = options.eta;
   result.min_iterations = options.min_linear_solver_iterations;
   result.max_iterations = options.max_linear_solver_iterations;
@@ -210,16 +229,20 @@ LineSearchInterpolation InterpolationOf(const ceres::Solver::Options& options) {
   return LineSearchInterpolation::kCubic;
 }
 
-// Scalar unknowns left when the landmarks are eliminated.
-int ReducedSize(const ProblemView& view, const OrderingView& ordering,
-                ceres::LinearSolverType type) {
-  const LandmarkSelection landmarks = SelectLandmarks(view, ordering, FindShapes(view), type);
+// Scalar unknowns left when these landmarks are eliminated.
+int ReducedSize(const ProblemView& view, const LandmarkSelection& landmarks) {
   int size = 0;
   for (std::size_t b = 0; b < view.blocks.size(); ++b) {
     size +=
         view.blocks[b].reduced() && landmarks.is_landmark[b] == 0 ? view.blocks[b].tangent_size : 0;
   }
   return size;
+}
+
+bool NamesSolver(const IncrementalOptions& core) {
+  return core.reduced_solver != ReducedSolverKind::kAutomatic ||
+         core.batch_reduced_solver != ReducedSolverKind::kAutomatic ||
+         core.batch_linear_model != LinearModelKind::kAutomatic;
 }
 
 }  // namespace
@@ -278,6 +301,12 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
   if (!IsIterative(options.linear_solver_type)) {
     CheckConjugateGradients(&differences);
   }
+  if (!IsIterative(options.linear_solver_type) || !IsByClusters(options.preconditioner_type)) {
+    CheckClustering(&differences);
+  }
+  if (options.linear_solver_type != ceres::CGNR || options.preconditioner_type != ceres::SUBSET) {
+    CheckSubset(&differences);
+  }
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }
@@ -318,6 +347,8 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   }
   CheckProjectedLineSearch(&differences);
   CheckConjugateGradients(&differences);
+  CheckClustering(&differences);
+  CheckSubset(&differences);
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }
@@ -326,15 +357,38 @@ void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemV
                            const OrderingView& ordering, int max_direct_size,
                            IncrementalOptions* core) {
   const ceres::LinearSolverType type = IncrementalLinearSolver(options, ordering);
-  if (!IsIterative(type) || core->reduced_solver != ReducedSolverKind::kAutomatic ||
-      view.reduced.num_effective_parameters <= max_direct_size ||
-      ReducedSize(view, ordering, TypeToPlanIncrementally(options, ordering)) <= max_direct_size) {
+  if (!IsIterative(type) || NamesSolver(*core) ||
+      view.reduced.num_effective_parameters <= max_direct_size) {
+    return;
+  }
+  const LandmarkSelection landmarks =
+      SelectLandmarks(view, ordering, FindShapes(view), TypeToPlanIncrementally(options, ordering));
+  const bool in_batch = type == ceres::ITERATIVE_SCHUR && landmarks.num_landmarks > 0;
+  if (in_batch) {
+    core->batch_reduced_solver = ReducedSolverKind::kAutomaticInexact;
+    core->batch_conjugate_gradients = ConjugateGradientsOf(options, type);
+    core->batch_conjugate_gradients.eta_follows_gradient = true;
+  }
+  if (ReducedSize(view, landmarks) <= max_direct_size) {
     return;
   }
   core->reduced_solver = ReducedSolverKind::kPcg;
-  if (core->batch_share > 0.0) {
+  if (!in_batch && core->batch_share > 0.0) {
     core->batch_share = 1.0;  // the batch solver's solvers are direct
   }
+}
+
+IncrementalOptions IncrementalOptionsFor(const SolveInput& input, const IncrementalOptions& core) {
+  IncrementalOptions result = MapIncrementalOptions(input.options, core);
+  if (input.asked != nullptr && input.asked->max_memory_bytes != 0) {
+    result.batch_max_memory_bytes = input.asked->max_memory_bytes;
+  }
+  if (input.asked != nullptr && input.asked->conjugate_gradients) {
+    result.batch_linear_model = LinearModelKind::kIterativeSchur;
+    result.batch_conjugate_gradients = *input.asked->conjugate_gradients;
+  }
+  ChooseIterativeSolver(input.options, input.view, input.ordering, kMaxDirectSize, &result);
+  return result;
 }
 
 }  // namespace inceres::internal

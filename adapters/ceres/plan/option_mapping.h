@@ -6,6 +6,7 @@
 #include <ceres/solver.h>
 
 #include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/solve_input.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
 #include "inceres/solver/incremental_solver.h"
@@ -39,12 +40,18 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
 /// asked for: were their factor full, it would take 256 MiB.
 inline constexpr int kMaxDirectSize = 8192;
 
-/// What ITERATIVE_SCHUR and CGNR mean in incremental mode: preconditioned conjugate gradients, from
-/// the first step on, where the reduced system has more than `max_direct_size` unknowns; below,
-/// nothing. Neither do they mean anything where `core` names a solver itself. Cost: that of
+/// What ITERATIVE_SCHUR and CGNR mean in incremental mode for a problem of more than
+/// `max_direct_size` unknowns, of which as many are in the reduced system: preconditioned conjugate
+/// gradients, from the first step on. Where ITERATIVE_SCHUR has landmarks to eliminate the batch
+/// solver still goes first, and takes what is predicted to take least of its own solvers. Smaller
+/// ones: nothing. Neither do they mean anything where `core` names a solver itself. Cost: that of
 /// choosing landmarks, if there are that many unknowns.
 void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemView& view,
                            const OrderingView& ordering, int max_direct_size,
                            IncrementalOptions* core);
+
+/// The options of an incremental solve of this problem: `core`, with what the user's options and
+/// what he has asked of this solve say in its place.
+IncrementalOptions IncrementalOptionsFor(const SolveInput& input, const IncrementalOptions& core);
 
 }  // namespace inceres::internal

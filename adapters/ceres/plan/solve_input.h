@@ -11,6 +11,7 @@
 #include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "inceres/ceres/solve.h"
 
 namespace inceres::internal {
 
@@ -41,7 +42,8 @@ struct SolveInput {
   /// Asked at the end of each iteration, after all callbacks: whether the solve is to be aborted.
   /// May be empty.
   std::function<bool()> is_to_abort = nullptr;
-  MakeFamily make_family = nullptr;  ///< if set, makes the families of the graph
+  MakeFamily make_family = nullptr;     ///< if set, makes the families of the graph
+  const SolveOptions* asked = nullptr;  ///< what the caller has asked for; null: nothing
 };
 
 }  // namespace inceres::internal

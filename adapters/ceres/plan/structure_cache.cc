@@ -7,16 +7,21 @@ namespace inceres::internal {
 namespace {
 
 // All that the plan of a graph depends on, in numbers: sizes of the blocks, blocks of the residual
-// blocks, and landmarks the user has named. Neither values nor anything of the user's.
+// blocks, landmarks the user has named, and an order of frames that matters. Neither values nor
+// anything of the user's.
 class Fingerprint {
  public:
   Fingerprint(const ProblemView& view, const OrderingView& ordering, ceres::LinearSolverType type)
       : type_(type),
         landmarks_are_given_(LandmarksAreGiven(ordering, type)),
+        numbers_frames_(ordering.numbers_frames),
         residuals_(view.residuals.begin(), view.residuals.end()),
         slots_(view.slots) {
     if (landmarks_are_given_) {
       first_group_ = ordering.first_group;
+    }
+    if (numbers_frames_) {
+      later_groups_ = ordering.later_groups;
     }
     blocks_.reserve(view.blocks.size());
     for (const ParameterBlockView& block : view.blocks) {
@@ -37,7 +42,8 @@ class Fingerprint {
     };
     return type_ == type && landmarks_are_given_ == LandmarksAreGiven(ordering, type) &&
            (!landmarks_are_given_ || first_group_ == ordering.first_group) &&
-           slots_ == view.slots &&
+           numbers_frames_ == ordering.numbers_frames &&
+           (!numbers_frames_ || later_groups_ == ordering.later_groups) && slots_ == view.slots &&
            std::equal(blocks_.begin(), blocks_.end(), view.blocks.begin(), view.blocks.end(),
                       is_block) &&
            std::equal(residuals_.begin(), residuals_.end(), view.residuals.begin(),
@@ -53,8 +59,10 @@ class Fingerprint {
 
   ceres::LinearSolverType type_;
   bool landmarks_are_given_;
-  std::vector<int> first_group_;  // of landmarks that are given
-  std::vector<Block> blocks_;     // by address, as in the view
+  bool numbers_frames_;
+  std::vector<int> first_group_;   // of landmarks that are given
+  std::vector<int> later_groups_;  // where their order matters
+  std::vector<Block> blocks_;      // by address, as in the view
   std::vector<ResidualBlockShape> residuals_;
   std::vector<int> slots_;
 };

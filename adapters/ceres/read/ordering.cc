@@ -8,6 +8,8 @@ namespace inceres::internal {
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view) {
   OrderingView result;
+  result.numbers_frames = options.linear_solver_type == ceres::ITERATIVE_SCHUR &&
+                          IsByClusters(options.preconditioner_type);
   if (options.linear_solver_ordering == nullptr) {
     return result;
   }
@@ -28,6 +30,8 @@ OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemVi
     if (num_left > 0) {
       if (result.group_sizes.empty()) {
         result.first_group = std::move(blocks);
+      } else {
+        result.later_groups.insert(result.later_groups.end(), blocks.begin(), blocks.end());
       }
       result.group_sizes.push_back(num_left);
     } else {

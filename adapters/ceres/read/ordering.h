@@ -17,7 +17,15 @@ struct OrderingView {
   bool first_group_emptied = false;  ///< removal emptied the lowest group
   std::vector<int> group_sizes;      ///< of the groups left, by increasing id
   std::vector<int> first_group;      ///< block indices of the lowest group left
+  std::vector<int> later_groups;     ///< those of the others, by increasing id, then by address
+  /// The order of frames matters: to preconditioners by clusters, in which it breaks ties.
+  bool numbers_frames = false;
 };
+
+/// Whether it keeps blocks of S within clusters of frames.
+inline bool IsByClusters(ceres::PreconditionerType type) {
+  return type == ceres::CLUSTER_JACOBI || type == ceres::CLUSTER_TRIDIAGONAL;
+}
 
 OrderingView ReadOrdering(const ceres::Solver::Options& options, const ProblemView& view);
 

@@ -14,10 +14,20 @@
 namespace inceres::internal {
 namespace {
 
+// A batch solve that ended before it evaluated anything: there is no memory for it, or options do
+// not go together. Ceres has no words for that.
+bool FailedToBegin(const UpdateSummary& update) {
+  return update.termination == Termination::kFailure && update.iterations.empty() &&
+         update.num_relinearized_factors == 0 && update.num_evaluated_factors == 0;
+}
+
 // In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the
 // Update's own are in SolveReport::update.
 std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
   const ceres::Solver::Options& options = input.options;
+  if (FailedToBegin(update)) {
+    return update.message;
+  }
   if (update.termination == Termination::kFailure) {
     const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
     return at_start ? "Initial residual and Jacobian evaluation failed."

@@ -57,11 +57,11 @@ class CeresSession::Impl {
   void SolveOnce(const internal::SolveCall& call);
 
   std::string ReasonForExact(const ceres::Solver::Options& solver_options);
-  bool IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
-                    const ceres::Solver::Summary& summary) const;
+  bool IsUnfinished(const internal::SolveInput& input, const IncrementalOptions& core,
+                    const SolveReport& report, const ceres::Solver::Summary& summary) const;
   bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
-                     const internal::StartValues& start, SolveReport* report,
-                     ceres::Solver::Summary* summary);
+                     const IncrementalOptions& core, const internal::StartValues& start,
+                     SolveReport* report, ceres::Solver::Summary* summary);
   // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values
   // that cannot be evaluated.
   enum class Part { kNone, kDone, kAborted };
@@ -97,6 +97,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     return;
   }
   internal::SolveInput input{solver_options, view, ordering, clock, callback};
+  input.asked = &solve_options;
   if (reason.empty()) {
     reason = ReasonForExact(solver_options);
   }
@@ -106,8 +107,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::IncrementalProblem> working = std::move(living);
-  IncrementalOptions core = internal::MapIncrementalOptions(solver_options, options.core);
-  internal::ChooseIterativeSolver(solver_options, view, ordering, internal::kMaxDirectSize, &core);
+  IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
   if (working == nullptr || core.num_threads != num_threads ||
       core.reduced_solver != reduced_solver) {
     const auto trust =
@@ -121,8 +121,8 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
-    solved = !IsUnfinished(input, *report, *summary) ||
-             FinishInBatch(*problem, input, start, report, summary);
+    solved = !IsUnfinished(input, core, *report, *summary) ||
+             FinishInBatch(*problem, input, core, start, report, summary);
   }
   if (solved) {
     start.Keep();
@@ -132,13 +132,14 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
 
 // Whether a solve has ended without convergence that is proven, though no limit of the user's asked
 // for it.
-bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input, const SolveReport& report,
+bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
+                                      const IncrementalOptions& core, const SolveReport& report,
                                       const ceres::Solver::Summary& summary) const {
   const bool has_ended =
       summary.termination_type == ceres::CONVERGENCE && !report.update.rests_on_refusals;
   return !has_ended && summary.IsSolutionUsable() &&
          summary.termination_type != ceres::USER_SUCCESS &&
-         !internal::IsIterative(input.options.linear_solver_type) &&
+         (core.batch_share < 1.0 || !internal::IsIterative(input.options.linear_solver_type)) &&
          static_cast<int>(summary.iterations.size()) <= input.options.max_num_iterations &&
          NumEvaluations(report.update) < options.core.max_factor_evaluations &&
          input.clock.Seconds() < input.options.max_solver_time_in_seconds;
@@ -151,6 +152,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
                                                          int max_iterations, SolveReport* report,
                                                          ceres::Solver::Summary* summary) {
   internal::SolveInput again{input.options, view, input.ordering, input.clock};
+  again.asked = input.asked;
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
   if (!internal::ChoosePlan(internal::TypeToPlanIncrementally(input.options, input.ordering),
                             &again)
@@ -161,12 +163,12 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   ceres::Solver::Summary first;
   std::swap(first, *summary);
   const SolveReport before = *report;
-  IncrementalOptions core = internal::MapIncrementalOptions(input.options, options.core);
-  core.max_num_iterations = max_iterations;
-  core.max_factor_evaluations -= NumEvaluations(before.update);
-  core.batch_share = std::min(core.batch_share, 0.5);
-  core.batch_strategy = strategy;
-  internal::SolveIncrementally(again, core, nullptr, summary, report);
+  IncrementalOptions of_batch = internal::IncrementalOptionsFor(again, options.core);
+  of_batch.max_num_iterations = max_iterations;
+  of_batch.max_factor_evaluations -= NumEvaluations(before.update);
+  of_batch.batch_share = std::min(of_batch.batch_share, 0.5);
+  of_batch.batch_strategy = strategy;
+  internal::SolveIncrementally(again, of_batch, nullptr, summary, report);
   // What was reached stays, unless it is found to have no cost: what is remembered of it is then
   // out of date.
   if (summary->termination_type == ceres::FAILURE && !summary->iterations.empty()) {
@@ -192,6 +194,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
 // lower of both ends counts. False after an abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::SolveInput& input,
+                                       const IncrementalOptions& core,
                                        const internal::StartValues& start, SolveReport* report,
                                        ceres::Solver::Summary* summary) {
   const auto iterations_left = [&] {
@@ -201,7 +204,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
   Part part = GoOnInBatch(input, kGoOn, share, report, summary);
-  if (part != Part::kDone || !IsUnfinished(input, *report, *summary)) {
+  if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
     return part != Part::kAborted;
   }
   const ceres::TerminationType termination = summary->termination_type;
@@ -210,9 +213,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
   start.PutBack();
   Look(problem);
-  const TrustRegionStrategyKind strategy =
-      internal::MapIncrementalOptions(input.options, options.core).batch_strategy;
-  part = GoOnInBatch(input, strategy, iterations_left(), report, summary);
+  part = GoOnInBatch(input, core.batch_strategy, iterations_left(), report, summary);
   if (part == Part::kAborted) {
     return false;
   }
@@ -229,14 +230,14 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   summary->termination_type = termination;
   summary->message = message;
   if (termination == ceres::CONVERGENCE || part == Part::kNone ||
-      !IsUnfinished(input, *report, *summary)) {
+      !IsUnfinished(input, core, *report, *summary)) {
     return true;
   }
   Look(problem);
   return GoOnInBatch(input, kGoOn, iterations_left(), report, summary) != Part::kAborted;
 }
 
-// Empty: the solve is to be incremental. Exact mode has no iterative solver.
+// Empty: the solve is to be incremental.
 std::string CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& solver_options) {
   if (internal::IsIterative(solver_options.linear_solver_type)) {
     return "";

@@ -100,7 +100,9 @@ enum class ReducedSolverKind {
   /// is nothing to gain where forming S costs more than factoring it. In an IncrementalSolver with
   /// blocks as preconditioner, from the last solution (ICE-BA).
   kPcg,
-  /// as kAutomatic, or kPcg where that is predicted to take less: batch solves only
+  /// As kAutomatic, or where that is predicted to take less kPcg or, of a graph with landmarks
+  /// under LinearModelKind::kAutomatic, conjugate gradients as those of kIterativeSchur, with
+  /// kSchurJacobi or kTwoLevel and S formed or not: batch solves only. Source: docs/large.md.
   kAutomaticInexact,
 };
 

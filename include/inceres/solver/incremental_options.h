@@ -77,6 +77,13 @@ struct INCERES_EXPORT IncrementalOptions {
   double batch_share = 0.5;
   /// of the batch solver
   TrustRegionStrategyKind batch_strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
+  /// Of the batch solver, as SolverOptions::linear_model, reduced_solver, conjugate_gradients and
+  /// max_memory_bytes: where it is to take conjugate gradients, and how much it may take. (What the
+  /// incremental solver keeps does not count.)
+  LinearModelKind batch_linear_model = LinearModelKind::kAutomatic;
+  ReducedSolverKind batch_reduced_solver = ReducedSolverKind::kAutomatic;  ///< see there
+  ConjugateGradientsOptions batch_conjugate_gradients;                     ///< see there
+  std::int64_t batch_max_memory_bytes = 0;                                 ///< see there
   /// ≥ 1: of evaluation and of large factorizations; the result is the same to the last bit
   int num_threads = 1;
 

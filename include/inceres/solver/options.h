@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <vector>
 
 #include "inceres/export.h"
 #include "inceres/linear/reduced_solver.h"
@@ -10,6 +12,7 @@
 namespace inceres {
 
 class SolveObserver;
+struct FactorId;
 
 /// How a step is chosen, and how far it may go.
 enum class TrustRegionStrategyKind {
@@ -29,9 +32,11 @@ INCERES_EXPORT const char* ToString(TrustRegionStrategyKind kind);
 
 /// Which linear system a step solves.
 enum class LinearModelKind {
-  kAutomatic,  ///< kSchur if the graph has landmarks, else kPlain
-  kSchur,      ///< landmarks eliminated block by block, reduced system S δ_c = b
-  kPlain,      ///< landmarks treated as frames: S = H (pose graphs, curve fitting)
+  /// kSchur if the graph has landmarks, else kPlain; kIterativeSchur where
+  /// ReducedSolverKind::kAutomaticInexact predicts that to take less
+  kAutomatic,
+  kSchur,  ///< landmarks eliminated block by block, reduced system S δ_c = b
+  kPlain,  ///< landmarks treated as frames: S = H (pose graphs, curve fitting)
   /// Householder QR of the stacked, scaled Jacobian: does not square the condition number; small
   /// problems only
   kDenseQr,
@@ -65,6 +70,9 @@ enum class PreconditionerKind {
   kClusterJacobi,
   /// and between clusters that follow each other along paths
   kClusterTridiagonal,
+  /// Σ JᵀJ over ConjugateGradientsOptions::subset and Λ, factored sparse: for kIterativePlain where
+  /// some of the factors, the odometry of a pose graph say, hold the rest together.
+  kSubset,
 };
 
 /// How frames are clustered by what they see.
@@ -92,6 +100,8 @@ struct INCERES_EXPORT ConjugateGradientsOptions {
   bool explicit_schur_complement = false;
   /// of kClusterJacobi and kClusterTridiagonal
   VisibilityClusteringKind visibility_clustering = VisibilityClusteringKind::kCanonicalViews;
+  /// of kSubset, which needs it: factors of the graph, each once; another list is another structure
+  std::shared_ptr<const std::vector<FactorId>> subset;
 
   /// Whether all is the same.
   friend bool operator==(const ConjugateGradientsOptions& a, const ConjugateGradientsOptions& b) {
@@ -99,7 +109,7 @@ struct INCERES_EXPORT ConjugateGradientsOptions {
            a.eta_follows_gradient == b.eta_follows_gradient &&
            a.min_iterations == b.min_iterations && a.max_iterations == b.max_iterations &&
            a.explicit_schur_complement == b.explicit_schur_complement &&
-           a.visibility_clustering == b.visibility_clustering;
+           a.visibility_clustering == b.visibility_clustering && a.subset == b.subset;
   }
 };
 
@@ -123,7 +133,9 @@ struct INCERES_EXPORT SolverOptions {
   /// If set, makes the solver for S δ_c = b instead of a built-in one.
   ReducedSolverFactory reduced_solver_factory;
 
-  /// of linear_model kIterativeSchur and kIterativePlain, which use no reduced solver
+  /// Of linear_model kIterativeSchur and kIterativePlain, which use no reduced solver. Where
+  /// reduced_solver kAutomaticInexact takes such steps it chooses preconditioner and
+  /// explicit_schur_complement; landmarks then follow every step.
   ConjugateGradientsOptions conjugate_gradients;
 
   /// Find the blocks of the Jacobian that are all zeros at each linearization, and leave them out

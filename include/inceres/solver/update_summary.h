@@ -66,6 +66,7 @@ struct INCERES_EXPORT UpdateSummary {
   Termination termination = Termination::kFailure;  ///< how it ended
   std::string message;                              ///< why; of a failure with the culprit
   std::string failed_step;                          ///< as in Summary
+  std::string batch_solver;  ///< Summary::reduced_solver of the batch solver; empty: it had no part
   /// The batch solver's own rules ended it, as Ceres's would: `message` is in Ceres's words.
   bool ended_by_batch_rule = false;
   /// Convergence was concluded from refused steps alone: undamped, the model promised more than the

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,13 +44,26 @@ struct INCERES_EXPORT SolveOptions {
   /// solved exactly.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 
+  /// Of incremental mode: how the batch solver, which takes what is new for the most part, solves
+  /// for steps, whatever linear_solver_type says: by conjugate gradients as
+  /// LinearModelKind::kIterativeSchur. Not with Dog-Leg. Empty: as linear_solver_type says, where
+  /// ITERATIVE_SCHUR on more than 8,192 unknowns means whichever is predicted to take least of a
+  /// factor and conjugate gradients with blocks or two levels, with Ceres's eta and limits and
+  /// eta_follows_gradient. Source: docs/large.md.
+  std::optional<ConjugateGradientsOptions> conjugate_gradients;
+
+  /// SolverOptions::max_memory_bytes of the core: bytes that a solve may take beside the graph that
+  /// is made of the problem, ≥ 0; 0: what is left. One that takes more ends with FAILURE and the
+  /// figures, everything as it was. Of incremental mode that of the batch solver.
+  std::int64_t max_memory_bytes = 0;
+
   /// CeresSession only: since its last solve, which was of this problem, nothing was added,
   /// removed, or made constant or variable, and no manifold or bound was set. The session then does
   /// not look through the problem again; values may differ.
   bool problem_unedited = false;
 
   /// That of the cross-check. Solve does not need it: a cross-check with invalid options is named
-  /// in the log and left out.
+  /// in the log and left out; other options that are invalid end a solve with FAILURE.
   Status Validate() const { return cross_check.Validate(); }
 };
 

@@ -1,0 +1,141 @@
+#include "schur/scene_shape.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kSampledRows = 64;
+
+}  // namespace
+
+SceneShape::SceneShape(const Evaluator& evaluator, const LandmarkIncidences& incidences)
+    : layout_(evaluator.layout()),
+      incidences_(incidences),
+      is_shared_(FindSharedFrames(evaluator)),
+      companions_(evaluator, is_shared_) {
+  for (const LandmarkFactors& factors : incidences.factors) {
+    double numbers = 2.0 * factors.residual_size;
+    for (int s = 0; s < factors.num_slots; ++s) {
+      const double passes = s == factors.landmark_slot ? 1.0 : 2.0;
+      numbers += passes * static_cast<double>(factors.jacobians[s].factor_stride);
+    }
+    numbers_read_ += factors.count * numbers;
+  }
+  const double frame_size = size() / std::max(1.0, num_frames());
+  for (int l = 0; l < incidences.num_landmarks(); ++l) {
+    const double count = incidences.begin[l + 1] - incidences.begin[l];
+    num_products_ += 0.5 * count * (count + 1.0);
+    product_flops_ += count * (count + 1.0) * incidences.sizes[l] * frame_size * frame_size;
+  }
+}
+
+// visit(frame), as often as there are landmarks and factors that couple the two.
+template <typename Visit>
+void SceneShape::ForEachCoupled(int frame, const Visit& visit) const {
+  for (int k = incidences_.frame_begin[frame]; k < incidences_.frame_begin[frame + 1]; ++k) {
+    const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
+    std::for_each(incidences_.frames.begin() + incidences_.begin[l],
+                  incidences_.frames.begin() + incidences_.begin[l + 1], visit);
+  }
+  std::for_each(companions_.frames.begin() + companions_.begin[frame],
+                companions_.frames.begin() + companions_.begin[frame + 1], visit);
+}
+
+SceneShape::Sample SceneShape::TakeSample() const {
+  const int num_frames = layout_.num_frames;
+  const int num_rows = std::min(num_frames, kSampledRows);
+  std::vector<int> seen_by(num_frames, -1), seen_in(num_frames, -1);
+  double found = 0.0, products = 0.0, writes = 0.0;
+  int visit = 0;  // of a row by a chunk
+  for (int i = 0; i < num_rows; ++i) {
+    const int row = static_cast<int>(static_cast<std::int64_t>(i) * num_frames / num_rows);
+    ForEachCoupled(
+        row, [&](int other) { found += std::exchange(seen_by[other], row) != row ? 1.0 : 0.0; });
+    int chunk = -1;
+    for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
+      const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
+      visit += std::exchange(chunk, incidences_.ChunkOf(l)) != chunk ? 1 : 0;
+      for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
+        writes += std::exchange(seen_in[incidences_.frames[q]], visit) != visit ? 1.0 : 0.0;
+      }
+      products += incidences_.begin[l + 1] - incidences_.begin[l];
+    }
+  }
+  return {found / std::max(1.0, static_cast<double>(num_rows) * num_frames),
+          writes / std::max(1.0, products)};
+}
+
+BlockPattern SceneShape::Pattern() const {
+  BlockPattern pattern;
+  pattern.offsets.assign(layout_.packed_offset.begin(),
+                         layout_.packed_offset.begin() + layout_.num_frames + 1);
+  pattern.row_begin.push_back(0);
+  pattern.value_begin.push_back(0);
+  std::vector<int> seen_by(layout_.num_frames, -1);
+  for (int row = 0; row < layout_.num_frames; ++row) {
+    const auto first = static_cast<std::ptrdiff_t>(pattern.columns.size());
+    pattern.columns.push_back(row);
+    seen_by[row] = row;
+    ForEachCoupled(row, [&](int other) {
+      if (other < row && std::exchange(seen_by[other], row) != row) {
+        pattern.columns.push_back(other);
+      }
+    });
+    std::sort(pattern.columns.begin() + first, pattern.columns.end());
+    for (auto k = first; k < static_cast<std::ptrdiff_t>(pattern.columns.size()); ++k) {
+      pattern.value_begin.push_back(pattern.value_begin.back() +
+                                    static_cast<std::int64_t>(pattern.block_size(row)) *
+                                        pattern.block_size(pattern.columns[k]));
+    }
+    pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+  }
+  return pattern;
+}
+
+// Breadth first; the last of `reached` is as far away as any, and so far is what is returned.
+int SceneShape::GoFrom(int frame, Walk* walk) const {
+  ++walk->count;
+  walk->reached.assign(1, frame);
+  walk->level[frame] = 0;
+  for (std::size_t next = 0; next < walk->reached.size(); ++next) {
+    const int at = walk->reached[next];
+    const auto reach = [&](int other) {
+      if (is_shared_[other] == 0 && walk->level[other] < 0) {
+        walk->level[other] = walk->level[at] + 1;
+        walk->reached.push_back(other);
+      }
+    };
+    for (int k = incidences_.frame_begin[at]; k < incidences_.frame_begin[at + 1]; ++k) {
+      const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
+      if (std::exchange(walk->spent_in[l], walk->count) != walk->count) {
+        std::for_each(incidences_.frames.begin() + incidences_.begin[l],
+                      incidences_.frames.begin() + incidences_.begin[l + 1], reach);
+      }
+    }
+    std::for_each(companions_.frames.begin() + companions_.begin[at],
+                  companions_.frames.begin() + companions_.begin[at + 1], reach);
+  }
+  return walk->level[walk->reached.back()];
+}
+
+int SceneShape::Length() const {
+  Walk walk;
+  walk.level.assign(layout_.num_frames, -1);
+  walk.spent_in.assign(incidences_.num_landmarks(), 0);
+  int length = 0;
+  for (int frame = 0; frame < layout_.num_frames; ++frame) {
+    if (is_shared_[frame] == 0 && walk.level[frame] < 0) {
+      GoFrom(frame, &walk);
+      const int far_end = walk.reached.back();
+      for (const int seen : walk.reached) {
+        walk.level[seen] = -1;
+      }
+      length = std::max(length, GoFrom(far_end, &walk));
+    }
+  }
+  return length;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,148 @@
+#include "trust_region/step_way.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "linear/reduced_prediction.h"
+#include "schur/scene_shape.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// All in flops of the dense Cholesky that take as long, in processor time of one thread, from steps
+// in cities of 300 and 1,000 cameras with streets of 16 and 64 m, a path of 400, and 300 and 1,000
+// photos.
+
+// A number of the Jacobians, or of S, that a product reads; a flop of what forms S.
+constexpr double kPerNumberRead = 25.0;
+constexpr double kPerEntryOfS = 55.0;
+constexpr double kPerFormingFlop = 2.5;
+constexpr double kPerNumberWritten = 170.0;  // read before, of the blocks that a chunk adds to
+// Iterations of a step, on the way to convergence and near it. Blocks: so many for each step from
+// end to end of the scene (8 to 12 on the way, twice as many near the end). Two levels: about as
+// many wherever it was tried, and each takes so much longer.
+constexpr double kIterationsPerLength = 15.0;
+constexpr double kFewestIterations = 5.0;
+constexpr double kTwoLevelIterations = 12.0;
+constexpr double kTwoLevelPenalty = 1.6;
+// To make two levels: modes for each number of the Jacobians; the fine and the coarse part for each
+// of them, and for each flop of what would form S; or for each entry of S.
+constexpr double kModesPerNumber = 300.0;
+constexpr double kLevelsPerNumber = 270.0;
+constexpr double kLevelsPerFormingFlop = 5.0;
+constexpr double kLevelsPerEntryOfS = 400.0;
+constexpr double kBytesPerProduct = 8.0;
+// A factor may take so many times as long: its steps are exact, and fewer.
+constexpr double kFactorPremium = 1.3;
+
+// S is stored twice, without damping and factored in place or beside it.
+double BytesOfS(double entries, const SceneShape& scene) {
+  return 2.0 * sizeof(double) * entries + kBytesPerProduct * scene.num_products();
+}
+
+class Prediction {
+ public:
+  explicit Prediction(const Evaluator& evaluator)
+      : evaluator_(evaluator), incidences_(evaluator), scene_(evaluator, incidences_) {}
+
+  StepCosts Run() {
+    const SceneShape::Sample sample = scene_.TakeSample();
+    const double frame_size = scene_.size() / std::max(1.0, scene_.num_frames());
+    fill_ = sample.fill;
+    const double entries = 0.5 * fill_ * scene_.size() * (scene_.size() + 1.0);
+    const double blocks = kFewestIterations + kIterationsPerLength * scene_.Length();
+    const double numbers = scene_.numbers_read();
+    const double modes = kModesPerNumber * numbers;
+    const double two_levels = kTwoLevelPenalty * kTwoLevelIterations;
+    forming_ = kPerFormingFlop * scene_.product_flops() +
+               kPerNumberWritten * sample.writes_per_product * scene_.num_products() * frame_size *
+                   frame_size;
+    StepCosts costs;
+    costs.of.fill(kInfinity);
+    costs[StepWay::kBlocks] = blocks * kPerNumberRead * numbers;
+    costs[StepWay::kTwoLevel] = modes + kLevelsPerNumber * numbers +
+                                kLevelsPerFormingFlop * scene_.product_flops() +
+                                two_levels * kPerNumberRead * numbers;
+    if (HasRoomFor(BytesOfS(entries, scene_))) {
+      costs[StepWay::kBlocksOnS] = forming_ + blocks * kPerEntryOfS * entries;
+      costs[StepWay::kTwoLevelOnS] =
+          forming_ + modes + (kLevelsPerEntryOfS + two_levels * kPerEntryOfS) * entries;
+      costs[StepWay::kFactor] = Factor(*std::min_element(costs.of.begin(), costs.of.end()));
+    }
+    return costs;
+  }
+
+ private:
+  bool HasRoomFor(double bytes) const {
+    return evaluator_.HasRoomFor(static_cast<std::int64_t>(bytes));
+  }
+
+  // Columns of a factor are at least as long as those of S: where that is dearer than the best of
+  // the others, nobody needs to know how much.
+  double Factor(double best) const {
+    const double size = scene_.size();
+    const double at_least = forming_ + 0.25 * fill_ * fill_ * size * size * size;
+    if (at_least > kFactorPremium * best) {
+      return at_least;
+    }
+    ReducedPrediction prediction = PredictFullSystem(size);
+    if (!IsSolvedDensely(size, fill_) &&
+        !PredictReducedSolver(scene_.Pattern(), &prediction).ok()) {
+      return kInfinity;
+    }
+    return HasRoomFor(prediction.bytes + kBytesPerProduct * scene_.num_products())
+               ? forming_ + prediction.cost
+               : kInfinity;
+  }
+
+  const Evaluator& evaluator_;
+  const LandmarkIncidences incidences_;
+  const SceneShape scene_;
+  double fill_ = 0.0;
+  double forming_ = 0.0;  // S
+};
+
+// Whether even a full S is factored in the time of a few products.
+bool IsSmall(const Evaluator& evaluator) {
+  double numbers = 0.0;
+  for (const Linearization& cache : evaluator.families()) {
+    for (const SlotJacobians& slot : cache.slots) {
+      numbers += static_cast<double>(cache.num_factors) * static_cast<double>(slot.factor_stride);
+    }
+  }
+  return PredictFullSystem(evaluator.layout().frame_size()).cost <=
+         kFewestIterations * kPerNumberRead * numbers;
+}
+
+}  // namespace
+
+StepWay StepCosts::Cheapest() const {
+  const auto best = std::min_element(of.begin(), of.end());
+  return (*this)[StepWay::kFactor] <= kFactorPremium * *best
+             ? StepWay::kFactor
+             : static_cast<StepWay>(best - of.begin());
+}
+
+StepCosts PredictSteps(const Evaluator& evaluator) {
+  StepCosts costs;
+  if (IsSmall(evaluator)) {
+    costs.of.fill(kInfinity);
+    costs[StepWay::kFactor] = PredictFullSystem(evaluator.layout().frame_size()).cost;
+    return costs;
+  }
+  return Prediction(evaluator).Run();
+}
+
+ConjugateGradientsOptions OptionsOf(StepWay way, const ConjugateGradientsOptions& options) {
+  ConjugateGradientsOptions result = options;
+  const bool two_level = way == StepWay::kTwoLevel || way == StepWay::kTwoLevelOnS;
+  result.preconditioner =
+      two_level ? PreconditionerKind::kTwoLevel : PreconditionerKind::kSchurJacobi;
+  result.explicit_schur_complement = way == StepWay::kBlocksOnS || way == StepWay::kTwoLevelOnS;
+  return result;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,160 @@
+#include "trust_region/subset_preconditioner.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr int kRowTask = 64;
+
+bool AreThere(const FactorGraph& graph, const std::vector<FactorId>& subset) {
+  return std::all_of(subset.begin(), subset.end(), [&](const FactorId& id) {
+    return id.family >= 0 && id.family < graph.num_families() && id.index >= 0 &&
+           id.index < graph.NumFactors(id.family) && graph.HasFactor(id.family, id.index);
+  });
+}
+
+}  // namespace
+
+SubsetPreconditioner::SubsetPreconditioner(const Evaluator& evaluator,
+                                           const std::vector<FactorId>& subset, Status* status)
+    : evaluator_(evaluator), factor_(evaluator.executor()) {
+  if (!AreThere(evaluator.graph(), subset)) {
+    *status = Status::Error(StatusCode::kInvalidArgument,
+                            "conjugate_gradients.subset names a factor that is not there");
+    return;
+  }
+  CollectTerms(subset);
+  BuildPattern();
+  values_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
+  packed_r_.resize(static_cast<std::size_t>(pattern_.size()));
+  packed_z_.resize(static_cast<std::size_t>(pattern_.size()));
+  *status = factor_.Analyze(ReducedMatrix(pattern_, nullptr, nullptr));
+}
+
+int SubsetPreconditioner::FrameThrough(const Linearization& cache, int factor, int slot) const {
+  return evaluator_.layout().FrameOf(
+      evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot]);
+}
+
+void SubsetPreconditioner::CollectTerms(const std::vector<FactorId>& subset) {
+  const auto for_each_term = [&](const auto& visit) {
+    for (const FactorId& id : subset) {
+      const Linearization& cache = evaluator_.families()[id.family];
+      for (int s = 0; s < cache.num_slots; ++s) {
+        const int frame = FrameThrough(cache, id.index, s);
+        if (frame >= 0) {
+          visit(frame, Term{id.family, id.index, s});
+        }
+      }
+    }
+  };
+  terms_begin_.assign(evaluator_.layout().num_frames + 1, 0);
+  for_each_term([&](int frame, const Term&) { ++terms_begin_[frame + 1]; });
+  std::partial_sum(terms_begin_.begin(), terms_begin_.end(), terms_begin_.begin());
+  terms_.resize(terms_begin_.back());
+  std::vector<int> next(terms_begin_.begin(), terms_begin_.end() - 1);
+  for_each_term([&](int frame, const Term& term) { terms_[next[frame]++] = term; });
+}
+
+void SubsetPreconditioner::BuildPattern() {
+  const Layout& layout = evaluator_.layout();
+  pattern_.offsets.assign(layout.packed_offset.begin(),
+                          layout.packed_offset.begin() + layout.num_frames + 1);
+  pattern_.row_begin.push_back(0);
+  pattern_.value_begin.push_back(0);
+  std::vector<int> columns;
+  for (int row = 0; row < layout.num_frames; ++row) {
+    columns.assign(1, row);
+    for (int k = terms_begin_[row]; k < terms_begin_[row + 1]; ++k) {
+      const Linearization& cache = evaluator_.families()[terms_[k].family];
+      for (int s = 0; s < cache.num_slots; ++s) {
+        const int other = FrameThrough(cache, terms_[k].factor, s);
+        if (other >= 0 && other < row) {
+          columns.push_back(other);
+        }
+      }
+    }
+    std::sort(columns.begin(), columns.end());
+    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+    for (const int column : columns) {
+      pattern_.columns.push_back(column);
+      pattern_.value_begin.push_back(pattern_.value_begin.back() +
+                                     static_cast<std::int64_t>(pattern_.block_size(row)) *
+                                         pattern_.block_size(column));
+    }
+    pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
+  }
+}
+
+// J_rowᵀ J of the factor, as far as it is in the lower triangle.
+void SubsetPreconditioner::AddTerm(const Term& term, int row) {
+  const Linearization& cache = evaluator_.families()[term.family];
+  const SlotJacobians& of_row = cache.slots[term.slot];
+  const double* const J_r = of_row.data + term.factor * of_row.factor_stride;
+  for (int s = 0; s < cache.num_slots; ++s) {
+    const int column = FrameThrough(cache, term.factor, s);
+    if (column < 0 || column > row) {
+      continue;
+    }
+    const auto first = pattern_.columns.begin() + pattern_.row_begin[row];
+    const auto last = pattern_.columns.begin() + pattern_.row_begin[row + 1];
+    const auto block = std::lower_bound(first, last, column) - pattern_.columns.begin();
+    double* const out = values_.data() + pattern_.value_begin[block];
+    const SlotJacobians& of_column = cache.slots[s];
+    const double* const J_c = of_column.data + term.factor * of_column.factor_stride;
+    for (int r = 0; r < cache.residual_size; ++r) {
+      for (int i = 0; i < of_row.columns; ++i) {
+        const double a = J_r[r * of_row.row_stride + i];
+        for (int j = 0; j < of_column.columns; ++j) {
+          out[i * of_column.columns + j] += a * J_c[r * of_column.row_stride + j];
+        }
+      }
+    }
+  }
+}
+
+void SubsetPreconditioner::Refresh() {
+  std::fill(values_.begin(), values_.end(), 0.0);
+  evaluator_.executor().For(pattern_.num_blocks(), kRowTask, [this](int begin, int end) {
+    for (int row = begin; row < end; ++row) {
+      for (int k = terms_begin_[row]; k < terms_begin_[row + 1]; ++k) {
+        AddTerm(terms_[k], row);
+      }
+    }
+  });
+}
+
+Status SubsetPreconditioner::Prepare(const double* damping) {
+  return factor_.Factorize(ReducedMatrix(pattern_, values_.data(), damping), {});
+}
+
+void SubsetPreconditioner::Apply(const double* r, double* z) {
+  const auto for_each_frame = [&](const auto& visit) {
+    int padded = 0;
+    for (int i = 0; i < pattern_.num_blocks(); ++i) {
+      visit(pattern_.offsets[i], padded, pattern_.block_size(i));
+      padded += PadToQuad(pattern_.block_size(i));
+    }
+  };
+  for_each_frame([&](int packed, int padded, int size) {
+    std::copy_n(r + padded, size, packed_r_.data() + packed);
+  });
+  // Factorize has succeeded: there is nothing left to fail.
+  static_cast<void>(factor_.Solve(packed_r_.data(), {}, {}, packed_z_.data()));
+  for_each_frame([&](int packed, int padded, int size) {
+    std::fill(std::copy_n(packed_z_.data() + packed, size, z + padded),
+              z + padded + PadToQuad(size), 0.0);
+  });
+}
+
+std::int64_t SubsetPreconditioner::Bytes() const {
+  return static_cast<std::int64_t>(factor_.Bytes() + terms_.size() * sizeof(Term) +
+                                   (values_.size() + packed_r_.size() + packed_z_.size()) *
+                                       sizeof(double));
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,366 @@
+// Two levels on a ceres::Problem, whose blocks are opaque: along streets of cameras in every form
+// that a preconditioner may stumble over. In incremental mode, by SolveOptions::conjugate_gradients
+// or where ITERATIVE_SCHUR stands for what is predicted to take least.
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <ceres/rotation.h>
+#include <gtest/gtest.h>
+
+#include "adapters/test_problems.h"
+#include "inceres/ceres/session.h"
+#include "inceres/ceres/solve.h"
+#include "support/ceres_manifolds.h"
+#include "support/random_values.h"
+
+namespace inceres {
+namespace {
+
+using testing::TestProblem;
+
+enum class Points { kEuclidean, kInverseDepth, kHomogeneous };
+
+struct Street {
+  const char* name;
+  Points points = Points::kEuclidean;
+  bool split = false;         // rotation, translation and focal length in blocks of their own
+  bool shared_focal = false;  // one for all, with `split`
+  bool held = false;          // the first camera
+  bool priors = false;        // on every tenth camera, with `split`
+  int num_cameras = 60;
+};
+
+constexpr double kFocal = 100.0;
+constexpr int kNumViews = 4;
+constexpr int kPointsPerCamera = 12;
+
+template <typename T>
+void Project(const T* rotation, const T* translation, const T* focal, const T* point,
+             const double* pixel, T* residuals) {
+  T x[3];
+  ceres::AngleAxisRotatePoint(rotation, point, x);
+  for (int k = 0; k < 3; ++k) {
+    x[k] = x[k] + translation[k];
+  }
+  for (int k = 0; k < 2; ++k) {
+    residuals[k] = focal[0] * x[k] / x[2] - pixel[k];
+  }
+}
+
+struct SplitView {
+  template <typename T>
+  bool operator()(const T* rotation, const T* translation, const T* focal, const T* point,
+                  T* residuals) const {
+    Project(rotation, translation, focal, point, pixel, residuals);
+    return true;
+  }
+  double pixel[2];
+};
+
+struct WholeView {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    Project(camera, camera + 3, camera + 6, point, pixel, residuals);
+    return true;
+  }
+  double pixel[2];
+};
+
+// The point is (x, y, z, w) on a sphere.
+struct HomogeneousView {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    T x[3];
+    ceres::AngleAxisRotatePoint(camera, point, x);
+    for (int k = 0; k < 3; ++k) {
+      x[k] = x[k] + point[3] * camera[3 + k];
+    }
+    for (int k = 0; k < 2; ++k) {
+      residuals[k] = camera[6] * x[k] / x[2] - pixel[k];
+    }
+    return true;
+  }
+  double pixel[2];
+};
+
+// Along a ray of the host, at 1 / depth.
+struct HostedView {
+  template <typename T>
+  bool operator()(const T* host, const T* camera, const T* inverse_depth, T* residuals) const {
+    const T back[3] = {-host[0], -host[1], -host[2]};
+    const T seen[3] = {ray[0] / inverse_depth[0] - host[3], ray[1] / inverse_depth[0] - host[4],
+                       1.0 / inverse_depth[0] - host[5]};
+    T point[3];
+    ceres::AngleAxisRotatePoint(back, seen, point);
+    return WholeView{{pixel[0], pixel[1]}}(camera, point, residuals);
+  }
+  double ray[2], pixel[2];
+};
+
+struct TranslationPrior {
+  template <typename T>
+  bool operator()(const T* translation, T* residuals) const {
+    for (int k = 0; k < 3; ++k) {
+      residuals[k] = 2.0 * (translation[k] - at[k]);
+    }
+    return true;
+  }
+  double at[3];
+};
+
+class Builder {
+ public:
+  explicit Builder(const Street& street) : street_(street) {}
+
+  std::unique_ptr<TestProblem> Build() {
+    for (int i = 0; i < street_.num_cameras; ++i) {
+      AddCamera(i);
+    }
+    for (int i = 0; i + kNumViews <= street_.num_cameras; ++i) {
+      for (int k = 0; k < kPointsPerCamera; ++k) {
+        AddPoint(i);
+      }
+    }
+    if (street_.held) {
+      for (double* block : cameras_.front()) {
+        if (!street_.shared_focal || block != cameras_.back().back()) {
+          problem().SetParameterBlockConstant(block);
+        }
+      }
+    }
+    return std::move(test_);
+  }
+
+ private:
+  ceres::Problem& problem() { return test_->problem; }
+
+  void AddCamera(int i) {
+    for (double& offset : offset_) {
+      offset += random_.Between(-0.002, 0.002);
+    }
+    const std::vector<double> rotation{0.2 * offset_[0], 0.2 * offset_[1], 0.2 * offset_[2]};
+    const std::vector<double> translation{offset_[3] - i, offset_[4], offset_[5]};
+    if (!street_.split) {
+      cameras_.push_back({test_->Add({rotation[0], rotation[1], rotation[2], translation[0],
+                                      translation[1], translation[2], kFocal})});
+      return;
+    }
+    const bool own_focal = i == 0 || !street_.shared_focal;
+    double* const focal = own_focal ? test_->Add({kFocal}) : cameras_.back().back();
+    cameras_.push_back({test_->Add(rotation), test_->Add(translation), focal});
+    if (street_.priors && i % 10 == 0) {
+      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<TranslationPrior, 3, 3>(
+                                     new TranslationPrior{{-1.0 * i, 0.0, 0.0}}),
+                                 nullptr, cameras_.back()[1]);
+    }
+  }
+
+  double* AddPointBlock(const double* x, int host) {
+    if (street_.points == Points::kEuclidean) {
+      return test_->Add({x[0], x[1], x[2]});
+    }
+    if (street_.points == Points::kInverseDepth) {
+      return test_->Add({1.0 / (x[2] + random_.Between(-0.1, 0.1))});
+    }
+    (void)host;
+    const double norm = std::sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + 1.0);
+    double* const block = test_->Add({x[0] / norm, x[1] / norm, x[2] / norm, 1.0 / norm});
+    problem().AddParameterBlock(block, 4);
+    manifolds::Set(&problem(), block, new manifolds::SphereManifold<4>());
+    return block;
+  }
+
+  void AddPoint(int first) {
+    const double x[3] = {first + random_.Between(0.0, 3.0), random_.Between(-3.0, 3.0),
+                         random_.Between(4.0, 9.0)};
+    double* const point = AddPointBlock(x, first);
+    for (int i = first; i < first + kNumViews; ++i) {
+      const double pixel[2] = {kFocal * (x[0] - i) / x[2] + random_.Between(-0.5, 0.5),
+                               kFocal * x[1] / x[2] + random_.Between(-0.5, 0.5)};
+      AddView(i, first, x, pixel, point);
+    }
+  }
+
+  void AddView(int i, int first, const double* x, const double* pixel, double* point) {
+    const std::vector<double*>& camera = cameras_[static_cast<std::size_t>(i)];
+    if (street_.points == Points::kInverseDepth) {
+      if (i != first) {
+        problem().AddResidualBlock(
+            new ceres::AutoDiffCostFunction<HostedView, 2, 7, 7, 1>(
+                new HostedView{{(x[0] - first) / x[2], x[1] / x[2]}, {pixel[0], pixel[1]}}),
+            nullptr, cameras_[static_cast<std::size_t>(first)][0], camera[0], point);
+      }
+    } else if (street_.points == Points::kHomogeneous) {
+      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<HomogeneousView, 2, 7, 4>(
+                                     new HomogeneousView{{pixel[0], pixel[1]}}),
+                                 nullptr, camera[0], point);
+    } else if (street_.split) {
+      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<SplitView, 2, 3, 3, 1, 3>(
+                                     new SplitView{{pixel[0], pixel[1]}}),
+                                 nullptr, camera[0], camera[1], camera[2], point);
+    } else {
+      problem().AddResidualBlock(
+          new ceres::AutoDiffCostFunction<WholeView, 2, 7, 3>(new WholeView{{pixel[0], pixel[1]}}),
+          nullptr, camera[0], point);
+    }
+  }
+
+  const Street street_;
+  test::Random random_{7};
+  std::unique_ptr<TestProblem> test_ = std::make_unique<TestProblem>();
+  std::vector<std::vector<double*>> cameras_;
+  double offset_[6] = {};
+};
+
+ceres::Solver::Options Options(ceres::LinearSolverType type) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = type;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 30;
+  return options;
+}
+
+struct Solved {
+  ceres::Solver::Summary summary;
+  SolveReport report;
+};
+
+Solved SolveBy(PreconditionerKind preconditioner, const Street& street, int num_threads = 1) {
+  const auto test = Builder(street).Build();
+  SolveOptions asked;
+  asked.mode = SolveMode::kIncremental;
+  asked.strict = true;
+  asked.conjugate_gradients.emplace();
+  asked.conjugate_gradients->preconditioner = preconditioner;
+  asked.conjugate_gradients->eta = 1e-3;
+  asked.conjugate_gradients->max_iterations = 20000;
+  ceres::Solver::Options options = Options(ceres::SPARSE_SCHUR);
+  options.num_threads = num_threads;
+  Solved solved;
+  Solve(options, &test->problem, &solved.summary, asked, &solved.report);
+  return solved;
+}
+
+class TwoLevelOnProblems : public ::testing::TestWithParam<Street> {};
+
+TEST_P(TwoLevelOnProblems, EndsWhereAFactorizationDoesInFewIterations) {
+  const auto test = Builder(GetParam()).Build();
+  ceres::Solver::Options tight = Options(ceres::SPARSE_SCHUR);
+  tight.function_tolerance = 1e-12;
+  tight.max_num_iterations = 100;
+  ceres::Solver::Summary expected;
+  ceres::Solve(tight, &test->problem, &expected);
+  const Solved two = SolveBy(PreconditionerKind::kTwoLevel, GetParam());
+  // The last thousandths take many steps, of either.
+  EXPECT_NEAR(two.summary.final_cost, expected.final_cost, 3e-3 * expected.final_cost)
+      << two.summary.message;
+  EXPECT_NE(two.report.update.batch_solver.find("two-level"), std::string::npos)
+      << two.report.update.batch_solver;
+  EXPECT_GT(two.report.update.num_pcg_iterations, two.report.update.num_iterations);
+  const Solved blocks = SolveBy(PreconditionerKind::kSchurJacobi, GetParam());
+  const auto per_step = [](const Solved& solved) {
+    return static_cast<double>(solved.report.update.num_pcg_iterations) /
+           solved.report.update.num_batch_iterations;
+  };
+  // By gauge modes far fewer; without them constant columns serve.
+  const double share = GetParam().points == Points::kEuclidean ? 0.25 : 0.75;
+  EXPECT_LT(per_step(two), share * per_step(blocks));
+}
+
+TEST_P(TwoLevelOnProblems, HasTheSameBitsForTwoThreads) {
+  const Solved one = SolveBy(PreconditionerKind::kTwoLevel, GetParam());
+  const Solved two = SolveBy(PreconditionerKind::kTwoLevel, GetParam(), 2);
+  EXPECT_EQ(one.summary.final_cost, two.summary.final_cost);
+  EXPECT_EQ(one.report.update.num_pcg_iterations, two.report.update.num_pcg_iterations);
+}
+
+Street Kind(const char* name, Points points, bool split, bool shared_focal, bool held,
+            bool priors) {
+  return {name, points, split, shared_focal, held, priors};
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, TwoLevelOnProblems,
+    ::testing::Values(Kind("whole", Points::kEuclidean, false, false, false, false),
+                      Kind("first_held", Points::kEuclidean, false, false, true, false),
+                      Kind("split_and_priors", Points::kEuclidean, true, false, false, true),
+                      Kind("split_and_shared_focal", Points::kEuclidean, true, true, true, true),
+                      Kind("inverse_depth", Points::kInverseDepth, false, false, true, false),
+                      Kind("homogeneous", Points::kHomogeneous, false, false, false, false)),
+    [](const ::testing::TestParamInfo<Street>& kind) { return std::string(kind.param.name); });
+
+Street Long() {
+  Street street = Kind("long", Points::kEuclidean, false, false, false, false);
+  street.num_cameras = 250;
+  return street;
+}
+
+// S of a street is sparse, and its factor cheaper than any iteration; 10,600 unknowns in all.
+TEST(IterativeSchurInIncrementalMode, TakesWhatIsPredictedToTakeLeast) {
+  SolveOptions asked;
+  asked.mode = SolveMode::kIncremental;
+  asked.strict = true;
+  const auto test = Builder(Long()).Build();
+  Solved solved;
+  ceres::Solver::Options options = Options(ceres::ITERATIVE_SCHUR);
+  options.max_num_iterations = 5;
+  Solve(options, &test->problem, &solved.summary, asked, &solved.report);
+  EXPECT_TRUE(solved.summary.IsSolutionUsable()) << solved.summary.message;
+  EXPECT_LT(solved.summary.final_cost, 0.02 * solved.summary.initial_cost);
+  EXPECT_NE(solved.report.update.batch_solver.find("Cholesky"), std::string::npos)
+      << solved.report.update.batch_solver;
+  EXPECT_EQ(solved.summary.linear_solver_type_used, ceres::ITERATIVE_SCHUR);
+}
+
+TEST(IterativeSchurInIncrementalMode, ASessionGoesOnFromWhatTheBatchSolverLeft) {
+  const auto test = Builder(Long()).Build();
+  SessionOptions session_options;
+  session_options.exact_windows = false;
+  CeresSession session(session_options);
+  ceres::Solver::Options options = Options(ceres::ITERATIVE_SCHUR);
+  options.function_tolerance = 1e-2;
+  for (int round = 0; round < 2; ++round) {
+    Solved solved;
+    session.Solve(options, &test->problem, &solved.summary, SolveOptions(), &solved.report);
+    EXPECT_EQ(solved.summary.termination_type, ceres::CONVERGENCE) << solved.summary.message;
+    EXPECT_EQ(solved.report.update.num_batch_iterations > 0, round == 0);
+    test->blocks[5][3] += 0.001;
+  }
+}
+
+TEST(OptionsOfASolve, TooLittleMemoryIsRefusedInEitherMode) {
+  for (const SolveMode mode : {SolveMode::kExact, SolveMode::kIncremental}) {
+    const auto test = Builder(Kind("", Points::kEuclidean, false, false, false, false)).Build();
+    const std::vector<double> before = test->blocks[7];
+    SolveOptions asked;
+    asked.mode = mode;
+    asked.max_memory_bytes = 100000;
+    Solved solved;
+    Solve(Options(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked, &solved.report);
+    EXPECT_EQ(solved.summary.termination_type, ceres::FAILURE);
+    EXPECT_FALSE(solved.report.used_stock);
+    const std::string told = solved.summary.message + solved.report.core.detail;
+    EXPECT_NE(told.find("max_memory_bytes is"), std::string::npos) << told;
+    EXPECT_EQ(test->blocks[7], before);
+  }
+}
+
+TEST(OptionsOfASolve, ConjugateGradientsOfIncrementalModeAreNamedInExactMode) {
+  const auto test = Builder(Kind("", Points::kEuclidean, false, false, false, false)).Build();
+  SolveOptions asked;
+  asked.conjugate_gradients.emplace();
+  Solved solved;
+  Solve(Options(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked, &solved.report);
+  ASSERT_EQ(solved.report.options_without_effect.size(), 1U);
+  EXPECT_EQ(solved.report.options_without_effect[0], "SolveOptions::conjugate_gradients");
+  ceres::Solver::Options dogleg = Options(ceres::SPARSE_SCHUR);
+  dogleg.trust_region_strategy_type = ceres::DOGLEG;
+  asked.mode = SolveMode::kIncremental;
+  Solve(dogleg, &test->problem, &solved.summary, asked, &solved.report);
+  EXPECT_EQ(solved.summary.termination_type, ceres::FAILURE);
+}
+
+}  // namespace
+}  // namespace inceres
