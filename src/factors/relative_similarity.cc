@@ -78,14 +78,14 @@ Matrix7 DifferentiateSimilarity(const SimilarityError& e, int slot) {
 class LogOfError {
  public:
   LogOfError(const SimilarityError& e, double s_m)
-      : log_(e.r, e.lambda), turn_(e.R_m.transpose() / s_m), y_(log_.V_inverse() * (turn_ * e.u)) {}
+      : log_(e.r, e.lambda), turn_(e.R_m.transpose() / s_m), y_(log_.inverse() * (turn_ * e.u)) {}
 
   const Vector3d& y() const { return y_; }
   void Differentiate(Matrix7* J) const {
     const Eigen::Matrix<double, 3, 7> top = turn_ * J->topRows<3>() -
                                             log_.DerivativeByRotation(y_) * J->middleRows<3>(3) -
                                             log_.DerivativeByScale(y_) * J->row(6);
-    J->topRows<3>() = log_.V_inverse() * top;
+    J->topRows<3>() = log_.inverse() * top;
   }
 
  private:

@@ -27,7 +27,7 @@ class SimilarityLog {
   }
 
   /// V⁻¹: what makes a translation of it.
-  const Matrix3& V_inverse() const { return V_inverse_; }
+  const Matrix3& inverse() const { return V_inverse_; }
 
   /// ∂(V y)/∂r at a fixed y.
   Matrix3 DerivativeByRotation(const Vector3& y) const {
