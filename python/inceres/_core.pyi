@@ -79,6 +79,9 @@ class SE3Manifold(Manifold):
 class SE2Manifold(Manifold):
     def __init__(self) -> None: ...
 
+class SimilarityManifold(Manifold):
+    def __init__(self) -> None: ...
+
 class Family:
     @property
     def name(self) -> str: ...

@@ -8,6 +8,7 @@
 #include <pybind11/stl.h>
 
 #include "arrays.h"
+#include "inceres/problem/similarity_manifold.h"
 #include "module.h"
 
 namespace inceres::python {
@@ -114,6 +115,9 @@ void BindManifolds(py::module_& module) {
   BindPlain<LeftPoseManifold>(module, "LeftPoseManifold",
                               "Pose p (3), q (x, y, z, w): p + dp, Exp(phi) R.");
   BindPlain<SE3Manifold>(module, "SE3Manifold", "Pose p (3), q (x, y, z, w): T Exp(rho, phi).");
+  BindPlain<SimilarityManifold>(module, "SimilarityManifold",
+                                "Pose with a scale p (3), q (x, y, z, w), s: p + dp, R Exp(phi), "
+                                "s exp(sigma).");
   BindPlain<SE2Manifold>(module, "SE2Manifold", "Planar pose x, y, theta: T Exp(rho, omega).");
 }
 

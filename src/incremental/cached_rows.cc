@@ -3,23 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "linearize/robustify.h"
+
 namespace inceres::internal {
-namespace {
-
-// J := (I + m mᵀ) J, which takes back a correction.
-void AddAlong(const double* m, int rows, const SlotJacobians& slot, double* J) {
-  for (int c = 0; c < slot.columns; ++c) {
-    double along = 0.0;
-    for (int r = 0; r < rows; ++r) {
-      along += m[r] * J[r * slot.row_stride + c];
-    }
-    for (int r = 0; r < rows; ++r) {
-      J[r * slot.row_stride + c] += along * m[r];
-    }
-  }
-}
-
-}  // namespace
 
 bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
   if (ref.factor >= family.num_places() || !family.linearized(ref.factor) || system_.IsDirty(ref) ||
@@ -62,7 +48,8 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
       entry *= scale;
     }
     if (family.IsCorrected(id.index)) {
-      AddAlong(family.correction(id.index), family.residual_size(), cached, jacobians_[s].data());
+      TakeBackCorrection(family.correction(id.index), family.residual_size(), cached,
+                         jacobians_[s].data());
     }
     slots_[s].data = jacobians_[s].data();
   }

@@ -70,6 +70,7 @@ bool IncrementalMinimizer::Begin(bool mostly_new, const std::atomic<bool>& stop)
   active_.Clear();
   const bool begins = summary_->iterations.empty();  // or the batch solver has told of the start
   const bool new_frames_first = TakesNewFrameSteps();
+  LookAtReweighed();
   if (!(new_frames_first ? LinearizeDirty() : Relinearize())) {
     return false;
   }
@@ -129,6 +130,17 @@ bool IncrementalMinimizer::Relinearize() {
   system_.RedampAbove(tuning_.landmarks.outdated_damping * LandmarkDamping());
   RelinearizeWork work;
   return Count(system_.Relinearize(LandmarkDamping(), RuleOf(options_.rebuild), &work), work);
+}
+
+// Before anything is linearized: what has other weights only is not, unless its old linearization
+// errs too much for them.
+void IncrementalMinimizer::LookAtReweighed() {
+  const StageTimer timer(&summary_->linearize_seconds);
+  const std::vector<FactorRef>& reweighed = system_.Reweigh();
+  summary_->num_reweighed_factors += static_cast<int>(reweighed.size());
+  if (!reweighed.empty()) {
+    relinearization_.LookAt(reweighed, Tolerance());
+  }
 }
 
 bool IncrementalMinimizer::LinearizeDirty() {

@@ -67,6 +67,7 @@ class IncrementalMinimizer {
 
   bool Relinearize();
   bool LinearizeDirty();
+  void LookAtReweighed();
   bool Count(const Status& status, const RelinearizeWork& work);
   double LandmarkDamping() const;
 

@@ -235,9 +235,10 @@ void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearized where the batch solver left them are nothing new.
-  const double num_new = live != nullptr ? live->NumDirtyFactors() - num_waiting_
-                         : in_batch_     ? 0
-                                         : graph.num_factors();
+  const double num_new = live != nullptr
+                             ? live->NumDirtyFactors() - num_waiting_ + live->NumReweighedFactors()
+                         : in_batch_ ? 0
+                                     : graph.num_factors();
   begun_ = true;
   const bool batch_only = options_.batch_share == 0.0;
   const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) &&

@@ -24,6 +24,14 @@ int IncrementalSystem::NumDirtyFactors() const {
   return count;
 }
 
+int IncrementalSystem::NumReweighedFactors() const {
+  int count = 0;
+  for (const IndexSet& reweighed : reweighed_) {
+    count += reweighed.count();
+  }
+  return count;
+}
+
 // By difference a dirty factor takes its old one's place, and with it its landmark; anew,
 // everything goes in once.
 bool IncrementalSystem::RebuildIsCheaper() const {
@@ -83,6 +91,7 @@ bool IncrementalSystem::RedampHidden(double lambda, double gain) {
 
 Status IncrementalSystem::LinearizeDirty(RelinearizeWork* work) {
   *work = RelinearizeWork();
+  Reweigh();
   RecenterDirty(work);
   Status linearized = LinearizeFamilies(true);
   ResumCost();
@@ -91,6 +100,7 @@ Status IncrementalSystem::LinearizeDirty(RelinearizeWork* work) {
 
 Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work) {
   *work = RelinearizeWork();
+  Reweigh();
   RecenterDirty(work);
   work->rebuilt = rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper &&
                                                    work->num_factors > 0 && RebuildIsCheaper());
@@ -126,6 +136,45 @@ void IncrementalSystem::Recenter(const IncrementalFamily& family,
       ++num_recentered_;
       MarkChanged({family.id(), i});
     }
+  }
+}
+
+const std::vector<FactorRef>& IncrementalSystem::Reweigh() {
+  reweighed_list_.clear();
+  for (IncrementalFamily& family : families_) {
+    if (!reweighed_[family.id()].empty()) {
+      ReweighFamily(&family);
+    }
+  }
+  return reweighed_list_;
+}
+
+// One by one: its contribution as it is in S goes out for what the new weight makes of it. A loss
+// that gives no weight is left to the linearization, which names the factor.
+void IncrementalSystem::ReweighFamily(IncrementalFamily* family) {
+  IndexSet& reweighed = reweighed_[family->id()];
+  reweighed.CopyTo(&list_);
+  reweighed.Clear();
+  for (const std::int32_t i : list_) {
+    const FactorRef ref{family->id(), i};
+    if (dirty_[family->id()].Has(i)) {
+      family->Unsettle(i);
+      continue;
+    }
+    const std::ptrdiff_t kept = schur_.KeepFactor(ref);
+    const double cost = family->Cost(i);
+    if (family->Reweigh(i)) {
+      schur_.ReplaceFactor(ref, kept);
+      AddToCost(family->Cost(i) - cost);
+      const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
+      if (landmark >= 0) {
+        Redamp(landmark);
+      }
+      reweighed_list_.push_back(ref);
+    } else {
+      MarkChanged(ref);
+    }
+    schur_.DropKept();
   }
 }
 

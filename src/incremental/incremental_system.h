@@ -89,6 +89,15 @@ class IncrementalSystem {
     families_[ref.family].Unsettle(ref.factor);
     MarkDirty(ref);
   }
+  /// Marks a factor that has another loss and is the same function otherwise: what is cached of it
+  /// takes the new weight in the next Relinearize, if it can.
+  void MarkReweighed(FactorRef ref) {
+    if (families_[ref.family].CanReweigh(ref.factor)) {
+      reweighed_[ref.family].Add(ref.factor);
+    } else {
+      MarkChanged(ref);
+    }
+  }
   /// Marks a landmark for elimination anew, to take up another damping.
   void Redamp(std::int32_t landmark) { dirty_landmarks_.Add(landmark); }
   /// The same for the landmarks that are damped by more than the limit, or by
@@ -101,6 +110,12 @@ class IncrementalSystem {
   /// all of them together. True if there are any. Cost: that of landmarks with a pivot that is
   /// mostly damping.
   bool RedampHidden(double lambda, double gain);
+
+  /// Gives the factors that were marked for it their new weights, and S and b what that makes of
+  /// their contributions; no factor is evaluated. Those are listed that are not to be linearized
+  /// anyway: their old linearizations err by more where they weigh more. What Relinearize begins
+  /// with, for whoever wants to look at them before. Cost: that of a factor's share of S for each.
+  const std::vector<FactorRef>& Reweigh();
 
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its
   /// factors at the current values and puts the new ones in; its landmarks are damped by lambda ·
@@ -142,7 +157,12 @@ class IncrementalSystem {
   int AcceptValues();
 
   int NumDirtyFactors() const;
-  bool IsDirty(FactorRef ref) const { return dirty_[ref.family].Has(ref.factor); }
+  /// Marked for another weight, and not dirty.
+  int NumReweighedFactors() const;
+  /// Whether what is cached of it is not what it is now.
+  bool IsDirty(FactorRef ref) const {
+    return dirty_[ref.family].Has(ref.factor) || reweighed_[ref.family].Has(ref.factor);
+  }
   double cost() const { return cost_; }
   /// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that
   /// comes of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass
@@ -171,11 +191,11 @@ class IncrementalSystem {
     schur_.TakeOut(landmark);
   }
   void AdmitFamilies();
-  void GrowSets();
   void Recenter(const IncrementalFamily& family, const std::vector<std::int32_t>& factors);
   Status LinearizeFamilies(bool by_difference);
   Status LinearizeFamily(IncrementalFamily* family, bool by_difference);
   Status InfiniteCost(const IncrementalFamily& family) const;
+  void ReweighFamily(IncrementalFamily* family);
   void RecenterDirty(RelinearizeWork* work);
   void AddToCost(double change) {
     cost_ += change;
@@ -207,9 +227,11 @@ class IncrementalSystem {
   double cost_peak_ = 0.0;         // the largest it has been since it was summed
   std::int64_t cost_changes_ = 0;  // since then
 
-  std::vector<IndexSet> dirty_;  // per family: to be relinearized
-  IndexSet dirty_landmarks_;     // to be eliminated anew
-  IndexSet bounded_frames_;      // rows of S
+  std::vector<IndexSet> dirty_;      // per family: to be relinearized
+  std::vector<IndexSet> reweighed_;  // per family: to take another weight
+  std::vector<FactorRef> reweighed_list_;
+  IndexSet dirty_landmarks_;  // to be eliminated anew
+  IndexSet bounded_frames_;   // rows of S
   std::vector<std::int32_t> list_;
   // of the listed factors: where S keeps their old contributions; -1: none
   std::vector<std::ptrdiff_t> kept_;

@@ -29,7 +29,7 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
     AddFactor({factor.id.family, factor.id.index});
   }
   for (const auto& [id, loss] : edit.losses()) {
-    MarkChanged({id.family, id.index});
+    MarkReweighed({id.family, id.index});
   }
   for (const auto& [id, place] : edit.measurements()) {
     MarkChanged({id.family, id.index});
@@ -152,6 +152,7 @@ void IncrementalSystem::AdmitFamilies() {
   for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
     families_.emplace_back(graph_, id);
     dirty_.emplace_back();
+    reweighed_.emplace_back();
     step_.GrowFactors(id);
   }
 }
@@ -166,6 +167,7 @@ void IncrementalSystem::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   family.Connect(ref.factor, &variables_);
   dirty_[ref.family].Grow(family.num_places());
+  reweighed_[ref.family].Grow(family.num_places());
   step_.GrowFactors(ref.family);
   slots_.clear();
   int landmark = -1;
@@ -202,6 +204,7 @@ void IncrementalSystem::Detach(FactorRef ref) {
   schur_.Disconnect(ref);
   family.Forget(ref.factor);
   dirty_[ref.family].Remove(ref.factor);
+  reweighed_[ref.family].Remove(ref.factor);
 }
 
 void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {

@@ -52,6 +52,22 @@ void Relinearization::MarkStale(double tolerance) {
   }
 }
 
+void Relinearization::LookAt(const std::vector<FactorRef>& factors, double tolerance) {
+  const ErrorLimits stale = LimitsOf(share_, tolerance);
+  const ErrorLimits aged = AgedLimits(kAhead * tolerance);
+  all_are_in_.RaiseTo(aged);
+  aged_.resize(system_.families().size());
+  for (const FactorRef& ref : factors) {
+    const IncrementalFamily& family = system_.families()[ref.family];
+    aged_[ref.family].Grow(family.num_places());
+    if (stale.ExceededBy(family, ref.factor)) {
+      system_.MarkDirty(ref);
+    } else if (aged.ExceededBy(family, ref.factor)) {
+      aged_[ref.family].Add(ref.factor);
+    }
+  }
+}
+
 // Every factor, into the set of those that may be too old.
 void Relinearization::FindAged() {
   aged_.resize(system_.families().size());

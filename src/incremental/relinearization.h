@@ -23,6 +23,9 @@ class Relinearization {
 
   /// Marks the touched factors whose old linearization errs too much, or whose weight has changed.
   void MarkStale(double tolerance);
+  /// The same of factors that have taken another weight since they were looked at, whatever the
+  /// rule: with more weight an old linearization errs more.
+  void LookAt(const std::vector<FactorRef>& factors, double tolerance);
   /// Marks every factor whose old linearization is not good enough to claim convergence on, however
   /// long ago it became so: the tolerance may have been larger then. True if there are any. Cost:
   /// what has aged, or all factors where the tolerance has fallen far since.

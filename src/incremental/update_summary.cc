@@ -68,6 +68,7 @@ std::string UpdateSummary::ToJson() const {
       .Add("num_rejected_steps", num_unsuccessful_steps)
       .Add("num_shortened_steps", num_shortened_steps)
       .Add("num_relinearised_factors", num_relinearized_factors)
+      .Add("num_reweighed_factors", num_reweighed_factors)
       .Add("num_recentred_factors", num_recentered_factors)
       .Add("num_evaluated_factors", num_evaluated_factors)
       .Add("num_eliminated_landmarks", num_eliminated_landmarks)

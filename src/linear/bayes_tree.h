@@ -9,6 +9,8 @@
 #include "linear/assembled_matrix.h"
 #include "linear/clique_tree.h"
 #include "linear/half_solves.h"
+#include "linear/tree_rows.h"
+#include "linear/tree_substitution.h"
 
 namespace inceres::internal {
 
@@ -23,14 +25,15 @@ namespace inceres::internal {
 /// Whatever else is kept: what an edit or a step does not reach costs nothing. What the elimination
 /// of a clique takes is the dense work of a front, in whole panels.
 ///
-/// Truncation: each x is compared with the value that the cliques below were last computed with, so
-/// that many small changes add up and are noticed. The same calls give the same bits, whatever the
+/// The same calls give the same bits, whatever the
 /// number of threads, which cut large fronts into strips. Source: Kaess et al., "iSAM2: Incremental
 /// smoothing and mapping using the Bayes tree", IJRR 31(2), 2012, algorithms 4, 6 and 7; Liu, "The
 /// Multifrontal Method for Sparse Matrix Solution", SIAM Review 34(1), 1992.
 class BayesTree : public ReducedSolver, public HalfSolves {
  public:
   explicit BayesTree(const Executor& executor) : executor_(executor) {}
+  BayesTree(const BayesTree&) = delete;
+  BayesTree& operator=(const BayesTree&) = delete;
 
   const char* Name() const override { return "Bayes tree"; }
   /// Of an incremental solve: A.rows() is not null.
@@ -47,7 +50,7 @@ class BayesTree : public ReducedSolver, public HalfSolves {
   // Factorize in parts, for who wants to know what it costs before.
 
   /// Remembers what has changed.
-  void Follow(const SymmetricBlockRows& S, const Rows& changed);
+  void Follow(const SymmetricBlockRows& S, const Rows& changed) { rows_.Follow(S, changed); }
   /// Brings the tree up to date with what was remembered. kUnavailable when out of memory.
   Status PlanFor(const ReducedMatrix& A);
   /// Flops of what is to be factored.
@@ -62,59 +65,24 @@ class BayesTree : public ReducedSolver, public HalfSolves {
   const CliqueTree& tree() const { return tree_; }
 
  private:
-  // What is kept of a row of S.
-  struct Row {
-    std::int64_t moved = 0;      // the last Solve in which passed_on_ changed
-    std::vector<int> neighbors;  // rows that it has a block with, ascending
-    bool is_pending = false;
-  };
-
-  void FollowPacking(const SymmetricBlockRows& S);
-  void Forget(int row);
-  void ForgetLostRows(const SymmetricBlockRows& S);
-  void TakeUpNewBlocks(const SymmetricBlockRows& S);
-  void TakeUpNeighbor(int row, int other);
   Status RebuildTree(const SymmetricBlockRows& S);
   void FindChangedBlocks(const ReducedMatrix& A, int row);
-  void MarkStale(int c);
-  void SortByStamp(std::vector<int>* cliques) const;
+  void MarkStale(int c) { tree_.ClearUpwards(c, &Clique::is_factored, &stale_); }
   void Assemble(const ReducedMatrix& A, int c);
-  /// The row of S at which the clique is not positive definite; -1: it is.
+  // The row of S at which the clique is not positive definite; -1: it is.
   int Eliminate(const ReducedMatrix& A, int c);
-
-  void MarkUnsubstituted(int c);
-  void MarkChangedB(const Rows& changed_b);
-  void SubstituteForward(const double* b);
-  void SubstituteBackward(const Truncation& truncation, double* x);
-  void SolveClique(int c, const Truncation& truncation, double* x);
-  void PushChildren(int c);
-  bool HasChanged(int begin, int end, const Truncation& truncation) const;
 
   const Executor& executor_;
   CliqueTree tree_;
+  TreeRows rows_{&tree_};
+  TreeSubstitution substitution_{&tree_};
   AssembledMatrix assembled_;
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   double flops_ = 0.0;
-  std::int64_t version_ = -1;    // of S's pattern, at the last PlanFor
-  std::vector<int> offsets_{0};  // by row of S, one more: the packing of the caller's vectors
-  std::vector<Row> rows_;
-  std::vector<int> pending_;    // rows that have changed, and were not looked at since
-  std::vector<int> neighbors_;  // workspace
-  std::vector<int> new_rows_;
-  std::vector<int> touched_;  // rows with a new block
-  std::vector<int> stale_;    // cliques to be factored: with each those above it
+  std::int64_t version_ = -1;  // of S's pattern, at the last PlanFor
+  std::vector<int> stale_;     // cliques to be factored: with each those above it
   std::vector<int> made_;
   std::vector<int> place_;  // by row: in the front that is being assembled
-
-  std::vector<int> unsubstituted_;  // cliques, with each those above it
-  std::vector<char> is_fresh_;      // per clique: y has changed since the last x
-  std::vector<double> x_;           // packed as the caller's
-  std::vector<double> passed_on_;   // the x that the cliques below were computed with
-  bool solution_is_lost_ = true;
-  std::int64_t num_solves_ = 0;
-  std::vector<int> waiting_;  // cliques to be solved, the next one last
-  AlignedVector<double> workspace_;
-  std::vector<int> solved_;
 };
 
 }  // namespace inceres::internal

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -73,6 +74,25 @@ class CliqueTree {
   const std::vector<Clique>& cliques() const { return cliques_; }
   const std::vector<int>& roots() const { return roots_; }
   int num_rows() const { return static_cast<int>(rows_.size()); }
+
+  /// Clears a flag of a clique and those above it, up to the first that lacks it, and lists them.
+  void ClearUpwards(int c, bool Clique::*flag, std::vector<int>* cleared) {
+    for (; c != kNone && cliques_[c].*flag; c = cliques_[c].front.parent) {
+      cliques_[c].*flag = false;
+      cleared->push_back(c);
+    }
+  }
+  /// Children before their parents.
+  void SortByStamp(std::vector<int>* cliques) const {
+    std::sort(cliques->begin(), cliques->end(),
+              [this](int a, int b) { return cliques_[a].stamp < cliques_[b].stamp; });
+  }
+  /// Takes those out of a list that were dissolved.
+  void EraseUnused(std::vector<int>* cliques) const {
+    cliques->erase(std::remove_if(cliques->begin(), cliques->end(),
+                                  [this](int c) { return !cliques_[c].is_used; }),
+                   cliques->end());
+  }
 
   /// The clique of this row, and those above, are to be put together anew.
   void Dissolve(int row) { DissolveFrom(CliqueOf(row)); }

@@ -58,15 +58,17 @@ bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
     const int size = std::min(kTriangle, width - j);
     const int below = j + size;
     const int rows = width - below;
+    const int whole_quads = PadToQuad(rows);  // no loop over a last few rows
     double* column = A + static_cast<std::ptrdiff_t>(j) * stride;
     if (!FactorTriangle(column + j, stride, size, failed)) {
       *failed += j;
       return false;
     }
     if (rows > 0) {
-      kernels.solve_lower_transposed(rows, size, column + j, stride, column + below, stride);
-      kernels.subtract_outer(rows, rows, size, column + below, stride, column + below, stride,
-                             A + static_cast<std::ptrdiff_t>(below) * stride + below, stride);
+      kernels.solve_lower_transposed(whole_quads, size, column + j, stride, column + below, stride);
+      kernels.subtract_outer(whole_quads, rows, size, column + below, stride, column + below,
+                             stride, A + static_cast<std::ptrdiff_t>(below) * stride + below,
+                             stride);
     }
   }
   return true;

@@ -14,8 +14,9 @@ namespace inceres::internal {
 void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
                 int first_column, double* A, std::ptrdiff_t stride);
 
-/// L Lᵀ = A in the place of A, width × width. False, and the column that failed, where A is not
-/// positive definite or not finite.
+/// L Lᵀ = A in the place of A, width × width; columns have room for whole quads of rows, and what
+/// lies behind the last row there may be anything. False, and the column that failed, where A is
+/// not positive definite or not finite.
 bool FactorDiagonalBlock(double* A, int stride, int width, int* failed);
 
 /// y := L⁻¹ y and y := L⁻ᵀ y for such an L.

@@ -10,6 +10,8 @@
 #include <numeric>
 #include <utility>
 
+#include "simd/kernels.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -25,6 +27,13 @@ constexpr double kWorthOfHalves = 1.05;
 // counted; the last share whatever the columns. The rule of CHOLMOD's analysis, for blocks of 6.
 constexpr double kJoinedColumns[] = {24.0, 48.0, 96.0};
 constexpr double kZeroShare[] = {0.8, 0.1, 0.05};
+
+// Where blocks are as small as poses a front is not joined, either, if the flops on zeros cost more
+// than it saves, as in a chain: of larger ones a wider front makes up for them. In flops: what a
+// front takes besides, and what an entry of it or of its update matrix does, zeroed, added, read.
+constexpr double kSmallBlock = 6.0;
+constexpr double kPriceOfFront = 2000.0;
+constexpr double kPriceOfEntry = 4.0;
 
 // The graph of S: per block its neighbors, in one array.
 struct Graph {
@@ -231,7 +240,8 @@ class EliminationTree {
       const int parent = parents_[next - 1];
       const double new_zeros = NewZeros(begin_[f], next, end);
       if (parent >= next && parent < end &&
-          IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros)) {
+          IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros) &&
+          !IsDearer(begin_[f], next, end)) {
         begin.back() = begin_[f];
         zeros += new_zeros;
       } else {
@@ -252,6 +262,18 @@ class EliminationTree {
     const double share = zeros / (columns * (0.5 * (columns + 1) + RowsOf(begin, end) - columns));
     return new_zeros == 0.0 || (IsNarrow(columns, 1) && share < kZeroShare[0]) ||
            (IsNarrow(columns, 2) && share < kZeroShare[1]) || share < kZeroShare[2];
+  }
+  // Whether the fronts [begin, next) and [next, end) cost less than both as one.
+  bool IsDearer(int begin, int next, int end) const {
+    return MeanSize() <= kSmallBlock && Price(begin, end) > Price(begin, next) + Price(next, end);
+  }
+  double Price(int begin, int end) const {
+    const int columns = end - begin;
+    const double w = PadToQuad(static_cast<int>(std::ceil(MeanSize() * columns)));
+    const double h =
+        PadToQuad(static_cast<int>(std::ceil(MeanSize() * (RowsOf(begin, end) - columns))));
+    return kPriceOfFront + kPriceOfEntry * (w * (0.5 * w + h) + 0.5 * h * h) +
+           w * (w * (w / 3.0 + h) + h * h);
   }
   bool IsNarrow(int columns, int limit) const {
     return columns <= std::ceil(kJoinedColumns[limit] / MeanSize());

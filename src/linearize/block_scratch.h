@@ -16,6 +16,42 @@ inline void MirrorLowerTriangle(int size, int stride, double* block) {
   }
 }
 
+/// std::fill with zeros, without a call for blocks of poses.
+inline void FillWithZeros(double* data, std::size_t count) {
+  switch (count) {
+    case 4:
+      std::fill_n(data, 4, 0.0);
+      return;
+    case 12:  // 3 × 3
+      std::fill_n(data, 12, 0.0);
+      return;
+    case 48:  // 6 × 6
+      std::fill_n(data, 48, 0.0);
+      return;
+    default:
+      std::fill_n(data, count, 0.0);
+  }
+}
+
+/// Copies a padded block to one without padding.
+template <int kColumns>
+void PackRows(int rows, const double* padded, double* packed) {
+  for (int r = 0; r < rows; ++r) {
+    std::copy_n(padded + r * PadToQuad(kColumns), kColumns, packed + r * kColumns);
+  }
+}
+inline void PackBlock(int rows, int columns, const double* padded, double* packed) {
+  if (columns == 3) {
+    return PackRows<3>(rows, padded, packed);
+  }
+  if (columns == 6) {
+    return PackRows<6>(rows, padded, packed);
+  }
+  for (int r = 0; r < rows; ++r) {
+    std::copy_n(padded + r * PadToQuad(columns), columns, packed + r * columns);
+  }
+}
+
 /// A zeroed padded block for a kernel to sum into: on the stack for the usual sizes, on the heap
 /// for frames above 16.
 class BlockScratch {
@@ -29,7 +65,7 @@ class BlockScratch {
       heap_.resize(std::max(heap_.size(), count));
       data = heap_.data();
     }
-    std::fill(data, data + count, 0.0);
+    FillWithZeros(data, count);
     return data;
   }
 

@@ -94,19 +94,15 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     }
     const int rows = pattern.block_size(plans_.block_row[k]);
     const int columns = pattern.block_size(pattern.columns[k]);
-    const int stride = PadToQuad(columns);
     double* sum = scratch.Zeroed(rows, columns);
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
       AddSegment(s, rows, columns, sum);
     }
     const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
     if (is_diagonal) {
-      MirrorLowerTriangle(rows, stride, sum);
+      MirrorLowerTriangle(rows, PadToQuad(columns), sum);
     }
-    double* out = C_.data() + C_begin_[k];
-    for (int r = 0; r < rows; ++r) {
-      std::copy(sum + r * stride, sum + r * stride + columns, out + r * columns);
-    }
+    PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
     if (is_diagonal) {
       AccumulateGradient(plans_.block_row[k], &scratch);
     }

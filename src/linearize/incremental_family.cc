@@ -8,9 +8,6 @@
 namespace inceres::internal {
 namespace {
 
-// Below this √w the linearization says nothing about the residual any more.
-constexpr double kNoWeight = 1e-12;
-
 // A residual that changes by less than this share of itself is steady enough for the curvature of
 // its loss to count.
 constexpr double kSteadyShare = 1.0 / 3.0;
@@ -89,6 +86,9 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
   const EvaluationFailure unprepared = factors_.Prepare(/*jacobians=*/true, factors);
   if (unprepared.failed()) {
     return unprepared;
+  }
+  for (const std::int32_t factor : factors) {
+    parked_.Drop(factor);
   }
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.Linearize(begin, end);
@@ -275,7 +275,7 @@ std::int64_t IncrementalFamily::Bytes() const {
                               factors_.jacobian_values.size() + 5 * q_.capacity() +
                               sizeof(State) / sizeof(double) * states_.capacity();
   return static_cast<std::int64_t>(
-      doubles * sizeof(double) + linearized_.capacity() + steady_.capacity() +
+      doubles * sizeof(double) + parked_.Bytes() + linearized_.capacity() + steady_.capacity() +
       factors_.parameters.capacity() * (3 * sizeof(void*) + 2 * sizeof(std::int32_t)));
 }
 

@@ -8,6 +8,7 @@
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/linearization.h"
+#include "linearize/parked_jacobians.h"
 #include "linearize/variable_store.h"
 #include "simd/kernels.h"
 
@@ -53,7 +54,10 @@ class IncrementalFamily {
   /// maps. Not linearized yet.
   void Connect(int factor, VariableStore* variables);
   /// The factor at this place is gone, or does not count until it is linearized.
-  void Forget(int factor) { linearized_[factor] = Linearized::kNot; }
+  void Forget(int factor) {
+    linearized_[factor] = Linearized::kNot;
+    parked_.Drop(factor);
+  }
   /// Its residual is another than its last step has led to: the next linearization takes no
   /// second-order term.
   void Unsettle(int factor) { steady_[factor] = 0; }
@@ -69,6 +73,17 @@ class IncrementalFamily {
   /// Linearizes at the current values: f, f̂ = f, J (of pinned variables: where they are pinned),
   /// w, q and the cost.
   EvaluationFailure Linearize(const std::vector<std::int32_t>& factors, const Executor& executor);
+
+  /// Whether what is cached can take another weight: there is a Jacobian, and its own weight was
+  /// not zero, or has become so by Reweigh.
+  bool CanReweigh(int factor) const {
+    return linearized(factor) && (states_[factor].inverse_sqrt_w > 0.0 || parked_.Has(factor));
+  }
+  /// The factor has another loss and is the same function otherwise: J, q, the cost and the errors
+  /// of the old linearization as that loss weighs them. Evaluates the loss alone. Requires
+  /// CanReweigh. False, and nothing has changed, if the loss gives no weight that is finite and not
+  /// negative, or no finite cost.
+  bool Reweigh(int factor);
 
   /// ½ρ at the candidate / now.
   double CandidateCost(int factor) const { return states_[factor].candidate_cost; }
@@ -149,7 +164,12 @@ class IncrementalFamily {
     double squared_gradient_error;
   };
 
+  // Below this √w the linearization says nothing about the residual any more.
+  static constexpr double kNoWeight = 1e-12;
+
   std::ptrdiff_t First(int factor) const { return std::ptrdiff_t{factor} * residual_size(); }
+  void ScaleJacobian(int factor, double scale);
+  double TakeBackWeight(int factor);
   void Grow(int num_places);
   template <int kSize>
   void WeighCandidatesSized(int begin, int end);
@@ -171,6 +191,7 @@ class IncrementalFamily {
   // per factor: its last step changed its residual little, and nothing else has since
   std::vector<char> steady_;
   std::vector<std::int32_t> y_targets_;  // per factor and slot
+  ParkedJacobians parked_;               // of factors that Reweigh has left without weight
 };
 
 }  // namespace inceres::internal

@@ -59,6 +59,18 @@ void RobustScale::Apply(const double* f, int residual_size, int num_slots,
   }
 }
 
+void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians& slot, double* J) {
+  for (int c = 0; c < slot.columns; ++c) {
+    double along = 0.0;
+    for (int r = 0; r < residual_size; ++r) {
+      along += m[r] * J[r * slot.row_stride + c];
+    }
+    for (int r = 0; r < residual_size; ++r) {
+      J[r * slot.row_stride + c] += along * m[r];
+    }
+  }
+}
+
 double PlainCost(const double* f, std::ptrdiff_t count) {
   constexpr std::ptrdiff_t kLanes = 4;
   double sums[kLanes] = {};

@@ -71,6 +71,9 @@ struct RobustScale {
   double alpha_over_s = 0.0;  // so that α n nᵀ is this f fᵀ
 };
 
+/// J := (I + m mᵀ) J of one factor and slot: takes I − α n nᵀ back, for m = √β n and β = α/(1 − α).
+void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians& slot, double* J);
+
 /// ½‖f‖² of all residuals of factors without a loss, one after the other: `count` entries.
 double PlainCost(const double* f, std::ptrdiff_t count);
 

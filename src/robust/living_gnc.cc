@@ -196,6 +196,7 @@ bool LivingGnc::Impl::UpdateSolver(GncSummary* summary) {
   round.cost = summary->final_cost = solver_.cost();
   round.num_iterations = update.num_iterations;
   round.num_relinearized_factors = update.num_relinearized_factors;
+  round.num_reweighed_factors = update.num_reweighed_factors;
   summary->num_iterations += round.num_iterations;
   summary->rounds.push_back(round);
   return true;

@@ -165,6 +165,15 @@ void AddPoseFamilies(GraphFormats* formats) {
         return std::make_shared<PoseEdgeFamily>(
             reader->ReadEnum(PoseErrorConvention::kGtsam, "the convention of the error"));
       });
+  Add<RelativeSimilarityFamily>(
+      "relative_similarity", formats,
+      [](const RelativeSimilarityFamily& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>(family.convention()));
+      },
+      [](GraphReader* reader) {
+        return std::make_shared<RelativeSimilarityFamily>(
+            reader->ReadEnum(SimilarityErrorConvention::kLogarithm, "the convention of the error"));
+      });
   Add<CenterDistanceFamily>(
       "center_distance", formats,
       [](const CenterDistanceFamily& family, GraphWriter* writer) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "inceres/problem/manifolds.h"
+#include "inceres/problem/similarity_manifold.h"
 #include "storage/built_in.h"
 
 namespace inceres::internal {
@@ -82,6 +83,7 @@ void AddBuiltInManifolds(GraphFormats* formats) {
   AddPlainManifold<LeftPoseManifold>("left_pose_manifold", formats);
   AddPlainManifold<SE3Manifold>("se3_manifold", formats);
   AddPlainManifold<SE2Manifold>("se2_manifold", formats);
+  AddPlainManifold<SimilarityManifold>("similarity_manifold", formats);
   formats->AddManifold<SubsetManifold>("inceres.subset_manifold", WriteSubset, ReadSubset);
   formats->AddManifold<ProductManifold>("inceres.product_manifold", WriteProduct, ReadProduct);
 }

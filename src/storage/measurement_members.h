@@ -11,6 +11,7 @@
 #include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres::internal {
@@ -65,6 +66,13 @@ void VisitMeasurement(PoseEdgeFamily::Measurement& m, Visitor&& visit) {
   visit(m.p_m, 3);
   visit(m.q_m, 4);
   visit(m.sqrt_information, 36);
+}
+template <typename Visitor>
+void VisitMeasurement(RelativeSimilarityFamily::Measurement& m, Visitor&& visit) {
+  visit(m.p_m, 3);
+  visit(m.q_m, 4);
+  visit(&m.s_m, 1);
+  visit(m.sqrt_information, 49);
 }
 template <typename Visitor>
 void VisitMeasurement(PlanarRelativePoseFamily::Measurement& m, Visitor&& visit) {

@@ -14,6 +14,7 @@
 #include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres {
@@ -128,6 +129,22 @@ TEST(Place, PoseEdge) {
   }
   b.p_m[1] = 0.7;
   ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+}
+
+TEST(Place, RelativeSimilarity) {
+  RelativeSimilarityFamily added(SimilarityErrorConvention::kLogarithm);
+  RelativeSimilarityFamily placed(SimilarityErrorConvention::kLogarithm);
+  RelativeSimilarityFamily::Measurement a;
+  RelativeSimilarityFamily::Measurement b;
+  for (int k = 0; k < 7; ++k) {
+    a.sqrt_information[8 * k] = 1.0;
+    b.sqrt_information[8 * k] = 2.0;
+  }
+  b.s_m = 0.7;
+  std::vector<double> from = kPoseA, to = kPoseB;
+  from.push_back(1.5);
+  to.push_back(0.8);
+  ExpectPlaces(&added, &placed, a, b, {from, to});
 }
 
 TEST(Place, PosePrior) {

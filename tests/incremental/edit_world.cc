@@ -340,7 +340,11 @@ void EditWorld::RemoveVariable() {
 void EditWorld::ChangeLoss() {
   const FactorId factor = AnyFactor();
   if (factor.index >= 0) {
-    edit_.SetLoss(factor, RandomLoss());
+    // Twice in three times a weight alone, often none: it may come back.
+    const int kind = random_.Below(3);
+    edit_.SetLoss(factor, kind == 0 ? RandomLoss()
+                                    : std::make_shared<ScaledLoss>(
+                                          nullptr, kind == 1 ? 0.0 : random_.Between(0.1, 3.0)));
   }
 }
 

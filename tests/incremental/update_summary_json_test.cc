@@ -30,12 +30,13 @@ UpdateSummary Numbered() {
     *field = real++;
   }
   int count = 1000;
-  for (int* field : {&s.num_iterations, &s.num_batch_iterations, &s.num_unsuccessful_steps,
-                     &s.num_shortened_steps, &s.num_relinearized_factors, &s.num_recentered_factors,
-                     &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
-                     &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations,
-                     &s.num_landmark_refinements, &s.num_visited_landmarks, &s.num_moved_frames,
-                     &s.num_rebuilds, &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
+  for (int* field :
+       {&s.num_iterations, &s.num_batch_iterations, &s.num_unsuccessful_steps,
+        &s.num_shortened_steps, &s.num_relinearized_factors, &s.num_reweighed_factors,
+        &s.num_recentered_factors, &s.num_eliminated_landmarks, &s.num_updated_landmarks,
+        &s.num_factored_rows, &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations,
+        &s.num_landmark_refinements, &s.num_visited_landmarks, &s.num_moved_frames, &s.num_rebuilds,
+        &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
     *field = count++;
   }
   s.batch_stages.elimination = 77.5;
@@ -65,15 +66,25 @@ constexpr const char* kReals[] = {"initial_cost",     "final_cost",     "undone"
                                   "seconds",          "batch_seconds",  "linearise_seconds",
                                   "solve_seconds",    "select_seconds", "landmark_seconds",
                                   "evaluate_seconds", "accept_seconds"};
-constexpr const char* kCounts[] = {"num_iterations",           "num_batch_iterations",
-                                   "num_rejected_steps",       "num_shortened_steps",
-                                   "num_relinearised_factors", "num_recentred_factors",
-                                   "num_eliminated_landmarks", "num_updated_landmarks",
-                                   "num_factored_rows",        "num_reorderings",
-                                   "num_solved_rows",          "num_pcg_iterations",
-                                   "num_landmark_passes",      "num_visited_landmarks",
-                                   "num_moved_frames",         "num_rebuilds",
-                                   "num_drifted_frames",       "num_parked_landmarks"};
+constexpr const char* kCounts[] = {"num_iterations",
+                                   "num_batch_iterations",
+                                   "num_rejected_steps",
+                                   "num_shortened_steps",
+                                   "num_relinearised_factors",
+                                   "num_reweighed_factors",
+                                   "num_recentred_factors",
+                                   "num_eliminated_landmarks",
+                                   "num_updated_landmarks",
+                                   "num_factored_rows",
+                                   "num_reorderings",
+                                   "num_solved_rows",
+                                   "num_pcg_iterations",
+                                   "num_landmark_passes",
+                                   "num_visited_landmarks",
+                                   "num_moved_frames",
+                                   "num_rebuilds",
+                                   "num_drifted_frames",
+                                   "num_parked_landmarks"};
 
 constexpr const char* kRowReals[] = {
     "cost",      "cost_change",       "predicted_change", "relative_decrease",
@@ -82,12 +93,13 @@ constexpr const char* kRowReals[] = {
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks",
                                       "num_relinearised_factors", "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, three texts, two flags,
-// two 64-bit counts, stages and the trace.
+// What the struct holds beside the fields in the lists is a termination, three texts, two flags, two
+// 64-bit counts, stages and the trace. Counts stand in pairs, the last one ahead of the 64-bit ones
+// by itself.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
-  EXPECT_EQ(sizeof(UpdateSummary), 3 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) +
-                                       sizeof(StageSeconds) +
-                                       8 * (1 + 1 + std::size(kReals) + std::size(kCounts) / 2 + 2))
+  EXPECT_EQ(sizeof(UpdateSummary),
+            3 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
+                8 * (1 + 1 + std::size(kReals) + (std::size(kCounts) + 1) / 2 + 2))
       << "a field came or went: name it in the lists above and in ToJson";
   // A step with three flags fills eight bytes with the first count, and so does the last count
   // alone; in between are three.

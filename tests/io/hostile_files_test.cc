@@ -8,6 +8,7 @@
 #include "inceres/io/bal.h"
 #include "inceres/io/g2o.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/io/planar_map.h"
 #include "inceres/io/vio_sequence.h"
 #include "io/byte_sink.h"
 #include "support/temp_dir.h"
@@ -31,7 +32,8 @@ Status ReadAnyBal(const std::string& path, const ReadOptions& options) {
 }
 
 std::vector<Reader> TaggedReaders() {
-  return {ReaderOf(ReadG2o), ReaderOf(ReadKeyframes), ReaderOf(ReadVioSequence)};
+  return {ReaderOf(ReadG2o), ReaderOf(ReadKeyframes), ReaderOf(ReadPlanarMap),
+          ReaderOf(ReadVioSequence)};
 }
 
 std::vector<Reader> AllReaders() {

@@ -2,6 +2,7 @@
 // every front knows its parent.
 #include "linear/front_tree.h"
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <utility>
@@ -161,6 +162,26 @@ INSTANTIATE_TEST_SUITE_P(
                              {std::vector<int>(300, 9),
                               [](int i, int j) { return i - j <= 8 || (i - j) % 90 == 0; }, 1}}),
     [](const auto& instance) { return instance.param.name; });
+
+// A chain of small blocks: a front takes a few of them, and not as many as a wide one would hold,
+// most of which are zeros. Without any joined the flops are least and the fronts too many.
+TEST(FrontTree, ChainsOfPosesHaveNarrowFronts) {
+  for (const int size : {3, 6}) {
+    const RandomSystem chain(
+        std::vector<int>(500, size), [](int i, int j) { return i - j <= 1; }, 1);
+    FrontTree tree;
+    ASSERT_TRUE(BuildFrontTree(chain.pattern, &tree, /*may_dissect=*/false).ok());
+    int widest = 0;
+    for (const Front& front : tree.fronts) {
+      widest = std::max(widest, front.width);
+    }
+    EXPECT_LE(widest, 24) << size;
+    EXPECT_LT(tree.fronts.size(), 400u) << size;
+    // Of one pose by itself, with two neighbors.
+    const double pose = size * (size * (size / 3.0 + 2.0 * size) + 4.0 * size * size);
+    EXPECT_LT(tree.flops, 500 * 6.0 * pose) << size;
+  }
+}
 
 // No fault of the matrix: not kSingular, upon which the same would be tried again with more
 // damping.

@@ -9,6 +9,7 @@
 
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
+#include "inceres/problem/similarity_manifold.h"
 
 namespace inceres {
 
@@ -47,6 +48,12 @@ inline std::vector<double> RandomPose(Random& random) {
   const std::vector<double> q = RandomQuaternion(random);
   pose.insert(pose.end(), q.begin(), q.end());
   return pose;
+}
+
+inline std::vector<double> RandomSimilarity(Random& random) {
+  std::vector<double> similarity = RandomPose(random);
+  similarity.push_back(std::exp(Uniform(random, -2.0, 0.0)));
+  return similarity;
 }
 
 // One manifold under test, with the sizes it must have and a generator of points on it.
@@ -93,6 +100,7 @@ inline std::vector<ManifoldCase> AllManifolds() {
       {"Pose", std::make_shared<PoseManifold>(), 7, 6, RandomPose},
       {"LeftPose", std::make_shared<LeftPoseManifold>(), 7, 6, RandomPose},
       {"SE3", std::make_shared<SE3Manifold>(), 7, 6, RandomPose},
+      {"Similarity", std::make_shared<SimilarityManifold>(), 8, 7, RandomSimilarity},
       {"SE2", std::make_shared<SE2Manifold>(), 3, 3, vector_of(3)},
       {"Product", product, 13, 9, product_point},
   };

@@ -23,8 +23,10 @@
 #include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "inceres/problem/graph_edit.h"
+#include "inceres/problem/similarity_manifold.h"
 #include "inceres/solver/linear_prior.h"
 #include "support/random_values.h"
 
@@ -47,7 +49,7 @@ class Maker {
   VariableId AddVariable(const FactorFamily::Slot& slot) {
     std::vector<double> values = random_.Vector(static_cast<std::size_t>(slot.ambient_size));
     std::shared_ptr<const Manifold> manifold;
-    if (slot.ambient_size == 7) {
+    if (slot.ambient_size == 7 || slot.ambient_size == 8) {
       double norm = 0.0;
       for (std::size_t k = 3; k < 7; ++k) {
         norm += values[k] * values[k];
@@ -56,6 +58,10 @@ class Maker {
         values[k] /= std::sqrt(norm);
       }
       manifold = pose_;
+      if (slot.ambient_size == 8) {
+        values[7] = std::fabs(values[7]) + 0.1;
+        manifold = std::make_shared<SimilarityManifold>();
+      }
     } else if (slot.ambient_size != slot.tangent_size) {
       manifold = std::make_shared<SphereManifold>(slot.ambient_size);
     }
@@ -110,6 +116,7 @@ class Maker {
     AddPlain<SpatialLandmarkFamily>();
     AddPlain<PositionPriorFamily>();
     AddPlain<PoseEdgeFamily>(PoseErrorConvention::kG2o);
+    AddPlain<RelativeSimilarityFamily>(SimilarityErrorConvention::kLogarithm);
     AddPlain<StereoReprojectionFamily>(StereoCamera{400.0, 410.0, 320.0, 240.0, 0.2},
                                        LandmarkKind::kHomogeneous);
   }
@@ -158,6 +165,7 @@ class Maker {
         std::make_shared<LeftPoseManifold>(),
         std::make_shared<SE3Manifold>(),
         std::make_shared<SE2Manifold>(),
+        std::make_shared<SimilarityManifold>(),
         std::make_shared<ProductManifold>(std::vector<std::shared_ptr<const Manifold>>{
             std::make_shared<EuclideanManifold>(1), std::make_shared<SphereManifold>(3)})};
     for (const std::shared_ptr<const Manifold>& manifold : manifolds) {

@@ -278,6 +278,7 @@ TEST(Replay, BesideBatchAndCheckpoints) {
   EXPECT_EQ(summary.beside_batch->within, 0.5);
   EXPECT_EQ(summary.beside_batch->worst, 3.0);
   EXPECT_EQ(summary.beside_batch->worst_step, 1);
+  EXPECT_EQ(summary.beside_batch->num_above_twice, 1);
 }
 
 TEST(Replay, AStepThatCannotBeAddedEndsIt) {

@@ -32,6 +32,7 @@ nlohmann::json StepsJson(const ReplaySideSummary& side) {
 nlohmann::json ToJson(const ReplayBesideBatch& beside) {
   return {{"slack", kBatchSlack},
           {"within", beside.within},
+          {"above_twice", beside.num_above_twice},
           {"worst", beside.worst},
           {"worst_step", beside.worst_step},
           {"total", beside.total}};
@@ -164,8 +165,9 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
     const ReplayBesideBatch& beside = *summary.beside_batch;
     AppendFormat(&text,
                  "a batch solve from the same values: %.2f %% of steps take at most %g times as "
-                 "long, the worst (%d) %.2f times, all %.3f times\n",
-                 100.0 * beside.within, kBatchSlack, beside.worst_step, beside.worst, beside.total);
+                 "long, %d more than twice, the worst (%d) %.2f times, all %.3f times\n",
+                 100.0 * beside.within, kBatchSlack, beside.num_above_twice, beside.worst_step,
+                 beside.worst, beside.total);
   }
   if (summary.max_relative_cost_excess.has_value()) {
     AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n",

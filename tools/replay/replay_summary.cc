@@ -86,6 +86,7 @@ std::optional<ReplayBesideBatch> CompareWithBatch(const std::vector<ReplayRow>& 
     const double ratio = std::max(kShortestCompared, row.ours.outcome.processor_seconds) /
                          std::max(kShortestCompared, row.batch->processor_seconds);
     num_within += ratio <= kBatchSlack ? 1 : 0;
+    beside.num_above_twice += ratio > 2.0 ? 1 : 0;
     if (ratio > beside.worst) {
       beside.worst = ratio;
       beside.worst_step = row.step;

@@ -31,8 +31,9 @@ struct ReplaySideSummary {
 /// Our steps against solves of the same graphs from the same values by who does not remember, in
 /// processor time. Steps below kShortestCompared of both are not told apart.
 struct ReplayBesideBatch {
-  double within = 0.0;  ///< the share of all steps that take at most kBatchSlack times as long
-  double worst = 0.0;   ///< the largest ratio of times
+  double within = 0.0;      ///< the share of all steps that take at most kBatchSlack times as long
+  int num_above_twice = 0;  ///< steps that take more than twice as long
+  double worst = 0.0;       ///< the largest ratio of times
   int worst_step = 0;
   double total = 0.0;  ///< our total over that of those solves
 };

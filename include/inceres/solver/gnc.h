@@ -91,6 +91,8 @@ struct GncRound {
   /// Factors whose Jacobians LivingGnc's solver evaluated; SolveGnc evaluates all in each
   /// iteration.
   std::int64_t num_relinearized_factors = 0;
+  /// factors whose weights LivingGnc has changed before the round, and nothing else
+  std::int64_t num_reweighed_factors = 0;
   int num_full = 0;  ///< suspects of weight 1
   int num_none = 0;  ///< suspects of weight 0
 };
@@ -149,9 +151,11 @@ INCERES_EXPORT GncSummary SolveGnc(const GncOptions& options, const std::vector<
 /// by Reset (which is for a measurement that was edited) and ends when its weight has become 0 or
 /// 1. From then on its verdict is looked at again after every round: a settled one that is on the
 /// other side of its threshold changes its weight. Between rounds only losses change
-/// (GraphEdit::SetLoss), and only those whose weight has changed: the factors of these, and those
-/// whose variables the solver then moves, are linearized; all others keep their Jacobians, and S
-/// follows by difference.
+/// (GraphEdit::SetLoss), and only those whose weight has changed: what is cached of these factors
+/// takes the new weight, and nothing is linearized for it, but where a weight comes back from zero
+/// and the factor's variables have moved meanwhile. Only the factors whose variables the solver
+/// then moves by enough are linearized; all others keep their Jacobians, and S follows by
+/// difference.
 ///
 /// A wrong suspect that comes before any right one contradicts it is taken for right; ResetAll lets
 /// all be judged anew, together.

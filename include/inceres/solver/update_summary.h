@@ -84,6 +84,8 @@ struct INCERES_EXPORT UpdateSummary {
   int num_unsuccessful_steps = 0;    ///< given up, not tried again shorter
   int num_shortened_steps = 0;       ///< tried again along the dog-leg path
   int num_relinearized_factors = 0;  ///< evaluated with Jacobians
+  /// that have another loss and took its weight without being evaluated, but for the loss
+  int num_reweighed_factors = 0;
   /// whose expansion point moved between iterations, FactorFamily::Recenter
   int num_recentered_factors = 0;
   std::int64_t num_evaluated_factors = 0;  ///< cost-only, at candidates

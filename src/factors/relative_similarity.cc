@@ -1,0 +1,200 @@
+#include "inceres/factors/relative_similarity.h"
+
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include "factors/similarity_log.h"
+#include "factors/whiten.h"
+#include "inceres/problem/rotation.h"
+
+namespace inceres {
+namespace {
+
+using internal::Matrix3;
+using internal::SimilarityLog;
+using Matrix7 = Eigen::Matrix<double, 7, 7, Eigen::RowMajor>;
+using Vector7 = Eigen::Matrix<double, 7, 1>;
+using Eigen::Vector3d;
+
+// What the errors of both conventions are made of.
+struct SimilarityError {
+  Matrix3 R_a;
+  Matrix3 R_m;
+  double s_a;
+  Vector3d t;           // R_aᵀ (p_b − p_a) / s_a
+  Vector3d u;           // t − p_m
+  Vector3d r;           // Log R_E
+  double lambda;        // ln s_E
+  Matrix3 J_l_inverse;  // at r
+};
+
+SimilarityError MeasureSimilarity(const RelativeSimilarityFamily::Measurement& m, const double* a,
+                                  const double* b) {
+  SimilarityError e;
+  double a_inverse[4], m_inverse[4], q_ab[4], q[4];
+  ConjugateQuaternion(a + 3, a_inverse);
+  ConjugateQuaternion(m.q_m, m_inverse);
+  MultiplyQuaternions(a_inverse, b + 3, q_ab);
+  MultiplyQuaternions(m_inverse, q_ab, q);
+  QuaternionToMatrix(a + 3, e.R_a.data());
+  QuaternionToMatrix(m.q_m, e.R_m.data());
+  e.s_a = a[7];
+  e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]) / e.s_a;
+  e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
+  LogQuaternion(q, e.r.data());
+  e.lambda = std::log(b[7]) - std::log(a[7]) - std::log(m.s_m);
+  RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
+                     e.J_l_inverse.data());
+  return e;
+}
+
+// The derivatives of u, r and λ by the tangent of a slot, as their residuals stand.
+//
+// With right perturbations R_E becomes Exp(−R_mᵀ φ_a) R_E and R_E Exp(φ_b), so
+//     ∂r/∂φ_a = −J_l⁻¹(r) R_mᵀ,      ∂r/∂φ_b = J_r⁻¹(r) = J_l⁻¹(r)ᵀ,
+//     ∂t/∂p_a = −R_aᵀ/s_a = −∂t/∂p_b,  ∂t/∂φ_a = [t]×,  ∂t/∂σ_a = −t,
+// where s_a e^{σ_a} is the scale moved; λ follows σ_b and −σ_a.
+Matrix7 DifferentiateSimilarity(const SimilarityError& e, int slot) {
+  Matrix7 J = Matrix7::Zero();
+  const double sign = slot == 0 ? -1.0 : 1.0;
+  J.topLeftCorner<3, 3>() = sign / e.s_a * e.R_a.transpose();
+  J(6, 6) = sign;
+  if (slot == 0) {
+    J.block<3, 3>(0, 3) = internal::Skew(e.t);
+    J.topRightCorner<3, 1>() = -e.t;
+    J.block<3, 3>(3, 3) = -e.J_l_inverse * e.R_m.transpose();
+  } else {
+    J.block<3, 3>(3, 3) = e.J_l_inverse.transpose();
+  }
+  return J;
+}
+
+// y = V⁻¹ R_mᵀ u / s_m, and its derivative from those of u, r and λ:
+//     δy = V⁻¹ (R_mᵀ δu / s_m − ∂(V y)/∂r δr − ∂(V y)/∂λ δλ).
+class LogOfError {
+ public:
+  LogOfError(const SimilarityError& e, double s_m)
+      : log_(e.r, e.lambda), turn_(e.R_m.transpose() / s_m), y_(log_.inverse() * (turn_ * e.u)) {}
+
+  const Vector3d& y() const { return y_; }
+  void Differentiate(Matrix7* J) const {
+    const Eigen::Matrix<double, 3, 7> top = turn_ * J->topRows<3>() -
+                                            log_.DerivativeByRotation(y_) * J->middleRows<3>(3) -
+                                            log_.DerivativeByScale(y_) * J->row(6);
+    J->topRows<3>() = log_.inverse() * top;
+  }
+
+ private:
+  SimilarityLog log_;
+  Matrix3 turn_;
+  Vector3d y_;
+};
+
+// The map a slot's formulas are written for; one that merely selects columns is a wrapper's doing.
+void AssertSimilarityManifold(const TangentMap& map, const double* x) {
+  assert(map.kind != TangentMap::Kind::kDense ||
+         (map.plus_jacobian[0] == 1.0 && map.plus_jacobian[3 * 7 + 3] == 0.5 * x[6] &&
+          map.plus_jacobian[4 * 7 + 3] == 0.5 * x[5] && map.plus_jacobian[7 * 7 + 6] == x[7]));
+  static_cast<void>(map);
+  static_cast<void>(x);
+}
+
+double WriteSimilarityJacobians(const FactorBatch& batch, int i, const SimilarityError& e,
+                                const RelativeSimilarityFamily::Measurement& m,
+                                const std::optional<LogOfError>& log) {
+  double sum = 0.0;
+  for (int s = 0; s < 2; ++s) {
+    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
+    const TangentMap& map = *batch.tangent_maps[index];
+    if (!map.wanted()) {
+      continue;
+    }
+    AssertSimilarityManifold(map, batch.parameters[index]);
+    Matrix7 J = DifferentiateSimilarity(e, s);
+    if (log.has_value()) {
+      log->Differentiate(&J);
+    }
+    const JacobianView& view = batch.jacobians[s];
+    sum += internal::MultiplyUpper<7, 7>(m.sqrt_information, J.data(),
+                                         view.data + i * view.factor_stride, view.row_stride);
+  }
+  return sum;
+}
+
+EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
+                                     SimilarityErrorConvention convention,
+                                     const RelativeSimilarityFamily::Measurement& m) {
+  const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
+  if (!(parameters[0][7] > 0.0 && parameters[1][7] > 0.0 && m.s_m > 0.0)) {
+    return {i, "a scale is not positive"};
+  }
+  const SimilarityError e = MeasureSimilarity(m, parameters[0], parameters[1]);
+  Vector7 error;
+  error << e.u, e.r, e.lambda;
+  std::optional<LogOfError> log;
+  if (convention == SimilarityErrorConvention::kLogarithm) {
+    log.emplace(e, m.s_m);
+    error.head<3>() = log->y();
+  }
+  double* residual = batch.residuals + 7 * static_cast<std::ptrdiff_t>(i);
+  if (!std::isfinite(
+          internal::MultiplyUpper<7, 1>(m.sqrt_information, error.data(), residual, 1))) {
+    return {i, "a residual is not finite"};
+  }
+  if (batch.jacobians != nullptr && !std::isfinite(WriteSimilarityJacobians(batch, i, e, m, log))) {
+    return {i, "a Jacobian entry is not finite"};
+  }
+  return {};
+}
+
+}  // namespace
+
+void ComposeSimilarities(const double a[8], const double b[8], double c[8]) {
+  double R[9], turned[3];
+  QuaternionToMatrix(a + 3, R);
+  MultiplyMatrixVector(R, b, turned);
+  for (int k = 0; k < 3; ++k) {
+    c[k] = a[k] + a[7] * turned[k];
+  }
+  MultiplyQuaternions(a + 3, b + 3, c + 3);
+  const double norm = std::sqrt(c[3] * c[3] + c[4] * c[4] + c[5] * c[5] + c[6] * c[6]);
+  for (int k = 3; k < 7; ++k) {
+    c[k] /= norm;
+  }
+  c[7] = a[7] * b[7];
+}
+
+void InvertSimilarity(const double a[8], double inverse[8]) {
+  double R[9];
+  ConjugateQuaternion(a + 3, inverse + 3);
+  QuaternionToMatrix(inverse + 3, R);
+  const double back[3] = {-a[0] / a[7], -a[1] / a[7], -a[2] / a[7]};
+  MultiplyMatrixVector(R, back, inverse);
+  inverse[7] = 1.0 / a[7];
+}
+
+const char* ToString(SimilarityErrorConvention convention) {
+  switch (convention) {
+    case SimilarityErrorConvention::kGeodesic:
+      return "geodesic";
+    case SimilarityErrorConvention::kLogarithm:
+      return "logarithm";
+  }
+  return "unknown";
+}
+
+EvaluationFailure RelativeSimilarityFamily::Evaluate(const FactorBatch& batch) const {
+  for (int i = batch.begin; i < batch.end; ++i) {
+    const EvaluationFailure failure = EvaluateSimilarity(batch, i, convention_, measurement(i));
+    if (failure.failed()) {
+      return failure;
+    }
+  }
+  return {};
+}
+
+}  // namespace inceres

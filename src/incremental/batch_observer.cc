@@ -1,0 +1,165 @@
+#include "incremental/batch_observer.h"
+
+namespace inceres::internal {
+
+void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bool /*new_point*/) {
+  UpdateSummary& summary = trace_.summary();
+  if (jacobians) {
+    summary.num_relinearized_factors += num_factors_;
+  } else {
+    summary.num_evaluated_factors += num_factors_;
+  }
+}
+
+bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost) {
+  const double promise = iteration.model_cost_change;
+  const double factor = promise / last_promise_;
+  const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
+  const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
+  const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
+  const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
+  tried_radius_ = iteration.trust_region_radius;
+  settled_ = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
+  rest_ = !settled_ ? 0.0 : series ? rest : promise;
+  promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
+  last_promise_ = promise;
+  return !settled_;
+}
+
+bool BatchObserver::IsLast(const IterationSummary& iteration) {
+  last_judged_ = iteration.iteration;
+  if (iteration.step_share < 1.0) {  // its gain is what the border left of it
+    previous_gain_ = 0.0;
+    previous_ratio_ = HUGE_VAL;
+    return false;
+  }
+  settled_ = HasJustSettled(iteration);
+  return settled_;
+}
+
+// What the next step is judged by.
+void BatchObserver::NoteIteration(const IterationSummary& iteration) {
+  if (iteration.step_is_successful) {
+    cost_ = iteration.cost;
+    best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
+  }
+  num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
+  WaitAfterRefusal(iteration);
+  // What landmarks gained by themselves says nothing of the model.
+  last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
+  is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful &&
+             last_ratio_ > tuning_.kept_promise &&
+             iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
+  if (iteration.step_is_successful &&
+      iteration.iteration != last_judged_) {  // the start, or the cost is another function
+    stagnation_.Begin(cost_);
+  }
+}
+
+ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
+                                             const double* best_state) {
+  NoteIteration(iteration);
+  if (iteration.iteration == 0 &&
+      !trace_.summary().iterations.empty()) {  // told as the end of the part before
+    return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully
+                                                 : ObserverAction::kContinue;
+  }
+  WriteRow(iteration);
+  *shown_state_ = best_state;
+  const bool go_on = trace_.EndRow(cost_);
+  *shown_state_ = nullptr;
+  settled_ = settled_ || IsRefusedForNothing(iteration) || HasStagnated(iteration);
+  if (!go_on) {
+    ended_by_user_ = true;
+    return trace_.summary().termination == Termination::kUserSuccess
+               ? ObserverAction::kTerminateSuccessfully
+               : ObserverAction::kAbort;
+  }
+  if (iteration.iteration !=
+      last_judged_) {  // the start, a refused step, or one that made the cost another function
+    previous_gain_ = 0.0;
+    previous_ratio_ = HUGE_VAL;
+    last_ratio_ = 0.0;
+  }
+  return settled_ || HasSpentBudget() ? ObserverAction::kTerminateSuccessfully
+                                      : ObserverAction::kContinue;
+}
+
+// On request, or all evaluations are made.
+bool BatchObserver::HasSpentBudget() const {
+  const UpdateSummary& summary = trace_.summary();
+  return stop_.load(std::memory_order_relaxed) ||
+         summary.num_evaluated_factors + summary.num_relinearized_factors >=
+             options_.max_factor_evaluations;
+}
+
+// Hardly damped steps that are refused are tried again after two steps, five, eleven, …
+void BatchObserver::WaitAfterRefusal(const IterationSummary& iteration) {
+  if (iteration.step_is_successful) {
+    steps_to_wait_ = std::max(0, steps_to_wait_ - 1);
+  } else if (is_near_ && steps_to_wait_ == 0) {
+    steps_to_wait_ = wait_;
+    wait_ = 2 * wait_ + 1;
+  }
+}
+
+// By Marquardt's rule only: by the others a step is refused for its length alone.
+bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
+  if (!IsByMarquardt() || options_.batch_share == 0.0 || iteration.iteration == 0) {
+    return false;
+  }
+  const Stagnation::Verdict verdict =
+      stagnation_.After(iteration, cost_, Tolerance(cost_), tried_radius_);
+  trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
+  return verdict != Stagnation::Verdict::kGoOn;
+}
+
+// A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.
+// (Ceres's rule does not ask whether a step is accepted either.)
+bool BatchObserver::IsRefusedForNothing(const IterationSummary& iteration) const {
+  return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 &&
+         iteration.step_is_valid && !iteration.step_is_successful && SeesAll() &&
+         std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
+         iteration.model_cost_change <= Tolerance(cost_);
+}
+
+bool BatchObserver::HasJustSettled(const IterationSummary& iteration) {
+  const bool good = iteration.relative_decrease > tuning_.good_model;
+  const double gain = good ? iteration.cost_change : 0.0;
+  const double allowed = Allowed(iteration.cost);
+  // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
+  const double ratio = gain / previous_gain_;
+  const double slower = std::max(ratio, previous_ratio_);
+  const bool fast = ratio < tuning_.fast_ratio && previous_ratio_ < tuning_.fast_ratio;
+  // Slow ones are believed where they are all there is, and Ceres's rule would have ended the
+  // solve.
+  const bool slow =
+      end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
+  // What the model was wrong by in this step may still be there: the gradient is off by as much.
+  const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
+  const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 &&
+                       (fast || slow) && gain * slower / (1.0 - slower) <= allowed;
+  rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
+  previous_gain_ = gain;
+  previous_ratio_ = ratio;
+  return settled;
+}
+
+void BatchObserver::WriteRow(const IterationSummary& iteration) {
+  UpdateIteration& row = trace_.row();
+  row.step =
+      iteration.iteration > 0 && iteration.step_is_valid ? UpdateStep::kBatch : UpdateStep::kNone;
+  row.step_is_successful = iteration.step_is_successful;
+  row.cost_change = iteration.cost_change;
+  row.model_cost_change = iteration.model_cost_change;
+  row.relative_decrease = iteration.relative_decrease;
+  row.step_norm = iteration.step_norm;
+  row.gradient_max_norm = iteration.gradient_max_norm;
+  row.gradient_norm = iteration.gradient_norm;
+  row.damping = IsDamped(options_.batch_strategy) ? 1.0 / iteration.trust_region_radius : 0.0;
+  row.trust_region_radius = iteration.trust_region_radius;
+  row.linear_solver_iterations = iteration.linear_solver_iterations;
+  row.step_solver_time_in_seconds = iteration.step_solver_time_in_seconds;
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "inceres/solver/callbacks.h"
+#include "inceres/solver/incremental_options.h"
+#include "incremental/stagnation.h"
+#include "incremental/tuning.h"
+#include "incremental/update_trace.h"
+#include "trust_region/loop_options.h"
+#include "trust_region/strategy.h"
+
+namespace inceres::internal {
+
+/// What comes after the batch solver: the incremental one, which finishes, or nothing.
+enum class BatchEnd { kHandsOver, kToTheEnd };
+
+/// What a cost may change by without counting.
+inline double ToleranceAt(double cost, const IncrementalOptions& options) {
+  return options.function_tolerance * std::max(cost - options.fixed_cost, 0.0);
+}
+
+/// Counts the work of the batch solver, writes the trace, and ends the solve when the Update's
+/// observer says so, on request, when the work budget is spent, and, before one more step proves
+/// it, where what is left is below the tolerance: good steps gain so fast less, or the next one
+/// promises too little (docs/algorithms.md, "One-time solves and exact windows").
+class BatchObserver final : public SolveObserver, public StepJudge {
+ public:
+  BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
+                const std::atomic<bool>& stop, int num_factors, const double** shown_state,
+                UpdateTrace* trace)
+      : options_(options),
+        tuning_(tuning),
+        end_(end),
+        stop_(stop),
+        num_factors_(num_factors),
+        shown_state_(shown_state),
+        trace_(*trace),
+        stagnation_(tuning) {}
+  ~BatchObserver() override { *shown_state_ = nullptr; }
+  BatchObserver(const BatchObserver&) = delete;
+  BatchObserver& operator=(const BatchObserver&) = delete;
+
+  void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
+  bool IsWorthTrying(const IterationSummary& iteration, double cost) override;
+  bool IsLast(const IterationSummary& iteration) override;
+  double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
+  double LeastRadius() override {
+    return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
+  }
+  ObserverAction EndOfIteration(const IterationSummary& iteration,
+                                const double* best_state) override;
+
+  bool ended_by_user() const { return ended_by_user_; }
+  bool settled() const { return settled_; }
+  /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
+  double cost() const { return best_cost_; }
+  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
+  /// the last step would have changed the cost by next to nothing, that is what it means to say.
+  bool promises_nothing() const { return promises_nothing_; }
+  /// The same of the directions that its damping lets it see.
+  bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
+  /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
+  bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
+  /// What the last step and those to come promise, where they are not taken.
+  double rest() const { return rest_; }
+
+ private:
+  // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
+  // made it.
+  static constexpr int kAcceptedInRow = 2;
+
+  void NoteIteration(const IterationSummary& iteration);
+  void WaitAfterRefusal(const IterationSummary& iteration);
+  double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
+  bool IsByMarquardt() const {
+    return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
+  }
+  // What may be left undone: next to nothing where convergence was slow, for what gains and
+  // promises foretell has been wrong there.
+  double Allowed(double cost) const {
+    return (IsByMarquardt() ? tuning_.proof_share : tuning_.settled_share) * Tolerance(cost);
+  }
+  // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
+  // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
+  bool SeesAll() const {
+    return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
+                                             : !refused_lately();
+  }
+  // The same, or where steps with so little damping were refused lately, with a bit more.
+  bool SeesEnough() const {
+    return SeesAll() ||
+           (IsByMarquardt() && tried_radius_ >= tuning_.proof_radius && steps_to_wait_ > 0);
+  }
+  bool HasStagnated(const IterationSummary& iteration);
+  bool IsRefusedForNothing(const IterationSummary& iteration) const;
+  bool HasJustSettled(const IterationSummary& iteration);
+  bool HasSpentBudget() const;
+  void WriteRow(const IterationSummary& iteration);
+
+  const IncrementalOptions& options_;
+  const Tuning::Batch& tuning_;
+  const BatchEnd end_;
+  const std::atomic<bool>& stop_;
+  const int num_factors_;
+  const double** const shown_state_;
+  UpdateTrace& trace_;
+  double cost_ = 0.0;           // of the state
+  double best_cost_ = 0.0;      // of a state there was, since the cost became another function
+  double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
+  double previous_ratio_ = HUGE_VAL;
+  double last_promise_ = HUGE_VAL;
+  double tried_radius_ = 0.0;  // of the step under judgment
+  double last_ratio_ = 0.0;
+  double rest_ = 0.0;
+  int last_judged_ = -1;
+  bool ended_by_user_ = false;
+  int steps_to_wait_ = 0;  // before a step is hardly damped again
+  int wait_ = 2;           // after the next refusal of one
+  bool is_near_ = false;   // the last step kept its promise, and gained few tolerances
+  bool settled_ = false;
+  bool promises_nothing_ = false;
+  int num_accepted_in_row_ = kAcceptedInRow;
+  Stagnation stagnation_;
+};
+
+}  // namespace inceres::internal

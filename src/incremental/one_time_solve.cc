@@ -1,0 +1,91 @@
+#include "incremental/one_time_solve.h"
+
+#include <algorithm>
+#include <atomic>
+#include <vector>
+
+#include "base/stopwatch.h"
+#include "incremental/batch_part.h"
+
+namespace inceres::internal {
+namespace {
+
+// A solve from beginning to end. What the user's strategy does not bring to an end within a while,
+// or ends with its trust region shrunk by refusals, where its last steps prove nothing, is gone on
+// with by Marquardt's rule.
+BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch& tuning,
+                         const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
+                         const double** shown_state, UpdateTrace* trace) {
+  UpdateSummary* summary = &trace->summary();
+  const bool in_parts =
+      options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
+  IncrementalOptions part = options;
+  part.max_num_iterations =
+      in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
+  const BatchOutcome first =
+      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  const bool out_of_patience = first.termination == Termination::kNoConvergence &&
+                               summary->num_iterations >= part.max_num_iterations;
+  const double seconds_left =
+      options.max_solver_time_in_seconds - (NowInSeconds() - trace->start_seconds());
+  part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
+  const bool proven = !first.held_back &&
+                      (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
+  if (!in_parts || proven || first.termination == Termination::kFailure ||
+      part.max_num_iterations <= 0 || seconds_left <= 0.0) {
+    return first;
+  }
+  part.max_solver_time_in_seconds = seconds_left;
+  if (IsDamped(part.batch_strategy) && !first.held_back) {
+    part.initial_damping = std::min(part.initial_damping, summary->iterations.back().damping);
+  }
+  part.batch_strategy = TrustRegionStrategyKind::kMarquardt;
+  const std::vector<double> reached = graph->state();
+  const UpdateSummary before = *summary;
+  BatchOutcome second =
+      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  if (second.termination == Termination::kFailure) {  // what the first part has reached stays
+    graph->mutable_state() = reached;
+    summary->message = before.message;
+    summary->final_cost = before.final_cost;
+    summary->remaining_decrease = before.remaining_decrease;
+    summary->ended_by_batch_rule = before.ended_by_batch_rule;
+    summary->rests_on_refusals = false;
+    return first;
+  }
+  return second;
+}
+
+}  // namespace
+
+SolverOptions OneTimeOptions(const IncrementalOptions& options) {
+  return BatchOptions(options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd);
+}
+
+void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph,
+               UpdateSummary* summary, UpdateObserver* observer, const double** best_state) {
+  const std::atomic<bool> stop{false};
+  const double* unseen = nullptr;
+  *summary = UpdateSummary();
+  UpdateTrace trace(observer, summary);
+  const Status valid = options.Validate();
+  if (valid.ok()) {
+    const double** shown = best_state != nullptr ? best_state : &unseen;
+    const std::vector<double> start = observer != nullptr ? graph->state() : std::vector<double>();
+    summary->termination =
+        RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace)
+            .termination;
+    if (summary->termination == Termination::kUserFailure) {
+      graph->mutable_state() = start;  // the first part of two may have moved it
+    }
+  } else {
+    summary->message = valid.message;
+  }
+  if (summary->termination == Termination::kUserFailure ||
+      summary->termination == Termination::kFailure) {
+    summary->final_cost = summary->initial_cost;  // the graph is where it was
+  }
+  summary->seconds = NowInSeconds() - trace.start_seconds();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,301 @@
+#include "inceres/io/planar_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <unordered_map>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "inceres/factors/pose_prior.h"
+#include "io/g2o_start.h"
+#include "io/read_file.h"
+#include "io/record_reader.h"
+
+namespace inceres {
+namespace internal {
+namespace {
+
+// The inverse of a covariance, by columns that are rows; false if that is not positive definite.
+template <int size>
+bool InvertCovariance(const double* covariance, double* information) {
+  using Matrix = Eigen::Matrix<double, size, size, Eigen::RowMajor>;
+  const Eigen::LLT<Matrix> cholesky{Matrix(Eigen::Map<const Matrix>(covariance))};
+  if (cholesky.info() != Eigen::Success) {
+    return false;
+  }
+  Eigen::Map<Matrix> inverse(information);
+  inverse = cholesky.solve(Matrix::Identity());
+  inverse = (0.5 * (inverse + inverse.transpose())).eval();
+  return inverse.allFinite();
+}
+
+// Numbers of the file as dense indices, ascending.
+class DenseIds {
+ public:
+  void Add(std::int64_t id) { ids_.push_back(id); }
+  void Close() {
+    std::sort(ids_.begin(), ids_.end());
+    ids_.erase(std::unique(ids_.begin(), ids_.end()), ids_.end());
+  }
+  const std::vector<std::int64_t>& ids() const { return ids_; }
+  bool Has(std::int64_t id) const { return std::binary_search(ids_.begin(), ids_.end(), id); }
+  int IndexOf(std::int64_t id) const {
+    return static_cast<int>(std::lower_bound(ids_.begin(), ids_.end(), id) - ids_.begin());
+  }
+
+ private:
+  std::vector<std::int64_t> ids_;
+};
+
+class PlanarMapReader : RecordReader {
+ public:
+  PlanarMapReader(const std::string& path, std::unique_ptr<ByteSource> source)
+      : RecordReader(path, std::move(source)) {}
+
+  Status Read(PlanarMap* map) {
+    map_ = map;
+    map_->poses.dimension = 2;
+    Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
+    if (status.ok() && lines_.empty()) {
+      status = scanner_.FailureAt(scanner_.line(), "the file has no measurements");
+    }
+    status = status.ok() ? NumberAll() : status;
+    if (!status.ok()) {
+      return status;
+    }
+    const int lost = PlaceAlongEdges(&map_->poses);
+    if (lost < map_->poses.NumVertices()) {
+      return scanner_.FailureAt(
+          scanner_.line(), "no odometry leads from pose " + std::to_string(poses_.ids().front()) +
+                               " to pose " +
+                               std::to_string(poses_.ids()[static_cast<std::size_t>(lost)]));
+    }
+    PlaceLandmarks();
+    return Status::Ok();
+  }
+
+ private:
+  // Ids are resolved at the end: lines come in any order.
+  struct Line {
+    std::int64_t pose, other, line;
+    bool is_odometry;
+  };
+
+  Status ReadFields() {
+    Line line{0, 0, scanner_.line(), tag_ == "ODOMETRY"};
+    if (!line.is_odometry && tag_ != "LANDMARK" && tag_ != "BR") {
+      return Fail("tag", "not known; known are ODOMETRY, LANDMARK and BR");
+    }
+    int pose = 0, other = 0;
+    Status status = ReadIndex(line.is_odometry ? "from" : "pose", &pose);
+    status = status.ok() ? ReadIndex(line.is_odometry ? "to" : "landmark", &other) : status;
+    if (status.ok() && line.is_odometry && pose == other) {
+      status = Fail("to", "odometry from pose " + std::to_string(pose) + " to itself");
+    }
+    line.pose = pose;
+    line.other = other;
+    if (status.ok()) {
+      lines_.push_back(line);
+      poses_.Add(pose);
+      (line.is_odometry ? poses_ : landmarks_).Add(other);
+      status = line.is_odometry ? ReadOdometry() : tag_ == "BR" ? ReadBearing() : ReadPlace();
+    }
+    return status;
+  }
+
+  Status ReadOdometry() {
+    PoseGraphEdge edge;
+    double upper[6] = {};
+    Status status = ReadNumbers("motion", 3, edge.measurement.data());
+    status = status.ok() ? ReadNumbers("covariance", 6, upper) : status;
+    const double covariance[9] = {upper[0], upper[1], upper[2], upper[1], upper[3],
+                                  upper[4], upper[2], upper[4], upper[5]};
+    if (status.ok() && !InvertCovariance<3>(covariance, edge.information.data())) {
+      status = Fail("covariance", "not positive definite");
+    }
+    map_->poses.edges.push_back(edge);
+    return status;
+  }
+
+  Status ReadPlace() {
+    PlanarMapSighting sighting;
+    double upper[3] = {};
+    Status status = ReadNumbers("position", 2, sighting.z);
+    status = status.ok() ? ReadNumbers("covariance", 3, upper) : status;
+    const double covariance[4] = {upper[0], upper[1], upper[1], upper[2]};
+    std::copy_n(covariance, 4, sighting.covariance);
+    double information[4];
+    if (status.ok() && !InvertCovariance<2>(covariance, information)) {
+      status = Fail("covariance", "not positive definite");
+    }
+    map_->sightings.push_back(sighting);
+    return status;
+  }
+
+  Status ReadBearing() {
+    PlanarMapSighting sighting;
+    sighting.kind = PlanarSighting::kRangeBearing;
+    double deviations[2] = {};
+    Status status = ReadNumbers("bearing", 1, sighting.z + 1);
+    status = status.ok() ? ReadNumbers("range", 1, sighting.z) : status;
+    status = status.ok() ? ReadNumbers("bearing_std", 1, deviations + 1) : status;
+    status = status.ok() ? ReadNumbers("range_std", 1, deviations) : status;
+    if (status.ok() && !(sighting.z[0] > 0.0)) {
+      status = Fail("range", "not positive");
+    }
+    const char* const names[] = {"range_std", "bearing_std"};
+    for (int k = 0; k < 2 && status.ok(); ++k) {
+      sighting.covariance[3 * k] = deviations[k] * deviations[k];
+      if (!(deviations[k] > 0.0 && std::isnormal(sighting.covariance[3 * k]))) {
+        status = Fail(names[k], "not positive");
+      }
+    }
+    map_->sightings.push_back(sighting);
+    return status;
+  }
+
+  Status NumberAll() {
+    poses_.Close();
+    landmarks_.Close();
+    std::size_t edge = 0, sighting = 0;
+    for (const Line& line : lines_) {
+      if (line.is_odometry) {
+        map_->poses.edges[edge].from = poses_.IndexOf(line.pose);
+        map_->poses.edges[edge++].to = poses_.IndexOf(line.other);
+        continue;
+      }
+      if (poses_.Has(line.other)) {
+        return scanner_.FailureAt(
+            line.line, "landmark: " + std::to_string(line.other) + " is a pose on another line");
+      }
+      map_->sightings[sighting].pose = poses_.IndexOf(line.pose);
+      map_->sightings[sighting++].landmark = landmarks_.IndexOf(line.other);
+    }
+    map_->poses.ids = poses_.ids();
+    map_->landmark_ids = landmarks_.ids();
+    return Status::Ok();
+  }
+
+  void PlaceLandmarks() {
+    map_->landmarks.assign(2 * map_->landmark_ids.size(), 0.0);
+    std::vector<bool> placed(map_->landmark_ids.size(), false);
+    for (const PlanarMapSighting& sighting : map_->sightings) {
+      const auto index = static_cast<std::size_t>(sighting.landmark);
+      if (placed[index]) {
+        continue;
+      }
+      placed[index] = true;
+      const double* pose = map_->poses.PoseData(sighting.pose);
+      const bool polar = sighting.kind == PlanarSighting::kRangeBearing;
+      const double x = polar ? sighting.z[0] * std::cos(sighting.z[1]) : sighting.z[0];
+      const double y = polar ? sighting.z[0] * std::sin(sighting.z[1]) : sighting.z[1];
+      const double c = std::cos(pose[2]), s = std::sin(pose[2]);
+      map_->landmarks[2 * index] = pose[0] + c * x - s * y;
+      map_->landmarks[2 * index + 1] = pose[1] + s * x + c * y;
+    }
+  }
+
+  PlanarMap* map_ = nullptr;
+  std::vector<Line> lines_;
+  DenseIds poses_;
+  DenseIds landmarks_;
+};
+
+// A position as a distance and an angle: the covariance is J C Jᵀ.
+PlanarMapSighting AsRangeAndBearing(const PlanarMapSighting& position) {
+  PlanarMapSighting polar = position;
+  const double x = position.z[0], y = position.z[1], range = std::hypot(x, y);
+  polar.kind = PlanarSighting::kRangeBearing;
+  polar.z[0] = range;
+  polar.z[1] = std::atan2(y, x);
+  Eigen::Matrix2d J;
+  J << x / range, y / range, -y / (range * range), x / (range * range);
+  Eigen::Map<Eigen::Matrix2d> covariance(polar.covariance);
+  covariance = (J * covariance * J.transpose()).eval();
+  return polar;
+}
+
+Status MakeMeasurement(const PlanarMap& map, const PlanarMapSighting& sighting, std::size_t number,
+                       PlanarLandmarkFamily::Measurement* measurement) {
+  const std::string name = "sighting " + std::to_string(number) + ": ";
+  if (sighting.pose < 0 || sighting.pose >= map.poses.NumVertices() || sighting.landmark < 0 ||
+      sighting.landmark >= map.NumLandmarks()) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         name + "the map has no such pose or landmark");
+  }
+  double information[4];
+  if (!InvertCovariance<2>(sighting.covariance, information) ||
+      !SqrtInformation(information, 2, measurement->sqrt_information)) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         name + "the covariance is not positive definite");
+  }
+  std::copy_n(sighting.z, 2, measurement->z);
+  return Status::Ok();
+}
+
+}  // namespace
+}  // namespace internal
+
+Status ReadPlanarMap(const std::string& path, PlanarMap* map, const ReadOptions& options) {
+  return internal::ReadFile<internal::PlanarMapReader>(path, map, options);
+}
+
+Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options, FactorGraph* graph,
+                    PlanarMapGraph* ids) {
+  std::vector<PlanarMapSighting> sightings = map.sightings;
+  std::vector<PlanarLandmarkFamily::Measurement> measurements(sightings.size());
+  for (std::size_t i = 0; i < sightings.size(); ++i) {
+    if (options.range_and_bearing && sightings[i].kind == PlanarSighting::kPosition) {
+      sightings[i] = internal::AsRangeAndBearing(sightings[i]);
+    }
+    Status made = internal::MakeMeasurement(map, sightings[i], i, &measurements[i]);
+    if (!made.ok()) {
+      return made;
+    }
+  }
+  PlanarMapGraph added;
+  Status status = AddPoseGraph(map.poses, options.odometry_loss, graph, &added.poses);
+  if (!status.ok()) {
+    return status;
+  }
+  for (int i = 0; i < map.NumLandmarks(); ++i) {
+    added.landmarks.push_back(
+        graph->AddVariable(map.landmarks.data() + 2 * i, 2, options.landmark_role));
+  }
+  added.positions =
+      graph->AddFamily(std::make_shared<PlanarLandmarkFamily>(PlanarSighting::kPosition));
+  added.bearings =
+      graph->AddFamily(std::make_shared<PlanarLandmarkFamily>(PlanarSighting::kRangeBearing));
+  for (std::size_t i = 0; i < sightings.size(); ++i) {
+    const PlanarMapSighting& s = sightings[i];
+    const auto& family = s.kind == PlanarSighting::kPosition ? added.positions : added.bearings;
+    const int index = graph->AddFactor(family, measurements[i],
+                                       {added.poses.poses[static_cast<std::size_t>(s.pose)],
+                                        added.landmarks[static_cast<std::size_t>(s.landmark)]},
+                                       options.sighting_loss);
+    added.sightings.push_back({family.id, index, -1});
+  }
+  if (ids != nullptr) {
+    *ids = std::move(added);
+  }
+  return Status::Ok();
+}
+
+Status ReadPlanarMap(const std::string& path, FactorGraph* graph, PlanarMapGraph* ids,
+                     const PlanarMapOptions& options) {
+  PlanarMap map;
+  Status status = ReadPlanarMap(path, &map, options.file);
+  if (!status.ok()) {
+    return status;
+  }
+  status = AddPlanarMap(map, options, graph, ids);
+  if (!status.ok()) {
+    status.message = path + ": " + status.message;
+  }
+  return status;
+}
+
+}  // namespace inceres

@@ -1,0 +1,136 @@
+#include "linear/tree_rows.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace inceres::internal {
+namespace {
+
+void ListNeighbors(const SymmetricBlockRows& S, int row, std::vector<int>* neighbors) {
+  neighbors->clear();
+  for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
+    if (entry.column != row) {
+      neighbors->push_back(entry.column);
+    }
+  }
+  neighbors->insert(neighbors->end(), S.below(row).begin(), S.below(row).end());
+}
+
+// Adds to, or takes from, an ascending list.
+void AddTo(std::vector<int>* list, int value) {
+  const auto at = std::lower_bound(list->begin(), list->end(), value);
+  if (at == list->end() || *at != value) {
+    list->insert(at, value);
+  }
+}
+void TakeFrom(std::vector<int>* list, int value) {
+  const auto at = std::lower_bound(list->begin(), list->end(), value);
+  if (at != list->end() && *at == value) {
+    list->erase(at);
+  }
+}
+
+}  // namespace
+
+void TreeRows::Follow(const SymmetricBlockRows& S, const ReducedSolver::Rows& changed) {
+  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(S.num_rows())));
+  const auto add = [this](int row) {
+    if (!rows_[row].is_pending) {
+      rows_[row].is_pending = true;
+      pending_.push_back(row);
+    }
+  };
+  if (changed.rows != nullptr) {
+    std::for_each(changed.rows->begin(), changed.rows->end(), add);
+    return;
+  }
+  for (int row = std::max(0, changed.first_row); row < S.num_rows(); ++row) {
+    add(row);
+  }
+}
+
+void TreeRows::FollowPattern(const SymmetricBlockRows& S, std::vector<int>* stale) {
+  touched_.clear();
+  ForgetLostRows(S);
+  TakeUpNewBlocks(S, stale);
+}
+
+void TreeRows::Forget(int row) {
+  for (const int neighbor : rows_[row].neighbors) {
+    TakeFrom(&rows_[neighbor].neighbors, row);
+  }
+  rows_[row].neighbors.clear();
+  tree_.Remove(row);
+}
+
+// A row that has gone, or has come back as another, or without a block that it had.
+void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
+  for (const int row : pending_) {
+    if (!tree_.Has(row)) {
+      continue;
+    }
+    ListNeighbors(S, row, &neighbors_);
+    const std::vector<int>& known = rows_[row].neighbors;
+    if (S.size_of(row) != tree_.SizeOf(row) ||
+        !std::includes(neighbors_.begin(), neighbors_.end(), known.begin(), known.end())) {
+      Forget(row);
+    }
+  }
+}
+
+void TreeRows::TakeUpNewBlocks(const SymmetricBlockRows& S, std::vector<int>* stale) {
+  for (const int row : pending_) {
+    if (S.size_of(row) == 0) {
+      continue;
+    }
+    if (!tree_.Has(row)) {
+      AddTo(&new_rows_, row);
+    }
+    ListNeighbors(S, row, &neighbors_);
+    if (neighbors_ == rows_[row].neighbors) {
+      continue;
+    }
+    for (const int other : neighbors_) {
+      const std::vector<int>& known = rows_[row].neighbors;
+      if (!std::binary_search(known.begin(), known.end(), other)) {
+        TakeUpNeighbor(row, other, stale);
+      }
+    }
+    rows_[row].neighbors = neighbors_;
+  }
+}
+
+// The block is new. Where the factor has a place for it the tree may stay as it is.
+void TreeRows::TakeUpNeighbor(int row, int other, std::vector<int>* stale) {
+  AddTo(&rows_[other].neighbors, row);
+  touched_.push_back(row);
+  touched_.push_back(other);
+  const bool both = tree_.Has(row) && tree_.Has(other);
+  if (both && tree_.AreCoupled(row, other)) {
+    tree_.ClearUpwards(tree_.CliqueOf(tree_.IsBefore(row, other) ? row : other),
+                       &Clique::is_factored, stale);
+    return;
+  }
+  for (const int end : {row, other}) {
+    if (tree_.Has(end)) {
+      tree_.Dissolve(end);
+    }
+  }
+}
+
+Status TreeRows::Rebuild(const SymmetricBlockRows& S, std::vector<int>* made) {
+  Status rebuilt = tree_.Rebuild(S, new_rows_, new_rows_.empty() ? touched_ : new_rows_, made);
+  if (rebuilt.ok()) {
+    new_rows_.clear();
+  }
+  return rebuilt;
+}
+
+std::size_t TreeRows::Bytes() const {
+  return std::accumulate(rows_.begin(), rows_.end(), rows_.capacity() * sizeof(Row),
+                         [](std::size_t bytes, const Row& row) {
+                           return bytes + row.neighbors.capacity() * sizeof(int);
+                         });
+}
+
+}  // namespace inceres::internal

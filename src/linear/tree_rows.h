@@ -1,0 +1,65 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "inceres/linear/reduced_solver.h"
+#include "inceres/status.h"
+#include "linear/block_rows.h"
+#include "linear/clique_tree.h"
+
+namespace inceres::internal {
+
+/// How a Bayes tree follows the rows and blocks of an S that is edited: which rows have changed
+/// since it was last looked at, and which blocks each had then. A row that has gone, or a block,
+/// leaves the tree; one that is new dissolves the cliques it reaches, but where the factor has a
+/// place for it. Cost: what has changed, and its neighbors.
+class TreeRows {
+ public:
+  /// The tree belongs to who factors it, and stays where it is.
+  explicit TreeRows(CliqueTree* tree) : tree_(*tree) {}
+
+  /// Remembers what has changed.
+  void Follow(const SymmetricBlockRows& S, const ReducedSolver::Rows& changed);
+  void Sort() { std::sort(pending_.begin(), pending_.end()); }
+  /// S has another pattern: the tree is as it was where that leaves it, and cliques that have a
+  /// block more join the stale ones with those above them.
+  void FollowPattern(const SymmetricBlockRows& S, std::vector<int>* stale);
+  /// Whether the tree lacks no row.
+  bool IsWhole() const { return tree_.IsWhole() && new_rows_.empty(); }
+  /// CliqueTree::Rebuild with what was taken up.
+  Status Rebuild(const SymmetricBlockRows& S, std::vector<int>* made);
+  /// Calls visit(row) of what has changed, and forgets that it has.
+  template <typename Visit>
+  void TakePending(const Visit& visit) {
+    for (const int row : pending_) {
+      rows_[static_cast<std::size_t>(row)].is_pending = false;
+      visit(row);
+    }
+    pending_.clear();
+  }
+
+  std::size_t Bytes() const;
+
+ private:
+  // What is kept of a row of S.
+  struct Row {
+    std::vector<int> neighbors;  // rows that it has a block with, ascending
+    bool is_pending = false;
+  };
+
+  void Forget(int row);
+  void ForgetLostRows(const SymmetricBlockRows& S);
+  void TakeUpNewBlocks(const SymmetricBlockRows& S, std::vector<int>* stale);
+  void TakeUpNeighbor(int row, int other, std::vector<int>* stale);
+
+  CliqueTree& tree_;
+  std::vector<Row> rows_;
+  std::vector<int> pending_;    // rows that have changed, and were not looked at since
+  std::vector<int> neighbors_;  // workspace
+  std::vector<int> new_rows_;
+  std::vector<int> touched_;  // rows with a new block
+};
+
+}  // namespace inceres::internal

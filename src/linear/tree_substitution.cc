@@ -1,0 +1,160 @@
+#include "linear/tree_substitution.h"
+
+#include <algorithm>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <numeric>
+
+#include "linear/front_elimination.h"
+
+namespace inceres::internal {
+
+// Where a row has gone or come back, x of the rows behind it is no longer where it was.
+void TreeSubstitution::FollowPacking(const SymmetricBlockRows& S) {
+  const std::size_t known = offsets_.size();
+  offsets_.resize(static_cast<std::size_t>(S.num_rows()) + 1);
+  int offset = 0;
+  for (int row = 0; row < S.num_rows(); ++row) {
+    offset += S.size_of(row);
+    solution_is_lost_ |= static_cast<std::size_t>(row) + 1 < known && offsets_[row + 1] != offset;
+    offsets_[row + 1] = offset;
+  }
+  x_.resize(offset);
+  moved_.resize(S.num_rows(), 0);
+  passed_on_.resize(offset, std::numeric_limits<double>::quiet_NaN());  // unlike any x
+}
+
+void TreeSubstitution::ForgetDissolved() {
+  tree_.EraseUnused(&unsubstituted_);
+}
+
+void TreeSubstitution::Take(const std::vector<int>& made) {
+  unsubstituted_.insert(unsubstituted_.end(), made.begin(), made.end());
+}
+
+void TreeSubstitution::MarkChangedB(const ReducedSolver::Rows& changed_b) {
+  const auto mark = [this](int row) {
+    if (tree_.Has(row)) {
+      Mark(tree_.CliqueOf(row));
+    }
+  };
+  if (changed_b.rows != nullptr) {
+    std::for_each(changed_b.rows->begin(), changed_b.rows->end(), mark);
+    return;
+  }
+  for (int row = std::max(0, changed_b.first_row); row < tree_.num_rows(); ++row) {
+    mark(row);
+  }
+}
+
+int TreeSubstitution::Forward(const double* b) {
+  tree_.SortByStamp(&unsubstituted_);
+  is_fresh_.resize(tree_.cliques().size(), 0);
+  int num_rows = 0;
+  for (const int c : unsubstituted_) {
+    Clique& clique = tree_.clique(c);
+    clique.is_substituted = true;
+    is_fresh_[c] = 1;
+    num_rows += clique.num_pivots;
+    std::fill(clique.y.begin(), clique.y.end(), 0.0);
+    for (int k = 0; k < clique.num_pivots; ++k) {
+      const int row = clique.rows[k];
+      std::copy_n(b + offsets_[row], tree_.SizeOf(row), clique.y.begin() + clique.places[k]);
+    }
+    for (const int child : clique.children) {
+      const Clique& below = tree_.clique(child);
+      const double* update = below.y.data() + below.front.below();
+      for (const FrontRun& run : below.runs) {
+        std::transform(update + run.from, update + run.from + run.length, clique.y.begin() + run.to,
+                       clique.y.begin() + run.to, std::plus<>());
+      }
+    }
+    SolveFrontForward(clique.front, clique.L.data(), clique.y.data());
+  }
+  unsubstituted_.clear();
+  return num_rows;
+}
+
+double TreeSubstitution::Gain() const {
+  double gain = 0.0;
+  for (const Clique& clique : tree_.cliques()) {
+    if (clique.is_used) {
+      const auto end = clique.y.begin() + clique.front.below();
+      gain += 0.5 * std::inner_product(clique.y.begin(), end, clique.y.begin(), 0.0);
+    }
+  }
+  return gain;
+}
+
+const std::vector<int>& TreeSubstitution::Backward(const Truncation& truncation, double* x) {
+  ++num_solves_;
+  solved_.clear();
+  const auto is_root_to_solve = [this](int c) { return solution_is_lost_ || is_fresh_[c] != 0; };
+  waiting_.clear();
+  std::copy_if(tree_.roots().begin(), tree_.roots().end(), std::back_inserter(waiting_),
+               is_root_to_solve);
+  while (!waiting_.empty()) {
+    const int c = waiting_.back();
+    waiting_.pop_back();
+    SolveClique(c, truncation, x);
+    PushChildren(c);
+  }
+  solution_is_lost_ = false;
+  std::fill(is_fresh_.begin(), is_fresh_.end(), 0);
+  std::sort(solved_.begin(), solved_.end());
+  return solved_;
+}
+
+// x₁ = L₁⁻ᵀ (y₁ − L₂ᵀ x₂)
+void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* x) {
+  const Clique& clique = tree_.clique(c);
+  const Front& front = clique.front;
+  workspace_.resize(std::max(workspace_.size(), static_cast<std::size_t>(front.num_rows())));
+  std::copy_n(clique.y.begin(), front.below(), workspace_.begin());
+  for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
+    const int row = clique.rows[k];
+    std::copy(x_.begin() + offsets_[row], x_.begin() + offsets_[row + 1],
+              workspace_.begin() + clique.places[k]);
+  }
+  std::fill(workspace_.begin() + front.below() + front.height,
+            workspace_.begin() + front.num_rows(), 0.0);
+  SolveFrontBackward(front, clique.L.data(), workspace_.data());
+  for (int k = 0; k < clique.num_pivots; ++k) {
+    const int row = clique.rows[k], begin = offsets_[row], end = offsets_[row + 1];
+    std::copy_n(workspace_.begin() + clique.places[k], end - begin, x_.begin() + begin);
+    std::copy(x_.begin() + begin, x_.begin() + end, x + begin);
+    solved_.push_back(row);
+    if (solution_is_lost_ || HasChanged(begin, end, truncation)) {
+      std::copy(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
+      moved_[row] = num_solves_;
+    }
+  }
+}
+
+// y or an x above has changed. What the child does not know, those below it do not.
+void TreeSubstitution::PushChildren(int c) {
+  for (const int child : tree_.clique(c).children) {
+    const Clique& clique = tree_.clique(child);
+    const bool reached = solution_is_lost_ || is_fresh_[child] != 0 ||
+                         std::any_of(clique.rows.begin() + clique.num_pivots, clique.rows.end(),
+                                     [this](int row) { return moved_[row] == num_solves_; });
+    if (reached) {
+      waiting_.push_back(child);
+    }
+  }
+}
+
+bool TreeSubstitution::HasChanged(int begin, int end, const Truncation& truncation) const {
+  if (truncation.threshold <= 0.0) {
+    return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
+  }
+  double change = 0.0;
+  for (int k = begin; k < end; ++k) {
+    const double difference = x_[k] - passed_on_[k];
+    change += truncation.weights[k] * difference * difference;
+  }
+  return !(change <= truncation.threshold);
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,72 @@
+// Another loss for a factor that is the same function otherwise: what is cached takes the new
+// weight, and nothing is evaluated.
+
+#include <algorithm>
+#include <cmath>
+
+#include "linearize/incremental_family.h"
+#include "linearize/robustify.h"
+
+namespace inceres::internal {
+
+void IncrementalFamily::ScaleJacobian(int factor, double scale) {
+  for (int s = 0; s < num_slots(); ++s) {
+    if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] < 0) {
+      continue;
+    }
+    const SlotJacobians& slot = slots()[s];
+    double* J = slot.data + factor * slot.factor_stride;
+    std::for_each(J, J + slot.factor_stride, [scale](double& entry) { entry *= scale; });
+  }
+}
+
+// Brings back the plain J, up to a factor that is returned: of w and α at the linearization, or of
+// what was parked.
+double IncrementalFamily::TakeBackWeight(int factor) {
+  if (states_[factor].inverse_sqrt_w == 0.0) {
+    parked_.Fetch(factor, slots(), num_slots());
+    return 1.0;
+  }
+  for (int s = 0; s < num_slots() && IsCorrected(factor); ++s) {
+    if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] >= 0) {
+      TakeBackCorrection(correction(factor), residual_size(), slots()[s],
+                         slots()[s].data + factor * slots()[s].factor_stride);
+    }
+  }
+  return states_[factor].inverse_sqrt_w;
+}
+
+// As linearized where it was, with the new w: J := √w J_plain, q := √w f; f̂ stays, so that the
+// error of the old linearization is known at the new weight, too.
+bool IncrementalFamily::Reweigh(int factor) {
+  const double* f = residual(factor);
+  const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
+  const double sqrt_w = std::sqrt(value.weight());
+  if (!std::isfinite(sqrt_w) || !std::isfinite(value.cost())) {
+    return false;
+  }
+  double scale = TakeBackWeight(factor);
+  if (sqrt_w <= kNoWeight) {
+    ScaleJacobian(factor, scale);
+    scale = 1.0;
+    parked_.Park(factor, slots(), num_slots());
+  }
+  ScaleJacobian(factor, scale * sqrt_w);
+  State& state = states_[factor];
+  state.cost = value.cost();
+  state.w = state.linearized_w = value.weight();
+  state.inverse_sqrt_w = sqrt_w > kNoWeight ? 1.0 / sqrt_w : 0.0;
+  double error = 0.0;
+  for (int r = 0; r < residual_size(); ++r) {
+    const double difference = f[r] - predicted_f_[First(factor) + r];
+    error += difference * difference;
+    q_[First(factor) + r] = sqrt_w * f[r];
+  }
+  state.error = state.w * error;
+  state.squared_gradient_error = state.w * state.error * value.s;
+  linearized_[factor] = Linearized::kPlainly;
+  Unsettle(factor);
+  return true;
+}
+
+}  // namespace inceres::internal
