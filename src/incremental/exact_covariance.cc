@@ -133,7 +133,10 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     p = z + next / rz * p;
     rz = next;
   }
-  return status;
+  // A comparison with NaN has ended the loop: the factor or the right-hand side is not finite.
+  return status.ok() && !(rz <= tolerance * energy)
+             ? Status::Error(StatusCode::kUnavailable, "the factor has values that are not finite")
+             : status;
 }
 
 Status ExactCovariance::Compute(const std::vector<VariableId>& ids, double tolerance,

@@ -25,6 +25,10 @@ void Stagnation::Begin(double cost) {
   costs_ = {cost};
   gained_from_ = cost;
   num_since_gain_ = 0;
+  // What was being proven of another function is over, and so is what its steps have shown.
+  widest_ = 0.0;
+  is_proving_ = false;
+  restart_radius_ = 0.0;
 }
 
 double Stagnation::TakeRestartRadius() {

@@ -12,6 +12,7 @@
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
+#include "io/check_pose_graph.h"
 
 // Pose graphs as factor graphs. What an information matrix means depends on how the program that
 // wrote it writes the error of an edge (docs/pose_graphs.md, "Conventions"): the order of its
@@ -94,8 +95,8 @@ std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) 
 }
 
 // A family of the edges' measurements, all or none, then its factors.
-template <typename Family, typename Make>
 // The graph is touched only when every edge has been converted: an error leaves it as it was.
+template <typename Family, typename Make>
 Status AddEdges(const PoseGraph& poses, const PoseGraphOptions& options, bool from_first,
                 const std::shared_ptr<Family>& family, const Make& make, FactorGraph* graph,
                 std::vector<VariableId>* variables, FamilyHandle<Family>* handle) {
@@ -220,7 +221,10 @@ Status AddPoseGraph(const PoseGraph& poses, const std::shared_ptr<const Loss>& l
 Status AddPoseGraph(const PoseGraph& poses, const PoseGraphOptions& options, FactorGraph* graph,
                     G2oGraph* ids) {
   G2oGraph added;
-  Status status;
+  Status status = internal::CheckPoseGraph(poses);
+  if (!status.ok()) {
+    return status;
+  }
   if (poses.dimension == 2) {
     const auto make = [&options](const PoseGraphEdge& edge, auto* measurement) {
       return ToMeasurement(edge, options.convention, measurement);

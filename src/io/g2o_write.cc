@@ -8,6 +8,7 @@
 
 #include "inceres/io/g2o.h"
 #include "io/byte_sink.h"
+#include "io/check_pose_graph.h"
 #include "io/text_writer.h"
 
 // Writes pose graphs in g2o's format, which ReadG2o reads, and as trajectories of the TUM RGB-D
@@ -19,66 +20,6 @@
 namespace inceres {
 namespace internal {
 namespace {
-
-Status BadPoseGraph(const std::string& what) {
-  return Status::Error(StatusCode::kInvalidArgument, "PoseGraph: " + what);
-}
-
-// Of the first `count`: planar edges leave the rest of their arrays unused.
-template <typename Values>
-bool AreFinite(const Values& values, std::size_t count) {
-  return std::all_of(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(count),
-                     [](double value) { return std::isfinite(value); });
-}
-
-// Edges and FIX lists name vertices by index; ids, which the file has, may be anything.
-bool IsVertex(const PoseGraph& graph, int index) {
-  return index >= 0 && index < graph.NumVertices();
-}
-
-// The dimension first: the sizes of everything else follow from it.
-Status CheckVertices(const PoseGraph& graph) {
-  if (graph.dimension != 2 && graph.dimension != 3) {
-    return BadPoseGraph("dimension is " + std::to_string(graph.dimension) + ", not 2 or 3");
-  }
-  const std::size_t expected = graph.ids.size() * static_cast<std::size_t>(graph.PoseSize());
-  if (graph.poses.size() != expected) {
-    return BadPoseGraph("poses has " + std::to_string(graph.poses.size()) + " values instead of " +
-                        std::to_string(expected));
-  }
-  // By number and not by vertex: the size is right, and the message says where to look.
-  for (std::size_t i = 0; i < graph.poses.size(); ++i) {
-    if (!std::isfinite(graph.poses[i])) {
-      return BadPoseGraph("poses[" + std::to_string(i) + "] is not finite");
-    }
-  }
-  for (std::size_t i = 0; i < graph.fixed.size(); ++i) {
-    if (!IsVertex(graph, graph.fixed[i])) {
-      return BadPoseGraph("fixed[" + std::to_string(i) + "] is no vertex");
-    }
-  }
-  return Status::Ok();
-}
-
-Status CheckPoseGraph(const PoseGraph& graph) {
-  const auto pose_size = static_cast<std::size_t>(graph.PoseSize());
-  const auto size = static_cast<std::size_t>(graph.TangentSize());
-  // Vertices before edges, whose ends are held against them. The first fault is what is reported,
-  // by the name of the member and the index in it.
-  Status status = CheckVertices(graph);
-  for (std::size_t i = 0; i < graph.edges.size() && status.ok(); ++i) {
-    const PoseGraphEdge& edge = graph.edges[i];
-    if (!IsVertex(graph, edge.from) || !IsVertex(graph, edge.to)) {
-      status = BadPoseGraph("edges[" + std::to_string(i) + "] has an end that is no vertex");
-      // Finite is all that is asked of an information: a file may be written of a graph that no
-      // solver would take.
-    } else if (!AreFinite(edge.measurement, pose_size) ||
-               !AreFinite(edge.information, size * size)) {
-      status = BadPoseGraph("edges[" + std::to_string(i) + "] has a value that is not finite");
-    }
-  }
-  return status;
-}
 
 // A line's last values: the line ends behind them.
 void PutValues(const double* values, int count, TextWriter* writer) {
@@ -145,9 +86,9 @@ void PutTum(const PoseGraph& graph, TextWriter* writer) {
   }
 }
 
-template <typename PutAll>
 // The two formats differ in `put` only. A failure of the writer leaves the sink unfinished, which
 // removes its partial file.
+template <typename PutAll>
 Status WritePoseGraph(const std::string& path, const PoseGraph& graph, const PutAll& put) {
   Status status = CheckPoseGraph(graph);
   std::unique_ptr<ByteSink> sink;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "inceres/factors/pose_prior.h"
@@ -25,6 +26,11 @@ Status Invalid(const std::string& message) {
   return Status::Error(StatusCode::kInvalidArgument, message);
 }
 
+template <typename Entries>
+bool IsAmong(int index, const Entries& entries) {
+  return index >= 0 && static_cast<std::size_t>(index) < entries.size();
+}
+
 class KeyframeAdder {
  public:
   KeyframeAdder(const KeyframeSequence& sequence, const KeyframeGraphOptions& options)
@@ -36,6 +42,8 @@ class KeyframeAdder {
   KeyframeGraph* ids() { return &ids_; }
 
  private:
+  Status CheckNumbers() const;
+  Status CheckNumbers(std::size_t keyframe) const;
   void FindStarts();
 
   const KeyframeSequence& sequence_;
@@ -45,10 +53,47 @@ class KeyframeAdder {
   std::vector<double> starts_;  // by feature
 };
 
+// A sequence that was made by hand may name what is not there.
+Status KeyframeAdder::CheckNumbers() const {
+  for (std::size_t k = 0; k < sequence_.features.size(); ++k) {
+    if (!IsAmong(sequence_.features[k].anchor, sequence_.keyframes)) {
+      return Invalid("features[" + std::to_string(k) + "]: its anchor is no keyframe");
+    }
+  }
+  Status status;
+  for (std::size_t i = 0; i < sequence_.keyframes.size() && status.ok(); ++i) {
+    status = CheckNumbers(i);
+  }
+  return status;
+}
+
+Status KeyframeAdder::CheckNumbers(std::size_t keyframe) const {
+  const Keyframe& arriving = sequence_.keyframes[keyframe];
+  const auto is_feature = [this](const auto& entry) {
+    return IsAmong(entry.feature, sequence_.features);
+  };
+  const auto are_keyframes = [this](const KeyframeBetween& between) {
+    return IsAmong(between.a, sequence_.keyframes) && IsAmong(between.b, sequence_.keyframes);
+  };
+  const auto all = [](const auto& entries, const auto& fits) {
+    return std::all_of(entries.begin(), entries.end(), fits);
+  };
+  const std::string name = "keyframe " + std::to_string(keyframe);
+  if (!all(arriving.observations, is_feature) || !all(arriving.depth_guesses, is_feature)) {
+    return Invalid(name + " sees, or guesses the depth of, a feature that is not there");
+  }
+  return all(arriving.betweens, are_keyframes)
+             ? Status::Ok()
+             : Invalid(name + " has a relative pose of a keyframe that is not there");
+}
+
 Status KeyframeAdder::MeasureAll() {
   // Any finite inverse depth is a start, 0 too: the residual is smooth at a point at infinity.
   if (!(options_.depth_sigma > 0.0) || !std::isfinite(options_.unknown_inverse_depth)) {
     return Invalid("KeyframeGraphOptions::depth_sigma must be > 0, unknown_inverse_depth finite");
+  }
+  if (Status status = CheckNumbers(); !status.ok()) {
+    return status;
   }
   ids_.reprojections.family = std::make_shared<InverseDepthReprojectionFamily>();
   // Depths are measured in AddTo, which knows which features are seen again.

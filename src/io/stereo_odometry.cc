@@ -261,8 +261,8 @@ Status FindVariant(const std::string& folder, std::string* variant) {
                                  " calibration files, VO_calibration*.txt, where one is wanted");
 }
 
-template <typename Reader, typename Part>
 // A file of the folder with its reader. Names end in .txt: nothing is decoded.
+template <typename Reader, typename Part>
 Status ReadPart(const std::string& path, Part* part) {
   std::unique_ptr<ByteSource> source;
   if (Status status = OpenByteSource(path, &source); !status.ok()) {

@@ -141,7 +141,7 @@ Aggregates AggregateByMatching(const WeightedGraph& graph, int first_round,
     const int after = group.empty() ? 0 : 1 + *std::max_element(group.begin(), group.end());
     // Too few pairs were found: the parts hardly hang together any more, and more rounds would end
     // up with the same graph.
-    if (after > kStalled * before) {
+    if (after == 0 || after > kStalled * before) {
       break;
     }
     std::vector<int> joined(after, 0);

@@ -1,5 +1,6 @@
 #include "robust/squared_errors.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <string>

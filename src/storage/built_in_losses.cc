@@ -33,8 +33,8 @@ double ReadWeight(GraphReader* reader) {
 }
 
 // A loss that is its scale a.
-template <typename L>
 // Huber, soft-L1, Cauchy, arctan and Tukey are made with one number each.
+template <typename L>
 void AddScaled(const char* name, GraphFormats* formats) {
   formats->AddLoss<L>(
       std::string("inceres.") + name,

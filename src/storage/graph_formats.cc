@@ -26,9 +26,9 @@ GraphFormats::GraphFormats() {
   internal::AddBuiltInFamilies(this);
 }
 
-template <typename Base>
 // Into a writer of its own first, since the length stands before the bytes. Bytes are copied once
 // for each level of nesting.
+template <typename Base>
 void GraphFormats::WriteBy(const internal::FormatTable<Base>& table, const Base& object,
                            const std::string& what, GraphWriter* writer) {
   const auto* format = table.Of(object);
@@ -52,9 +52,9 @@ void GraphFormats::WriteBy(const internal::FormatTable<Base>& table, const Base&
   writer->WriteString(inner.bytes());
 }
 
-template <typename Base>
 // Null, with the reader failed, unless all went well. Failures carry the path to the culprit:
 // "family 3 (inceres.linear_prior): a manifold (…): …".
+template <typename Base>
 std::shared_ptr<Base> GraphFormats::ReadBy(const internal::FormatTable<Base>& table,
                                            const std::string& what, GraphReader* reader) {
   const std::string name = reader->ReadString();

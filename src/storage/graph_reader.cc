@@ -16,8 +16,8 @@
 namespace inceres {
 namespace {
 
-template <typename Unsigned>
 // The detour by unsigned char keeps the sign of a char out.
+template <typename Unsigned>
 Unsigned LittleEndian(const char* bytes) {
   Unsigned value = 0;
   for (std::size_t k = 0; k < sizeof(value); ++k) {

@@ -10,8 +10,8 @@
 namespace inceres {
 namespace {
 
-template <typename Unsigned>
 // Unsigned, for shifting a negative number to the right is the compiler's business before C++20.
+template <typename Unsigned>
 void AppendLittleEndian(Unsigned value, std::string* bytes) {
   for (std::size_t k = 0; k < sizeof(value); ++k) {
     bytes->push_back(static_cast<char>(static_cast<unsigned char>(value >> (8 * k))));

@@ -163,9 +163,9 @@ std::shared_ptr<LinearPriorFamily> ReadLinear(GraphReader* reader) {
 }
 
 // Every number and enumerator that an ImuPreintegrator is made with.
-template <typename Options, typename Number, typename Enumerator>
 // One list for writing and for reading, so that the two cannot differ. An enumerator comes with the
 // last one of its kind, up to which a byte is valid. Options is const for writing.
+template <typename Options, typename Number, typename Enumerator>
 void VisitImuOptions(Options& options, Number&& number, Enumerator&& enumerator) {
   number(options.noise.gyr);
   number(options.noise.acc);

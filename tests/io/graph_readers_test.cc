@@ -190,6 +190,13 @@ TEST_F(KeyframeGraphTest, RefusesWhatCannotBe) {
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_NE(status.message.find("keyframe 1, observation of feature 0"), std::string::npos)
       << status.message;
+  sequence.keyframes[1].observations[0].feature = 1000;
+  const Status missing = AddKeyframes(sequence, KeyframeGraphOptions(), &graph_, nullptr);
+  EXPECT_EQ(missing.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(missing.message.find("keyframe 1 sees"), std::string::npos) << missing.message;
+  sequence.features[0].anchor = -1;
+  const Status floating = AddKeyframes(sequence, KeyframeGraphOptions(), &graph_, nullptr);
+  EXPECT_EQ(floating.message, "features[0]: its anchor is no keyframe");
   EXPECT_EQ(graph_.num_variables() + graph_.num_families(), 0);
 }
 

@@ -137,6 +137,16 @@ TEST(PoseGraphOptions, RefusesInformationThatIsNotDefiniteOrProjectsIt) {
   EXPECT_FALSE(AddPoseGraph(graph, options, &factors, nullptr).ok());  // of nothing comes nothing
 }
 
+TEST(PoseGraphOptions, RefusesAGraphThatDoesNotFitTogether) {
+  PoseGraph graph = PoseGraphWorld(2, 12, 5, 0, 0.1, 1).truth;
+  graph.edges[3].to = 12;
+  FactorGraph factors;
+  const Status refused = AddPoseGraph(graph, PoseGraphOptions(), &factors, nullptr);
+  EXPECT_EQ(refused.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(refused.message, "PoseGraph: edges[3] has an end that is no vertex");
+  EXPECT_EQ(factors.num_variables() + factors.num_families(), 0);
+}
+
 TEST(ProjectInformation, RaisesWhatIsNegativeAndLeavesTheRest) {
   // Eigenvalues 3, −1 and 1, the first two along (1, ±1, 0).
   double information[9] = {1.0, 2.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 1.0};

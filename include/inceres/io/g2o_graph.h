@@ -88,7 +88,8 @@ INCERES_EXPORT std::vector<int> LoopEdges(const PoseGraph& poses);
 /// there are none the gauge is free: HoldGauge (factors/gauge.h) holds the first pose.
 ///
 /// kInvalidArgument, graph and ids unchanged, if the information of an edge is not positive
-/// definite; the message names the edge. `ids` may be null. Cost: one pass. Threads: one writer.
+/// definite, or the pose graph does not fit together; the message names the culprit. `ids` may be
+/// null. Cost: one pass. Threads: one writer.
 INCERES_EXPORT Status AddPoseGraph(const PoseGraph& poses, const std::shared_ptr<const Loss>& loss,
                                    FactorGraph* graph, G2oGraph* ids);
 

@@ -45,7 +45,8 @@ struct KeyframeGraph {
 /// held: HoldGauge (factors/gauge.h) holds the first pose.
 ///
 /// kInvalidArgument, graph and ids unchanged, for options or information matrices that are not
-/// positive (definite); the message names the culprit. `ids` may be null. Cost: one pass. Threads:
+/// positive (definite), and for numbers of features and keyframes that are not there; the message
+/// names the culprit. `ids` may be null. Cost: one pass. Threads:
 /// one writer.
 INCERES_EXPORT Status AddKeyframes(const KeyframeSequence& sequence,
                                    const KeyframeGraphOptions& options, FactorGraph* graph,
