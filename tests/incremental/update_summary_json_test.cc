@@ -93,9 +93,9 @@ constexpr const char* kRowReals[] = {
 constexpr const char* kRowCounts[] = {"iteration", "num_moved_frames", "num_visited_landmarks",
                                       "num_relinearised_factors", "num_linear_solver_iterations"};
 
-// What the struct holds beside the fields in the lists is a termination, three texts, two flags, two
-// 64-bit counts, stages and the trace. Counts stand in pairs, the last one ahead of the 64-bit ones
-// by itself.
+// What the struct holds beside the fields in the lists is a termination, three texts, two flags,
+// two 64-bit counts, stages and the trace. Counts stand in pairs, the last one ahead of the 64-bit
+// ones by itself.
 TEST(UpdateSummaryJson, IsTestedForEveryField) {
   EXPECT_EQ(sizeof(UpdateSummary),
             3 * sizeof(std::string) + sizeof(std::vector<UpdateIteration>) + sizeof(StageSeconds) +
