@@ -7,6 +7,38 @@
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
+namespace {
+
+double InnerProduct(const double* a, const double* b, int size) {
+  double sum = 0.0;
+  for (int k = 0; k < size; ++k) {
+    sum += a[k] * b[k];
+  }
+  return sum;
+}
+
+void AddScaled(double scale, const double* a, int size, double* y) {
+  for (int k = 0; k < size; ++k) {
+    y[k] += scale * a[k];
+  }
+}
+
+// y += M v, M symmetric.
+void AddProduct(const Eigen::MatrixXd& M, const double* v, double* y) {
+  const auto size = static_cast<int>(M.rows());
+  for (int k = 0; k < size; ++k) {
+    AddScaled(v[k], M.col(k).data(), size, y);
+  }
+}
+
+// False of one that is not positive definite.
+bool Invert(const Eigen::MatrixXd& M, Eigen::MatrixXd* inverse) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(M);
+  *inverse = factor.solve(Eigen::MatrixXd::Identity(M.rows(), M.cols()));
+  return factor.info() == Eigen::Success;
+}
+
+}  // namespace
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -104,30 +136,31 @@ MatrixXd LargeBlockSchurModel::Off(const Entry& entry, int row) const {
   return row == entry.i ? MatrixXd(H) : MatrixXd(H.transpose());
 }
 
-// y_row += sign H v, of the other one's entries.
-bool LargeBlockSchurModel::Multiply(const Entry& entry, int row, const double* v, double sign,
+// y_row += sign H v, of the other one's entries. Blocks have some 6 to 15 rows and columns: plain
+// loops, for a call of a general product costs more than the product itself.
+void LargeBlockSchurModel::Multiply(const Entry& entry, int row, const double* v, double sign,
                                     double* y) const {
-  const double* values = hessian_.FrameBlock(entry.block);
-  if (values == nullptr) {
-    return false;
+  const double* H = hessian_.FrameBlock(entry.block);
+  if (H == nullptr) {
+    return;
   }
-  const BlockMap H(values, Size(entry.i), Size(entry.j),
-                   Eigen::OuterStride<>(plans_.pattern.row_stride(entry.j)));
-  Eigen::Map<VectorXd> to(y, Size(row));
-  const Eigen::Map<const VectorXd> from(v, Size(row == entry.i ? entry.j : entry.i));
+  const int stride = plans_.pattern.row_stride(entry.j);
+  const int num_rows = Size(entry.i), num_columns = Size(entry.j);
   if (row == entry.i) {
-    to.noalias() += sign * (H * from);
+    for (int r = 0; r < num_rows; ++r, H += stride) {
+      y[r] += sign * InnerProduct(H, v, num_columns);
+    }
   } else {
-    to.noalias() += sign * (H.transpose() * from);
+    for (int r = 0; r < num_rows; ++r, H += stride) {
+      AddScaled(sign * v[r], H, num_columns, y);
+    }
   }
-  return true;
 }
 
 Status LargeBlockSchurModel::FactorEliminated() {
-  eliminated_factor_.resize(eliminated_.size());
+  eliminated_inverse_.resize(eliminated_.size());
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
-    eliminated_factor_[e].compute(Diagonal(eliminated_[e]));
-    if (eliminated_factor_[e].info() != Eigen::Success) {
+    if (!Invert(Diagonal(eliminated_[e]), &eliminated_inverse_[e])) {
       return Status::Error(StatusCode::kSingular,
                            "variable " +
                                std::to_string(evaluator_.layout().variables[eliminated_[e]]) +
@@ -151,13 +184,12 @@ Status LargeBlockSchurModel::FactorPreconditioner() {
     for (const Entry& entry : of_[e]) {
       const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
       const MatrixXd H_fe = Off(entry, variable);
-      blocks[place_[variable]] -= H_fe * eliminated_factor_[e].solve(H_fe.transpose());
+      blocks[place_[variable]] -= H_fe * eliminated_inverse_[e] * H_fe.transpose();
     }
   }
   preconditioner_.resize(kept_.size());
   for (std::size_t f = 0; f < kept_.size(); ++f) {
-    preconditioner_[f].compute(blocks[f]);
-    if (preconditioner_[f].info() != Eigen::Success) {
+    if (!Invert(blocks[f], &preconditioner_[f])) {
       return Status::Error(StatusCode::kSingular,
                            "a block of the preconditioner is not positive definite");
     }
@@ -191,8 +223,9 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
     }
   }
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
-    const VectorXd x = eliminated_factor_[e].solve(Eigen::Map<const VectorXd>(
-        Gradient().data() + Offset(eliminated_[e]), Size(eliminated_[e])));
+    const VectorXd x = eliminated_inverse_[e] *
+                       Eigen::Map<const VectorXd>(Gradient().data() + Offset(eliminated_[e]),
+                                                  Size(eliminated_[e]));
     for (const Entry& entry : of_[e]) {
       const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
       Multiply(entry, variable, x.data(), 1.0, iteration_.b() + padded_[place_[variable]]);
@@ -212,30 +245,38 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
 // y += H_fe H_ee⁻¹ H_ef v.
 void LargeBlockSchurModel::AddCoupled(const double* v, double* y) const {
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
-    VectorXd x = VectorXd::Zero(Size(eliminated_[e]));
+    const int eliminated = eliminated_[e];
+    coupled_.assign(2 * static_cast<std::size_t>(Size(eliminated)), 0.0);
+    double* H_ef_v = coupled_.data();
+    double* x = H_ef_v + Size(eliminated);
     for (const Entry& entry : of_[e]) {
-      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
-      Multiply(entry, eliminated_[e], v + padded_[place_[variable]], 1.0, x.data());
+      const int variable = entry.i == eliminated ? entry.j : entry.i;
+      Multiply(entry, eliminated, v + padded_[place_[variable]], 1.0, H_ef_v);
     }
-    x = eliminated_factor_[e].solve(x).eval();
+    AddProduct(eliminated_inverse_[e], H_ef_v, x);
     for (const Entry& entry : of_[e]) {
-      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
-      Multiply(entry, variable, x.data(), 1.0, y + padded_[place_[variable]]);
+      const int variable = entry.i == eliminated ? entry.j : entry.i;
+      Multiply(entry, variable, x, 1.0, y + padded_[place_[variable]]);
     }
+  }
+}
+
+// y −= H_vv v of a kept one, damped. Of the block the lower triangle is there.
+void LargeBlockSchurModel::SubtractDiagonal(int variable, const double* v, double* y) const {
+  const int size = Size(variable);
+  const double* H = hessian_.FrameBlock(plans_.pattern.row_begin[variable + 1] - 1);
+  const int stride = plans_.pattern.row_stride(variable);
+  const double* damping = damping_ + Offset(variable);
+  for (int r = 0; r < size; ++r, H += stride) {
+    y[r] -= InnerProduct(H, v, r + 1) + damping[r] * v[r];
+    AddScaled(-v[r], H, r, y);
   }
 }
 
 // y −= S v.
 void LargeBlockSchurModel::SubtractProduct(const double* v, double* y) const {
   for (std::size_t f = 0; f < kept_.size(); ++f) {
-    const int variable = kept_[f];
-    const int size = Size(variable);
-    const BlockMap H(hessian_.FrameBlock(plans_.pattern.row_begin[variable + 1] - 1), size, size,
-                     Eigen::OuterStride<>(plans_.pattern.row_stride(variable)));
-    const Eigen::Map<const VectorXd> from(v + padded_[f], size);
-    Eigen::Map<VectorXd> to(y + padded_[f], size);
-    to.noalias() -= H.selfadjointView<Eigen::Lower>() * from;
-    to -= Eigen::Map<const VectorXd>(damping_ + Offset(variable), size).cwiseProduct(from);
+    SubtractDiagonal(kept_[f], v + padded_[f], y + padded_[f]);
   }
   for (const Entry& entry : between_kept_) {
     Multiply(entry, entry.i, v + padded_[place_[entry.j]], -1.0, y + padded_[place_[entry.i]]);
@@ -256,7 +297,7 @@ bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
                .cwiseAbs2()
                .cwiseProduct(from);
     } else {
-      to = preconditioner_[f].solve(from);
+      AddProduct(preconditioner_[f], r + padded_[f], z + padded_[f]);
     }
   }
   return true;
@@ -276,7 +317,7 @@ void LargeBlockSchurModel::BackSubstitute(double* step) const {
       Multiply(entry, variable, step + Offset(other), -1.0, x.data());
     }
     Eigen::Map<VectorXd> to(step + Offset(variable), Size(variable));
-    to = eliminated_factor_[e].solve(x);
+    to = eliminated_inverse_[e] * x;
     if (left_out_landmarks()) {
       to.setZero();
     }

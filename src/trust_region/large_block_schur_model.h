@@ -44,7 +44,6 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
  private:
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   using BlockMap = Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>;
-  using Factor = Eigen::LLT<Eigen::MatrixXd>;
   // An off-diagonal block of H between two variables: H_ij for i > j.
   struct Entry {
     int block;
@@ -55,11 +54,12 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   void SortBlocks(Status* status);
   Eigen::MatrixXd Diagonal(int variable) const;
   Eigen::MatrixXd Off(const Entry& entry, int row) const;
-  bool Multiply(const Entry& entry, int row, const double* v, double sign, double* y) const;
+  void Multiply(const Entry& entry, int row, const double* v, double sign, double* y) const;
   Status FactorEliminated();
   Status FactorPreconditioner();
   Status SolveKept(double* step);
   void AddCoupled(const double* v, double* y) const;
+  void SubtractDiagonal(int variable, const double* v, double* y) const;
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
   bool IsGoodEnough(const ConjugateGradients& iteration) const override;
@@ -71,15 +71,17 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   LandmarkIncidences incidences_;
   FramePlans plans_;
   Hessian hessian_;
-  std::vector<int> eliminated_;            // variables of the layout
-  std::vector<int> kept_;                  // the others
-  std::vector<int> place_;                 // per variable: among its own kind
-  std::vector<char> is_eliminated_;        // per variable
-  std::vector<int> padded_;                // per kept one: its first entry in padded vectors
-  std::vector<Entry> between_kept_;        // blocks of H_ff
-  std::vector<std::vector<Entry>> of_;     // per eliminated one: blocks of H_ef
-  std::vector<Factor> eliminated_factor_;  // of H_ee
-  std::vector<Factor> preconditioner_;     // of each kept one's block; empty: the identity
+  std::vector<int> eliminated_;         // variables of the layout
+  std::vector<int> kept_;               // the others
+  std::vector<int> place_;              // per variable: among its own kind
+  std::vector<char> is_eliminated_;     // per variable
+  std::vector<int> padded_;             // per kept one: its first entry in padded vectors
+  std::vector<Entry> between_kept_;     // blocks of H_ff
+  std::vector<std::vector<Entry>> of_;  // per eliminated one: blocks of H_ef
+  // Inverses, as Ceres has them: one product where a factor takes two substitutions.
+  std::vector<Eigen::MatrixXd> eliminated_inverse_;  // of H_ee
+  std::vector<Eigen::MatrixXd> preconditioner_;  // of each kept one's block; empty: the identity
+  mutable std::vector<double> coupled_;          // scratch of AddCoupled
   ConjugateGradients iteration_;
   const double* damping_ = nullptr;
   const double* scale_ = nullptr;

@@ -17,7 +17,7 @@ class Growing:
 
     def __init__(self, family=None, **options):
         self.bal = inceres.read_bal(STREET)
-        self.solver = inceres.IncrementalSolver(function_tolerance=1e-9, **options)
+        self.solver = inceres.IncrementalSolver(function_tolerance=1e-9, max_num_iterations=100, **options)
         self.family = self.solver.add_family(family or inceres.BalReprojection())
         self.prior = self.solver.add_family(inceres.DiagonalPrior(9))
         self.cameras = np.full(len(self.bal.cameras), -1, np.int32)

@@ -291,6 +291,11 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
   if (selection.num_too_large > 0) {
     selection = LandmarkSelection();
     selection.is_landmark.assign(view.blocks.size(), 0);
+    if (ordering.numbers_frames) {
+      selection.obstacle =
+          "preconditioners by clusters where eliminated blocks have more than four degrees of "
+          "freedom";
+    }
     selection.large.assign(eliminated.first_group.begin(), eliminated.first_group.end());
   }
   return selection;
