@@ -36,7 +36,7 @@ constexpr double kMostDampingError = 0.5;
 // A direction in which S has less than this share of the damping is open: rounding is what it has.
 constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
-constexpr double kNoInformation = 1e-12;
+constexpr double kNoCurvature = 1e-12;
 constexpr double kNoFactorHere = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
@@ -196,7 +196,7 @@ Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
         0, "there is no covariance: the gauge is free, or a variable is not determined: ");
   }
   return status.ok()
-             ? FromFactor(source, ids, {LiveFactor(source.undamped->solver()), 0.0, kNoInformation},
+             ? FromFactor(source, ids, {LiveFactor(source.undamped->solver()), 0.0, kNoCurvature},
                           staleness, joint)
              : status;
 }
