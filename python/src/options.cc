@@ -256,12 +256,12 @@ Table<IncrementalOptions> MakeIncrementalTable() {
 }
 
 const Table<SolverOptions>& SolverTable() {
-  static const Table<SolverOptions> table = MakeSolverTable();
-  return table;
+  static const Table<SolverOptions> kTable = MakeSolverTable();
+  return kTable;
 }
 const Table<IncrementalOptions>& IncrementalTable() {
-  static const Table<IncrementalOptions> table = MakeIncrementalTable();
-  return table;
+  static const Table<IncrementalOptions> kTable = MakeIncrementalTable();
+  return kTable;
 }
 
 }  // namespace
