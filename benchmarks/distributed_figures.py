@@ -10,7 +10,7 @@ by all runs, which take turns: one of each a round. Seconds are those of the sol
 over the rounds, and ratios medians of the ratios of each round. Memory is the peak of a process. Leave the machine alone meanwhile, and
 have a core for each rank: waiting ranks do not yield.
 
-Asked for: two ranks at least 1.7 times as fast as one; two ranks at most 1.1 times two threads, one rank 1.1 times one thread; peak
+Limits: two ranks at least 1.7 times as fast as one; two ranks at most 1.1 times two threads, one rank 1.1 times one thread; peak
 memory of a rank of two at most 0.6 of that of one; partition at most 3 % of reading, partition and solve; bytes that the worst rank sends
 in a product at most 1.5 times its shared cameras; the cost within the function tolerance's reach of one process's (1e-4). Exit code: 0
 all within limits, 1 something is not, 2 a run failed.
