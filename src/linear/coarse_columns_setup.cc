@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "linear/coarse_columns.h"
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -88,17 +89,9 @@ BlockPattern CoarseColumns::GalerkinPattern() const {
     // behind b get theirs when the loop comes to them.
     columns[b].push_back(b);
   }
-  BlockPattern pattern;
-  pattern.offsets = column_offsets_;
-  pattern.row_begin.push_back(0);
-  pattern.value_begin.push_back(0);
-  for (int a = 0; a < count; ++a) {
-    for (const int b : columns[a]) {
-      pattern.columns.push_back(b);
-      pattern.value_begin.push_back(pattern.value_begin.back() +
-                                    static_cast<std::int64_t>(shape_.widths[a]) * shape_.widths[b]);
-    }
-    pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+  BlockPattern pattern = PatternWithoutBlocks(column_offsets_);
+  for (const std::vector<int>& of_row : columns) {
+    AppendRow(of_row, &pattern);
   }
   return pattern;
 }

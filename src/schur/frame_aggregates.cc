@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "linear/aggregation.h"
+#include "linear/pattern_rows.h"
 #include "linear/sparse_cholesky.h"
 #include "schur/covisibility.h"
 
@@ -35,21 +36,19 @@ double NumbersRead(const Evaluator& evaluator, const LandmarkIncidences& inciden
 }
 
 BlockPattern PatternOf(const WeightedGraph& graph) {
-  BlockPattern pattern;
-  pattern.offsets.push_back(0);
-  pattern.row_begin.push_back(0);
-  pattern.value_begin.push_back(0);
+  std::vector<int> offsets{0};
   for (int i = 0; i < graph.num_vertices(); ++i) {
-    const auto add = [&](int column) {
-      pattern.columns.push_back(column);
-      pattern.value_begin.push_back(pattern.value_begin.back() + kModes * kModes);
-    };
+    offsets.push_back(offsets.back() + kModes);
+  }
+  BlockPattern pattern = PatternWithoutBlocks(std::move(offsets));
+  std::vector<int> columns;
+  for (int i = 0; i < graph.num_vertices(); ++i) {
+    columns.clear();
     for (int k = graph.begin[i]; k < graph.begin[i + 1] && graph.neighbors[k] < i; ++k) {
-      add(graph.neighbors[k]);
+      columns.push_back(graph.neighbors[k]);
     }
-    add(i);
-    pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
-    pattern.offsets.push_back(pattern.offsets.back() + kModes);
+    columns.push_back(i);
+    AppendRow(columns, &pattern);
   }
   return pattern;
 }

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "linear/pattern_rows.h"
 #include "schur/gauge_normals.h"
 
 namespace inceres::internal {
@@ -66,10 +67,8 @@ void GaugeNormals::AddSource(const Linearization& cache, int slot, int landmark_
 // frames, also for those without such a factor, and is last in its row.
 void GaugeNormals::BuildPattern() {
   const Layout& layout = evaluator_.layout();
-  pattern_.offsets.assign(layout.packed_offset.begin(),
-                          layout.packed_offset.begin() + layout.num_frames + 1);
-  pattern_.row_begin.push_back(0);
-  pattern_.value_begin.push_back(0);
+  pattern_ = PatternWithoutBlocks(
+      {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
   std::vector<int> columns;
   for (int row = 0; row < layout.num_frames; ++row) {
     columns.assign(1, row);
@@ -89,13 +88,7 @@ void GaugeNormals::BuildPattern() {
       std::sort(columns.begin(), columns.end());
       columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     }
-    for (const int column : columns) {
-      pattern_.columns.push_back(column);
-      pattern_.value_begin.push_back(pattern_.value_begin.back() +
-                                     static_cast<std::int64_t>(pattern_.block_size(row)) *
-                                         pattern_.block_size(column));
-    }
-    pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
+    AppendRow(columns, &pattern_);
   }
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "linear/pattern_rows.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -68,28 +70,20 @@ SceneShape::Sample SceneShape::TakeSample() const {
 }
 
 BlockPattern SceneShape::Pattern() const {
-  BlockPattern pattern;
-  pattern.offsets.assign(layout_.packed_offset.begin(),
-                         layout_.packed_offset.begin() + layout_.num_frames + 1);
-  pattern.row_begin.push_back(0);
-  pattern.value_begin.push_back(0);
+  BlockPattern pattern = PatternWithoutBlocks(
+      {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
+  std::vector<int> columns;
   std::vector<int> seen_by(layout_.num_frames, -1);
   for (int row = 0; row < layout_.num_frames; ++row) {
-    const auto first = static_cast<std::ptrdiff_t>(pattern.columns.size());
-    pattern.columns.push_back(row);
+    columns.assign(1, row);
     seen_by[row] = row;
     ForEachCoupled(row, [&](int other) {
       if (other < row && std::exchange(seen_by[other], row) != row) {
-        pattern.columns.push_back(other);
+        columns.push_back(other);
       }
     });
-    std::sort(pattern.columns.begin() + first, pattern.columns.end());
-    for (auto k = first; k < static_cast<std::ptrdiff_t>(pattern.columns.size()); ++k) {
-      pattern.value_begin.push_back(pattern.value_begin.back() +
-                                    static_cast<std::int64_t>(pattern.block_size(row)) *
-                                        pattern.block_size(pattern.columns[k]));
-    }
-    pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+    std::sort(columns.begin(), columns.end());
+    AppendRow(columns, &pattern);
   }
   return pattern;
 }

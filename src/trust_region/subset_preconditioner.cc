@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -62,10 +63,8 @@ void SubsetPreconditioner::CollectTerms(const std::vector<FactorId>& subset) {
 
 void SubsetPreconditioner::BuildPattern() {
   const Layout& layout = evaluator_.layout();
-  pattern_.offsets.assign(layout.packed_offset.begin(),
-                          layout.packed_offset.begin() + layout.num_frames + 1);
-  pattern_.row_begin.push_back(0);
-  pattern_.value_begin.push_back(0);
+  pattern_ = PatternWithoutBlocks(
+      {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
   std::vector<int> columns;
   for (int row = 0; row < layout.num_frames; ++row) {
     columns.assign(1, row);
@@ -80,13 +79,7 @@ void SubsetPreconditioner::BuildPattern() {
     }
     std::sort(columns.begin(), columns.end());
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-    for (const int column : columns) {
-      pattern_.columns.push_back(column);
-      pattern_.value_begin.push_back(pattern_.value_begin.back() +
-                                     static_cast<std::int64_t>(pattern_.block_size(row)) *
-                                         pattern_.block_size(column));
-    }
-    pattern_.row_begin.push_back(static_cast<int>(pattern_.columns.size()));
+    AppendRow(columns, &pattern_);
   }
 }
 

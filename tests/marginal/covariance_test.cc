@@ -61,19 +61,24 @@ std::vector<VariableId> Moving(const FactorGraph& graph) {
   return ids;
 }
 
+// Of everything there is in a graph, something for each seed.
+std::unique_ptr<RandomGraph> MakeMixedBundle(unsigned seed) {
+  BundleOptions options;
+  options.seed = seed;
+  options.num_frames = 5;
+  options.num_landmarks = 12;
+  options.frame_sizes = {6, 3};
+  options.landmark_sizes = {3, 1, 2};
+  options.manifolds = seed % 2 == 0;
+  options.losses = seed % 3 == 0;
+  options.constants = seed > 3;
+  options.hosted = seed == 5;
+  return MakeBundle(options);
+}
+
 TEST(Covariance, IsTheInverseOfTheHessian) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
-    BundleOptions options;
-    options.seed = seed;
-    options.num_frames = 5;
-    options.num_landmarks = 12;
-    options.frame_sizes = {6, 3};
-    options.landmark_sizes = {3, 1, 2};
-    options.manifolds = seed % 2 == 0;
-    options.losses = seed % 3 == 0;
-    options.constants = seed > 3;
-    options.hosted = seed == 5;
-    const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+    const std::unique_ptr<RandomGraph> bundle = MakeMixedBundle(seed);
     const std::vector<VariableId> moving = Moving(bundle->graph());
     GraphCovariance covariance;
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
@@ -308,17 +313,7 @@ TEST(Covariance, ByOrthogonalTransformations) {
   CovarianceOptions by_rows;
   by_rows.algorithm = CovarianceAlgorithm::kQr;
   for (unsigned seed = 1; seed <= 6; ++seed) {
-    BundleOptions options;
-    options.seed = seed;
-    options.num_frames = 5;
-    options.num_landmarks = 12;
-    options.frame_sizes = {6, 3};
-    options.landmark_sizes = {3, 1, 2};
-    options.manifolds = seed % 2 == 0;
-    options.losses = seed % 3 == 0;
-    options.constants = seed > 3;
-    options.hosted = seed == 5;
-    const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+    const std::unique_ptr<RandomGraph> bundle = MakeMixedBundle(seed);
     const std::vector<VariableId> moving = Moving(bundle->graph());
     GraphCovariance covariance(by_rows);
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
