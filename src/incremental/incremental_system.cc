@@ -7,8 +7,24 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// The caches of a living problem, brought up to date (docs/algorithms.md, "Incremental Schur
+// complement"; the thesis's algorithms 2 to 4). Edits and steps mark factors and landmarks;
+// Relinearize does for all of them what was put off: weights, expansion points, linearizations, S
+// and b, the landmarks' elimination, and at last who is held at a bound, which needs b.
+//
+// The order within it matters. A factor's contribution goes out with the rows that went in, so
+// those are kept before its Jacobian is written over. A landmark's contribution has its own Y and z
+// and may stay in S until all its factors are new. Constants, drift and the cost are looked at when
+// the sums are right again.
+//
+// The cost is kept by difference as well, and S and b are incomplete after a failure: the caller
+// makes a new system then.
+
 namespace {
 
+// Fall of the cost below its peak at which it is summed anew: rounding of the peak would be a share
+// of what is left.
 constexpr double kCostDrop = 1e4;
 
 // Operations on numbers of full size that a residual is taken to come of.
@@ -34,8 +50,13 @@ int IncrementalSystem::NumReweighedFactors() const {
 
 // By difference a dirty factor takes its old one's place, and with it its landmark; anew,
 // everything goes in once.
+// Both in block products. Adding costs 1 a contribution or block product, replacing replace_cost_
+// times that. A landmark's cost is shared out among its factors, so that dirty factors alone have
+// to be walked, not landmarks. A landmark that is dirty by itself, to be damped anew, does not
+// count.
 bool IncrementalSystem::RebuildIsCheaper() const {
   double difference = 0.0;
+  // All factors once, and all landmarks that are in S.
   const auto anew = static_cast<double>(num_factors_ + schur_.NumPairs());
   for (const IncrementalFamily& family : families_) {
     dirty_[family.id()].ForEach([&](std::int32_t i) {
@@ -51,6 +72,8 @@ bool IncrementalSystem::RebuildIsCheaper() const {
   return difference > anew;
 }
 
+// Before anything is linearized: a factor that moves its expansion point is another function. The
+// counter has those of accepted steps since the last call, too.
 void IncrementalSystem::RecenterDirty(RelinearizeWork* work) {
   for (const IncrementalFamily& family : families_) {
     dirty_[family.id()].CopyTo(&list_);
@@ -70,6 +93,8 @@ Status IncrementalSystem::LinearizeFamilies(bool by_difference) {
   return Status::Ok();
 }
 
+// ½ ηᵀ[(P + μD)⁻¹ − (P + λD)⁻¹]η, summed over landmarks with a pivot that is mostly damping
+// (docs/algorithms.md, "Stopping rule", trust rule 4). All or none: the sum is what is compared.
 bool IncrementalSystem::RedampHidden(double lambda, double gain) {
   double hidden = 0.0;
   list_.clear();
@@ -80,6 +105,7 @@ bool IncrementalSystem::RedampHidden(double lambda, double gain) {
       list_.push_back(landmark);
     }
   });
+  // Written so that a NaN marks nothing.
   if (!(hidden > gain)) {
     return false;
   }
@@ -112,6 +138,8 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
     return linearized;
   }
   if (work->rebuilt) {
+    // While S is rebuilt TakeOut only forgets. The others go in with the Y and z they have, these
+    // follow with new ones.
     dirty_landmarks_.ForEach([this](std::int32_t landmark) { schur_.TakeOut(landmark); });
     schur_.Rebuild();
   }
@@ -119,7 +147,10 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
   work->num_landmarks = dirty_landmarks_.count();
   dirty_landmarks_.Clear();
   ResumCost();
+  // After S and b have changed for the last time; what is summed anew there does not change what
+  // they are, but for rounding.
   work->num_drifted_frames = schur_.ResumDrifted(cost_);
+  // By the b of now, so it comes last.
   HoldAtBounds();
   return Status::Ok();
 }
@@ -132,6 +163,7 @@ void IncrementalSystem::Recenter(const IncrementalFamily& family,
     return;
   }
   for (const std::int32_t i : factors) {
+    // Costs of before and after do not compare, and the factor's last step says nothing of it now.
     if (family.Recenter(i)) {
       ++num_recentered_;
       MarkChanged({family.id(), i});
@@ -157,17 +189,23 @@ void IncrementalSystem::ReweighFamily(IncrementalFamily* family) {
   reweighed.Clear();
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
+    // It is evaluated anyway, and without a second-order term: under another loss its residual has
+    // not been seen to be steady.
     if (dirty_[family->id()].Has(i)) {
       family->Unsettle(i);
       continue;
     }
+    // The rows as they are in S, before Reweigh writes over J and q.
     const std::ptrdiff_t kept = schur_.KeepFactor(ref);
     const double cost = family->Cost(i);
     if (family->Reweigh(i)) {
       schur_.ReplaceFactor(ref, kept);
+      // The change alone: the factor was and stays part of the sum.
       AddToCost(family->Cost(i) - cost);
       const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
       if (landmark >= 0) {
+        // P and η are sums over the factor, so the landmark's contribution follows with the next
+        // elimination.
         Redamp(landmark);
       }
       reweighed_list_.push_back(ref);
@@ -178,6 +216,9 @@ void IncrementalSystem::ReweighFamily(IncrementalFamily* family) {
   }
 }
 
+// In three passes over the list: what is known of the old linearizations goes into kept_ and out of
+// the cost; the family is evaluated on threads; the new ones take their places in S. An evaluation
+// that fails leaves the cost of before.
 Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_difference) {
   IndexSet& dirty = dirty_[family->id()];
   dirty.CopyTo(&list_);
@@ -193,10 +234,12 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
       AddToCost(-family->Cost(i));
     }
     if (by_difference) {
+      // A new factor has nothing to be replaced and is added.
       kept_.push_back(family->linearized(i) ? schur_.KeepFactor(ref) : -1);
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
+      // M = ∂(x ⊞ δ)/∂δ of each variable, at most once a move, before threads read it.
       if (!variables_.RefreshMap(graph_, id)) {
         return Status::Error(
             StatusCode::kEvaluationFailed,
@@ -214,12 +257,14 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
   for (const std::int32_t i : list_) {
     AddToCost(family->Cost(i));
   }
+  // A cost that is not finite would spoil every difference from here on.
   if (!std::isfinite(cost_)) {
     cost_ = cost;
     return InfiniteCost(*family);
   }
   for (std::size_t k = 0; k < kept_.size(); ++k) {
     const FactorRef ref{family->id(), list_[k]};
+    // kept_ is empty where S is rebuilt: the sum over all factors comes later.
     if (kept_[k] >= 0) {
       schur_.ReplaceFactor(ref, kept_[k]);
     } else {
@@ -242,6 +287,7 @@ Status IncrementalSystem::InfiniteCost(const IncrementalFamily& family) const {
                                                     ": its cost is not finite");
 }
 
+// A frame that came and went, or was made constant since, is none.
 void IncrementalSystem::TakeNewFrames(IndexSet* frames) {
   frames->Grow(schur_.frames().size());
   frames->Clear();
@@ -253,6 +299,8 @@ void IncrementalSystem::TakeNewFrames(IndexSet* frames) {
   entered_.clear();
 }
 
+// Residuals first, for b follows from the products that the trial has left with the factors; then
+// the values. Jacobians stay: MarkStale looks at their errors afterwards.
 int IncrementalSystem::AcceptValues() {
   for (IncrementalFamily& family : families_) {
     AddToCost(family.Accept(step_.Touched(family.id())));
@@ -260,6 +308,8 @@ int IncrementalSystem::AcceptValues() {
   const int num_updated = step_.UpdateRhs();
   step_.MoveValues();
   if (bounds_.any()) {
+    // A gradient that has turned at a bound frees a coordinate, or holds one. For a landmark that
+    // is part of its U_inv.
     step_.ForEachUpdated([this](std::int32_t l) {
       const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
       if (schur_.IsInS(l) && bounds_.IsDue(landmark.id, landmark.quad, schur_.eta(l))) {
@@ -274,6 +324,7 @@ int IncrementalSystem::AcceptValues() {
   return num_updated;
 }
 
+// F_ε = ½ (16 ε)² Σ_v ‖x_v‖_∞² tr C_vv (docs/algorithms.md, "Stopping rule").
 double IncrementalSystem::RoundingOfCost() const {
   const auto share = [this](VariableId id, int size, const auto& diagonal) {
     double trace = 0.0;
@@ -294,6 +345,7 @@ double IncrementalSystem::RoundingOfCost() const {
       sum += share(frame.id, frame.size, [C](int k) { return C[k]; });
     }
   }
+  // No frame can move, and the landmarks' own factors are all that blurs the cost.
   const bool landmarks_only = sum == 0.0;
   for (int l = 0; landmarks_only && l < static_cast<int>(schur_.landmarks().size()); ++l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
@@ -316,6 +368,7 @@ void IncrementalSystem::ResumCost() {
   cost_changes_ = 0;
   cost_ = 0.0;
   for (const IncrementalFamily& family : families_) {
+    // By family and place: the same order whenever it is summed, so the same bits.
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
       cost_ += family.linearized(i) ? family.Cost(i) : 0.0;
     }

@@ -1,4 +1,4 @@
-// How a IncrementalSystem follows the edits of its graph.
+// How an IncrementalSystem follows the edits of its graph.
 
 #include <algorithm>
 
@@ -6,12 +6,17 @@
 
 namespace inceres::internal {
 
+// The order is that in which each part finds what it needs: factors leave before their variables,
+// all of that before the graph forgets them; variables come before their factors, after the graph
+// knows them; new values, pins and bounds last, for what has just come may have them too.
+// Everything is checked first, since nothing below can be undone.
 Status IncrementalSystem::Apply(const GraphEdit& edit) {
   Status status = ActiveBounds::Check(edit);
   status = status.ok() ? graph_.Check(edit, &removed_) : status;
   if (!status.ok()) {
     return status;
   }
+  // What LittleHasCome rests on: H has only gained, and the gradient only by the new residuals.
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
                edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
@@ -51,6 +56,8 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   return Status::Ok();
 }
 
+// Who was held was held by other bounds. A frame's row is read anew by its solver; a landmark is
+// eliminated anew, which decides who is held.
 void IncrementalSystem::FollowBounds(VariableId id) {
   const std::int32_t row = frame_of_[id];
   const std::int32_t landmark = landmark_of_[id];
@@ -82,6 +89,7 @@ void IncrementalSystem::Confine(VariableId id) {
 void IncrementalSystem::HoldAtBounds() {
   bounded_frames_.ForEach([this](std::int32_t row) {
     const IncrementalSchur::Frame& frame = schur_.frames()[row];
+    // A constant frame is not held at bounds; it is left out as a whole.
     const bool changed = frame.held ? bounds_.Release(frame.quad, frame.size)
                                     : bounds_.Hold(frame.id, frame.quad, schur_.b(row));
     if (changed) {
@@ -94,6 +102,7 @@ void IncrementalSystem::HoldAtBounds() {
 void IncrementalSystem::FollowPin(VariableId id) {
   entering_.clear();
   reattached_.clear();
+  // Its tangent map belongs to the pin.
   variables_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) {
@@ -102,6 +111,7 @@ void IncrementalSystem::FollowPin(VariableId id) {
   Reattach();
 }
 
+// A constant gets no place in S: a variable that never moves costs nothing there.
 void IncrementalSystem::AddVariable(VariableId id) {
   if (id >= static_cast<VariableId>(frame_of_.size())) {
     frame_of_.resize(id + 1, -1);
@@ -114,6 +124,8 @@ void IncrementalSystem::AddVariable(VariableId id) {
   }
 }
 
+// From here on it has a place in the padded vectors, and a row of S or a number among the
+// landmarks.
 void IncrementalSystem::Enter(VariableId id) {
   variables_.Enter(graph_, id);
   if (graph_.role(id) == Role::kLandmark) {
@@ -129,10 +141,12 @@ void IncrementalSystem::Enter(VariableId id) {
   dirty_landmarks_.Grow(schur_.landmarks().size());
   step_.GrowVariables();
   if (landmark_of_[id] >= 0) {
+    // The number may have belonged to another landmark, whose line search this is none of.
     step_.ForgetLandmark(landmark_of_[id]);
   }
 }
 
+// Held flags go while the place is still the variable's.
 void IncrementalSystem::RemoveVariable(VariableId id) {
   if (landmark_of_[id] >= 0 || frame_of_[id] >= 0) {
     bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
@@ -148,6 +162,7 @@ void IncrementalSystem::RemoveVariable(VariableId id) {
   variables_.Remove(id);
 }
 
+// Families only come: their numbers are those of the graph.
 void IncrementalSystem::AdmitFamilies() {
   for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
     families_.emplace_back(graph_, id);
@@ -163,6 +178,8 @@ void IncrementalSystem::AddFactor(FactorRef ref) {
   Attach(ref);
 }
 
+// The factor is connected and waits to be linearized; S does not change but for its landmark, which
+// leaves it.
 void IncrementalSystem::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   family.Connect(ref.factor, &variables_);
@@ -175,10 +192,12 @@ void IncrementalSystem::Attach(FactorRef ref) {
     const VariableId variable = family.variables(ref.factor)[s];
     slots_.push_back(frame_of_[variable]);
     // Of two landmarks in a factor one is constant.
+    // The free one owns the factor. A constant landmark that never took part has no number at all.
     if (landmark_of_[variable] >= 0 && (landmark < 0 || !graph_.IsConstant(variable))) {
       landmark = landmark_of_[variable];
     }
   }
+  // The landmark's Y in S has the separator of before, so it goes out before that changes.
   if (landmark >= 0) {
     TakeOut(landmark);
   }
@@ -191,6 +210,8 @@ void IncrementalSystem::RemoveFactor(FactorRef ref) {
   --num_factors_;
 }
 
+// In reverse: what the factor has put into S and the cost goes out while its rows and Jacobians are
+// still known.
 void IncrementalSystem::Detach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
@@ -202,17 +223,21 @@ void IncrementalSystem::Detach(FactorRef ref) {
     AddToCost(-family.Cost(ref.factor));
   }
   schur_.Disconnect(ref);
+  // Another factor may come to this place, or the same one with other slots.
   family.Forget(ref.factor);
   dirty_[ref.family].Remove(ref.factor);
   reweighed_[ref.family].Remove(ref.factor);
 }
 
+// Constancy is a mask where there is a place, and then no factor is evaluated. A variable without a
+// place gets one now, and its factors a Jacobian for it.
 void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {
   entering_.clear();
   reattached_.clear();
   graph_.TrackFactors();
   for (const VariableId id : ids) {
     const bool constant = graph_.IsConstant(id);
+    // A constant may lie outside its bounds; set free, it may not.
     Confine(id);
     if (frame_of_[id] >= 0 || landmark_of_[id] >= 0) {
       Hold(id, constant);
@@ -229,6 +254,8 @@ void IncrementalSystem::UpdateConstants(const std::vector<VariableId>& ids) {
   }
 }
 
+// Of a variable that has its place: a frame's row stays in S, and the solver leaves it out; a
+// landmark's contribution leaves S.
 void IncrementalSystem::Hold(VariableId id, bool constant) {
   if (frame_of_[id] >= 0) {
     if (schur_.frames()[frame_of_[id]].held != constant) {
@@ -241,6 +268,7 @@ void IncrementalSystem::Hold(VariableId id, bool constant) {
     return;
   }
   schur_.HoldLandmark(landmark, constant);
+  // Set free, it is put in by the next Relinearize; held, it is only found to be outside.
   dirty_landmarks_.Add(landmark);
   if (constant) {
     return;
@@ -260,10 +288,14 @@ void IncrementalSystem::Reattach() {
   const auto before = [](const FactorRef& a, const FactorRef& b) {
     return a.family != b.family ? a.family < b.family : a.factor < b.factor;
   };
+  // By family and place, each once: the order of the lists that S is summed from must not depend on
+  // that of the edit.
   std::sort(reattached_.begin(), reattached_.end(), before);
   reattached_.erase(std::unique(reattached_.begin(), reattached_.end()), reattached_.end());
   std::sort(entering_.begin(), entering_.end());
   entering_.erase(std::unique(entering_.begin(), entering_.end()), entering_.end());
+  // Detached with their old slots, attached with the new ones: a factor of two variables that enter
+  // is connected once.
   for (const FactorRef& ref : reattached_) {
     Detach(ref);
   }
@@ -275,6 +307,7 @@ void IncrementalSystem::Reattach() {
   }
 }
 
+// After the batch solver: no factor's last step has led here, so none is steady.
 void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
   only_grew_ = false;
@@ -294,6 +327,7 @@ void IncrementalSystem::SetValues(VariableId id, const double* values) {
   if (!graph_.IsConstant(id)) {
     bounds_.Confine(id);
   }
+  // Of a constant too: its factors see other values.
   MarkMoved(id);
 }
 
