@@ -5,12 +5,12 @@ namespace inceres::internal {
 // What ends a batch phase before Ceres's own rules would (docs/algorithms.md, "One-time solves and
 // exact windows"). Two predictions of what is left are made from what the loop reports anyway:
 //
-//     before a step is tried:    a promise / (1 − φ),  φ = promise / last promise,  a = max(1, last ϱ)
-//     after a step is accepted:  gain · r / (1 − r),   r = gain / last gain
+//     before a step:  max(1, last ϱ) · promise / (1 − φ),   φ = promise / last promise,
+//     after it:       gain · r / (1 − r),                   r = gain / last gain.
 //
 // Both are sums of geometric series, and both are believed only where the damping hides nothing
 // (SeesAll, SeesEnough). The tolerance is relative to the cost less its fixed part. With
-// batch_share 0 none of this applies: the solve is Ceres's, iterate for iterate.
+// batch_share 0 neither ends a solve, which is Ceres's then, iterate for iterate.
 //
 // Kept between calls are the last promise, gain, ratio and gain ratio. An infinite ratio or
 // promise, or a gain of 0, stands for "none": every test below is written so that it fails with

@@ -5,6 +5,18 @@
 
 namespace inceres::internal {
 
+// A step under trial, with all that follows from it, and with nothing changed until it is accepted.
+// Candidates have their own values, factors their own residuals and q, and what the step does to
+// the right-hand sides is summed beside them:
+//
+//     predicted = −Σ (Jδ)ᵀ(q + ½ Jδ),   change of b and η = −Σ Jᵀ(q_candidate − q),
+//
+// over the factors that the step touches, in one pass over their Jacobians. The sets below say who
+// moves (moved_, visited_), what is evaluated (touched_), and whose right-hand side changes
+// (reached_, visited_, stale_landmarks_). All of them are walked in ascending order, so that sums
+// do not depend on the order in which the step was set.
+
+// step_ never shrinks and is zero where nothing moves: End zeroes just what was set.
 void TrialStep::GrowVariables() {
   stale_landmarks_.Grow(schur_.landmarks().size());
   visited_.Grow(schur_.landmarks().size());
@@ -29,6 +41,7 @@ void TrialStep::CutOff(VariableId id, std::int32_t quad) {
   is_cut_off_ |= bounds_.CutOff(id, quad, step_.data() + std::ptrdiff_t{quad} * kQuad);
 }
 
+// Frames first: a landmark is substituted back from the steps that are set, as they were cut off.
 void TrialStep::SetFrame(std::int32_t frame, const double* step) {
   const IncrementalSchur::Frame& moved = schur_.frames()[frame];
   Begin();
@@ -49,6 +62,7 @@ void TrialStep::Move(VariableId id, std::int32_t quad) {
   const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
   double* moved = variables_.candidate(id);
   if (!MoveVariable(graph_, id, variables_.current(id), step, moved)) {
+    // A manifold whose ⊞ fails leaves no candidate.
     moved[0] = std::nan("");  // the factors will refuse it
   }
   bounds_.Land(id, step);
@@ -73,6 +87,8 @@ void TrialStep::NameTouched() {
     for (const FactorRef& ref : frame.factors) {
       schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
     }
+    // A landmark that stays, although a frame that sees it moves: only the factors between the two
+    // are touched, and its η changes.
     for (const std::int32_t l : frame.landmarks) {
       if (!visited_.Has(l)) {
         schur_.structure().ForEachFactorBetween(
@@ -81,6 +97,7 @@ void TrialStep::NameTouched() {
       }
     }
   });
+  // Through z: b follows the landmark's η in all rows of its separator.
   const auto reach_frames = [this](std::int32_t l) {
     if (reached_.count() == schur_.structure().num_frames()) {
       return;  // all there are, as late in an Update
@@ -99,6 +116,8 @@ void TrialStep::NameTouched() {
   }
 }
 
+// May be called again after Shorten: the lists stay, since the same variables move. The decrease is
+// by the linearizations there are, however old.
 Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   NameTouched();
   DropChanges();
@@ -128,11 +147,13 @@ void TrialStep::DropChanges() {
   stale_landmarks_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
 }
 
+// For RelinearizationRule::kStepSize.
 double TrialStep::Largest(FactorRef ref) const {
   const IncrementalFamily& family = families_[ref.family];
   double largest = 0.0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId id = family.variables(ref.factor)[s];
+    // A variable outside the system has no place.
     for (int k = 0; variables_.quad(id) >= 0 && k < variables_.map(id).tangent_size; ++k) {
       largest = std::max(
           largest, std::fabs(step_[static_cast<std::size_t>(variables_.quad(id)) * kQuad + k]));
@@ -141,6 +162,8 @@ double TrialStep::Largest(FactorRef ref) const {
   return largest;
 }
 
+// Frames take over what their own factors say, then landmarks pass theirs on to b by b −= Y (z −
+// z_old).
 int TrialStep::UpdateRhs() {
   reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
   visited_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
@@ -148,11 +171,13 @@ int TrialStep::UpdateRhs() {
   return visited_.count() + stale_landmarks_.count();
 }
 
+// Landmarks that stay have candidates equal to their values.
 void TrialStep::MoveValues() {
   moved_.ForEach([this](std::int32_t i) { variables_.Accept(schur_.frames()[i].id); });
   visited_.ForEach([this](std::int32_t l) { variables_.Accept(schur_.landmarks()[l].id); });
 }
 
+// Candidates become equal to the current values again, which evaluations of other steps rely on.
 void TrialStep::Reject() {
   DropChanges();
   moved_.ForEach([this](std::int32_t i) { variables_.Reject(schur_.frames()[i].id); });
@@ -161,6 +186,7 @@ void TrialStep::Reject() {
 }
 
 void TrialStep::End() {
+  // Zeros for the next step, whose factors read step_ for all of their variables.
   const auto clear = [this](std::int32_t quad, int size) {
     std::fill_n(step_.begin() + std::ptrdiff_t{quad} * kQuad, size, 0.0);
   };
