@@ -233,8 +233,7 @@ void LandmarkBlocks::PlaceY(std::int32_t l) {
 }
 
 // The first factor that reaches a block of Y sets it, later ones add to it: an odd target.
-// 2 y + 1 adds, 2 y sets: so Y needs no zeroing before Eliminate. A factor with one frame in two
-// slots adds with the second.
+// 2 y + 1 adds, 2 y sets: so Y needs no zeroing before Eliminate.
 void LandmarkBlocks::PointFactors(std::int32_t l) {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   begun_.assign(landmark.frames.size(), 0);
