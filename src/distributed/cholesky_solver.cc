@@ -43,8 +43,8 @@ class CholeskySolver final : public DistributedReducedSolver {
 
   const char* Name() const override { return "sparse Cholesky of MUMPS on the reduced system"; }
 
-  // Collective. Returns kSingular, which the loop answers with more damping, for all failures of the
-  // factorization but too little workspace, and for that once the margin is at its maximum.
+  // Collective. Returns kSingular, which the loop answers with more damping, for all failures of
+  // the factorization but too little workspace, and for that once the margin is at its maximum.
   Status Solve(const std::vector<double>& b, std::vector<double>* x) override {
     matrix_.Assemble();
     const LogStage stage("inceres factor S");

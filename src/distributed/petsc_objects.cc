@@ -60,8 +60,8 @@ void Copy(Vec from, std::vector<double>* to) {
   Check(VecRestoreArrayRead(from, &values), "VecRestoreArrayRead");
 }
 
-// Whoever has started PETSc or MPI keeps it: a PETSc that runs is taken as it is, and PetscInitialize
-// takes over an MPI that runs.
+// Whoever has started PETSc or MPI keeps it: a PETSc that runs is taken as it is, and
+// PetscInitialize takes over an MPI that runs.
 void EnsurePetsc() {
   PetscBool initialized = PETSC_FALSE;
   Check(PetscInitialized(&initialized), "PetscInitialized");

@@ -11,9 +11,9 @@ namespace inceres::internal {
 
 // Aggregates of frames for the two-level preconditioner when no rank sees all of what ties frames
 // together (docs/algorithms.md, "Reduced linear systems", two levels). Ties are counts: landmarks
-// that two frames both see and factors that touch both. Counts of ranks add up to those of one
-// process, since each landmark and each factor is on one rank; so every rank gathers the weighted
-// graph of all, and finds by itself what one process would find.
+// that two frames both see and factors that touch both. Each landmark and each factor is on one
+// rank, so counts of ranks add up; every rank gathers the weighted graph of all, and finds the same
+// aggregates in it by itself.
 //
 // In three rounds: factors of each frame, which tell the shared frames with a second count that
 // needs the first one of all ranks; then the graph without shared frames; then the matching, with
