@@ -4,9 +4,15 @@
 #include <sstream>
 
 namespace inceres {
+
+// Options that make no sense are told before anything is evaluated, with the option's name, its
+// value and the rule. The order is fixed: of several the first one is told. All conditions say what
+// must hold, so that a NaN, which no comparison holds for, is refused as well.
+
 namespace {
 
 template <typename T>
+// Makes a text only where it is needed: a solve checks all of its options.
 Status Require(bool condition, const char* name, const T& value, const char* rule) {
   if (condition) {
     return Status::Ok();
@@ -16,6 +22,7 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
   return Status::Error(StatusCode::kInvalidArgument, text.str());
 }
 
+// Preconditioners whose blocks are grouped by which landmarks frames see.
 bool NeedsLandmarks(PreconditionerKind kind) {
   return kind == PreconditionerKind::kTwoLevel || kind == PreconditionerKind::kClusterJacobi ||
          kind == PreconditionerKind::kClusterTridiagonal;
@@ -23,6 +30,7 @@ bool NeedsLandmarks(PreconditionerKind kind) {
 
 }  // namespace
 
+// Summary::strategy has these names.
 const char* ToString(TrustRegionStrategyKind kind) {
   switch (kind) {
     case TrustRegionStrategyKind::kLevenbergMarquardt:
@@ -43,6 +51,8 @@ namespace {
 Status CheckIterative(const SolverOptions& options) {
   const ConjugateGradientsOptions& cg = options.conjugate_gradients;
   const bool iterative = IsIterative(options.linear_model);
+  // kAutomaticInexact may take conjugate gradients once the graph is known: what they are told must
+  // make sense in either case, and what only one kind of linear_model is told need not.
   const bool maybe = iterative || (options.linear_model == LinearModelKind::kAutomatic &&
                                    options.reduced_solver == ReducedSolverKind::kAutomaticInexact);
   const Status checks[] = {
@@ -56,16 +66,19 @@ Status CheckIterative(const SolverOptions& options) {
       Require(!maybe || cg.max_iterations >= std::max(1, cg.min_iterations),
               "conjugate_gradients.max_iterations", cg.max_iterations,
               ">= 1 and not below min_iterations"),
+      // Ceres's rule for SCHUR_JACOBI; two levels, which Ceres has not, go with either.
       Require(!iterative || !cg.explicit_schur_complement ||
                   cg.preconditioner == PreconditionerKind::kSchurJacobi ||
                   cg.preconditioner == PreconditionerKind::kTwoLevel,
               "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
               "false without preconditioner kSchurJacobi or kTwoLevel"),
+      // CGNR eliminates nothing: there are no landmarks to group frames by.
       Require(options.linear_model != LinearModelKind::kIterativePlain ||
                   !NeedsLandmarks(cg.preconditioner),
               "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
               "another: by aggregates or clusters with linear_model kIterativeSchur only"),
       Require(
+          // A sum over factors approximates H, which is S only where nothing is eliminated.
           !iterative || cg.preconditioner != PreconditionerKind::kSubset ||
               (cg.subset != nullptr && options.linear_model == LinearModelKind::kIterativePlain),
           "conjugate_gradients.preconditioner", "kSubset",
@@ -81,6 +94,7 @@ Status CheckIterative(const SolverOptions& options) {
 
 }  // namespace
 
+// Without a look at a graph: what depends on one is told where the model is made.
 Status SolverOptions::Validate() const {
   const Status checks[] = {
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
@@ -88,6 +102,7 @@ Status SolverOptions::Validate() const {
               "dynamic_sparsity", dynamic_sparsity,
               "false with linear_model kSchur, kDenseQr or an iterative one"),
       CheckIterative(*this),
+      // Resuming needs to know which rows an edit has changed.
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,
@@ -114,6 +129,7 @@ Status SolverOptions::Validate() const {
               ">= min_lm_diagonal"),
       Require(max_num_consecutive_invalid_steps >= 0, "max_num_consecutive_invalid_steps",
               max_num_consecutive_invalid_steps, ">= 0"),
+      // A window of 0 is the monotonic rule.
       Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0,
               "max_consecutive_nonmonotonic_steps", max_consecutive_nonmonotonic_steps,
               "> 0 with use_nonmonotonic_steps"),
@@ -121,6 +137,7 @@ Status SolverOptions::Validate() const {
                   line_search_sufficient_function_decrease < 1.0,
               "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease,
               "between 0 and 1"),
+      // Ceres's names: the factor of the largest contraction is the smaller number of the two.
       Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
               "max_line_search_step_contraction", max_line_search_step_contraction,
               "between 0 and 1"),

@@ -35,6 +35,8 @@ std::string ToJson(const IterationSummary& iteration) {
 
 namespace internal {
 
+// The stages of a solve, in the order in which they come in an iteration; total also has what is
+// between them.
 // Shared with other summaries, hence not in the unnamed namespace.
 std::string ToJson(const StageSeconds& seconds) {
   return JsonObject()
@@ -72,6 +74,7 @@ std::string ToJson(const WorkCounts& work) {
 
 namespace {
 
+// Values are doubles of the ambient space, dimensions degrees of freedom.
 std::string ToJson(const ProblemSizes& sizes) {
   return JsonObject()
       .Add("num_variables", sizes.num_variables)
@@ -114,6 +117,8 @@ const char* ToString(Termination termination) {
   return "UNKNOWN";
 }
 
+// All fields are there whatever the solve came to. Numbers have 17 digits; null stands for what
+// JSON has no number for.
 std::string Summary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))
