@@ -2,7 +2,7 @@
 
 namespace inceres::internal {
 
-// The two-level preconditioner of docs/algorithms.md, "Two levels":
+// The two-level preconditioner (docs/algorithms.md, "Reduced linear systems"),
 //     M⁻¹ = (I − Q A) D⁻¹ (I − A Q) + Q,   Q = V (VᵀA V)⁻¹ Vᵀ
 //
 // applied from right to left. This file puts together what others compute: modes, columns of V, A
