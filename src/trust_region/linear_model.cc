@@ -25,7 +25,6 @@ bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
                       options.strategy == TrustRegionStrategyKind::kMarquardt;
   return damped && options.linear_model == LinearModelKind::kAutomatic &&
          options.reduced_solver == ReducedSolverKind::kAutomaticInexact &&
-         // A solver of the caller's wants S.
          !options.reduced_solver_factory && !evaluator.leaves_out_zero_blocks() &&
          evaluator.layout().num_landmarks() > 0;
 }

@@ -11,8 +11,8 @@ namespace inceres {
 
 namespace {
 
-template <typename T>
 // Makes a text only where it is needed: a solve checks all of its options.
+template <typename T>
 Status Require(bool condition, const char* name, const T& value, const char* rule) {
   if (condition) {
     return Status::Ok();

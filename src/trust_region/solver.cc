@@ -32,7 +32,7 @@ using namespace internal;  // NOLINT(google-build-using-namespace)
 // plans, linear model with its symbolic factor, and the vectors of the loop. It outlives the solve
 // if the caller keeps a Solver, and serves the next graph of equal structure (Structure), whichever
 // object that is. Nothing of the old graph is read again after Rebind.
-//
+
 // Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on
 // whose cost is that of the factors as they are now.
 double FinalCost(const Summary& summary, int first_iteration) {

@@ -337,8 +337,8 @@ bool TrustRegionMinimizer::AcceptStep() {
 void TrustRegionMinimizer::AdaptRadius() {
   if (trial_.is_cut()) {
     LeaveBorder();
-    // Taken, but at less than a quarter of its length: the next one is damped as after a refusal.
   } else if (iteration_.step_share < kLargeShare) {
+    // Taken, but at less than a quarter of its length: the next one is damped as after a refusal.
     strategy_->StepRejected();
   } else {
     strategy_->StepAccepted(iteration_.relative_decrease);
