@@ -36,6 +36,7 @@ Status CovarianceOptions::Validate() const {
   if (!(min_column_remainder >= 0.0 && min_column_remainder < 1.0)) {
     return Invalid("CovarianceOptions::min_column_remainder must be in [0, 1)");
   }
+  // 1 is that of a variable that has nothing to do with others.
   return max_inflation > 1.0 ? Status::Ok()
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }
@@ -104,6 +105,7 @@ Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
                        " has no covariance: no factor touches it");
       }
     }
+    // A constant has no row in H; its covariances are zeros.
     if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
       moving.emplace_back(a, b);
     }
@@ -131,6 +133,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
                                   const Pairs& pairs) {
   blocks_.clear();
   deficiency_ = RankDeficiency();
+  // The graph is looked at as before a solve: whatever evaluates it may rely on its rules.
   Status status = options_.Validate();
   status = status.ok() ? graph.Validate() : status;
   if (!status.ok()) {
@@ -167,6 +170,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
   return status;
 }
 
+// Asked for in the order of Compute a block is copied, in the other one transposed.
 bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const {
   auto found = blocks_.find({a, b});
   if (found != blocks_.end()) {

@@ -94,10 +94,12 @@ void CovarianceSystem::FindDirections() {
 // a frame.
 Status CovarianceSystem::Factorize() {
   double cost = 0.0;
+  // Nothing was evaluated at this state before.
   Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
   if (!status.ok()) {
     return status;
   }
+  // The same from here on without S, in covariance_by_rows.cc.
   if (options_.algorithm == CovarianceAlgorithm::kQr) {
     return FactorizeRows();
   }
@@ -118,6 +120,7 @@ Status CovarianceSystem::Factorize() {
   if (status.ok()) {
     status = factor_.Factorize(S, {});
   }
+  // A pivot that is not positive: the same as a gauge that the probe finds free, only plainer.
   if (status.code == StatusCode::kSingular) {
     FindDirections();
     return Status::Error(
@@ -255,6 +258,7 @@ void CovarianceSystem::SubtractW() {
       // A factor has at most one that moves.
       const VariableId* landmark = std::find_if(
           ids, ids + num_slots, [this](VariableId id) { return layout_.LandmarkOf(id) >= 0; });
+      // Most factors are of landmarks that nobody asks for.
       const auto wanted = landmark == ids + num_slots ? columns_.end() : columns_.find(*landmark);
       if (wanted == columns_.end()) {
         continue;
@@ -269,6 +273,7 @@ void CovarianceSystem::SubtractW() {
       // P⁻¹ on the landmark's side first: a product of its few columns, for all frames of the
       // factor.
       const Eigen::MatrixXd J_l = jacobian(landmark - ids) * column.P_inv;
+      // A factor of a landmark and several frames adds to the rows of each.
       for (int s = 0; s < num_slots; ++s) {
         const int frame = layout_.FrameOf(ids[s]);
         if (frame >= 0) {
@@ -341,6 +346,7 @@ Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
   }
   Status status;
   for (const auto& [a, b] : open) {
+    // A solution that an earlier pair needed serves this one as well.
     if (status.ok() && columns_.at(a).X.size() == 0 && columns_.at(b).X.size() == 0) {
       status = SolveFor(count[a] > count[b] ? a : b);
     }
@@ -370,6 +376,7 @@ Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
     return Status::Ok();
   }
   Status status;
+  // A solve goes through the entries of L twice, forwards and backwards.
   if (SelectedInverse::PredictedFlops(factor_.tree()) <
       2.0 * factor_.PredictedEntries() * wanted_columns) {
     status = InvertFactor();
@@ -391,6 +398,7 @@ Eigen::MatrixXd CovarianceSystem::FromSolution(const Column& a, const Column& b)
 // Σ_ij V_aiᵀ (S⁻¹)_ij V_bj: as many products as pairs of frames.
 Eigen::MatrixXd CovarianceSystem::FromInverse(const Column& a, const Column& b) const {
   Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.V.cols(), b.V.cols());
+  // Blocks of S⁻¹ come row by row, of any two frames in either order.
   RowMajor block;
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
     for (std::size_t j = 0; j < b.frames.size(); ++j) {

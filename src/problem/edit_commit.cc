@@ -117,6 +117,7 @@ class EditCommit {
     std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots,
                 num_slots, -1);
     edits_.families[Graph::Index(id.family)].places[Graph::Index(id.index)] = Place::kFree;
+    // A loss of its own would otherwise live as long as the place is free.
     graph_.SetLoss(id.family, id.index, nullptr);
   }
 
@@ -164,6 +165,7 @@ class EditCommit {
     graph_.SetValues(added.id, values);
   }
 
+  // Its measurement is in the family already.
   void AddFactor(const GraphEdit::NewFactor& added) {
     const VariableId* ids = edit_.factor_variables().data() + added.variables;
     FamilyRecord& record = graph_.families_[Graph::Index(added.id.family)];
@@ -214,6 +216,8 @@ class EditCommit {
     }
   }
 
+  // After everything has come: what this edit frees is for the next one, whose ids are given out in
+  // view of these lists.
   void Free() {
     for (const FactorId id : removed_) {
       graph_.families_[Graph::Index(id.family)].free_places.push_back(id.index);

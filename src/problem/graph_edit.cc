@@ -17,6 +17,8 @@ namespace inceres {
 GraphEdit::GraphEdit(const FactorGraph& graph) : graph_(&graph), revision_(graph.revision()) {
 }
 
+// As if it were new, on the graph as it is now: ids that it has given out and that were not applied
+// are given out again.
 void GraphEdit::Restart() {
   revision_ = graph_->revision();
   misuse_ = Status::Ok();
@@ -98,6 +100,7 @@ VariableId GraphEdit::AddBorrowedConstant(const double* values, int ambient_size
 
 FactorId GraphEdit::Connect(FamilyId family, const VariableId* variables,
                             std::shared_ptr<const Loss> loss) {
+  // A wrong id is told by Check, which knows all of the edit.
   const bool known = family >= 0 && family < graph_->num_families();
   // How many variables are read: of an unknown family none.
   const int num_slots = known ? graph_->family(family).num_slots() : 0;

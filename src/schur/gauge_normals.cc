@@ -79,6 +79,7 @@ GaugeOrigin GaugeNormals::FindOrigin() const {
   }
   GaugeOrigin origin;
   origin.num_points = static_cast<double>(points.size());
+  // num_points tells who merges origins of several processes that this one has no part in it.
   if (points.empty()) {
     return origin;
   }
@@ -104,6 +105,8 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
                              GaugeSums* sums) const {
   const Linearization& cache = evaluator_.families()[source.family];
   const double* const point = cache.Parameters(factor)[source.landmark_slot];
+  // Coordinates of the order of one, so that columns of w for rotations and scale are as large as
+  // those for translations.
   const double scale = 1.0 / origin.radius;
   const double x = (point[0] - origin.center[0]) * scale;
   const double y = (point[1] - origin.center[1]) * scale;
@@ -156,6 +159,7 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeS
     if (other < 0 || other > frame) {
       continue;
     }
+    // Columns of a row ascend.
     const auto first = pattern_.columns.begin() + pattern_.row_begin[frame];
     const auto last = pattern_.columns.begin() + pattern_.row_begin[frame + 1];
     const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
@@ -195,6 +199,7 @@ void GaugeNormals::AccumulateRows(int begin, int end, const GaugeOrigin& origin,
 }
 
 void GaugeNormals::Accumulate(const GaugeOrigin& origin, GaugeSums* sums) const {
+  // Shared frames have rows too, which stay zero: no source names them.
   evaluator_.executor().For(pattern_.num_blocks(), kModesRowGrain,
                             [&](int begin, int end) { AccumulateRows(begin, end, origin, sums); });
 }

@@ -111,6 +111,7 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
                                        CoarseColumns* columns, const Scratch& scratch) const {
   const int size = columns->block_size(frame);
   const double* const V = columns->V(frame);
+  // An aggregate reaches its own frames.
   double* const own = columns->AV(scratch.place_of[frame]);
   const double* const lambda = damping + plans_.pattern.offsets[frame];
   // Λ_c is diagonal: row r of V, scaled.
@@ -132,6 +133,8 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
   }
 }
 
+// Two passes over the frames of l: those of the aggregate give Z, and then all of them take their
+// share of it.
 void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride,
                                          CoarseColumns* columns, Scratch* scratch) const {
   const auto l = static_cast<std::size_t>(landmark);

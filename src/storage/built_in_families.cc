@@ -43,6 +43,7 @@ void Add(const char* name, GraphFormats* formats, Write write, Make make) {
         WriteMeasurements(family, writer);
       },
       [make](GraphReader* reader) -> std::shared_ptr<Family> {
+        // Also after a failure: of the limits that reads fall back to a family can be made.
         const std::shared_ptr<Family> family = make(reader);
         ReadMeasurements(family.get(), reader);
         return family;
@@ -91,6 +92,7 @@ void AddReprojections(GraphFormats* formats) {
   Add<BodyReprojectionFamily>(
       "body_reprojection", formats,
       [](const BodyReprojectionFamily& family, GraphWriter* writer) {
+        // All that decides its slots and its formula, in the order of the constructor.
         writer->WriteInt(static_cast<std::int32_t>(family.time_offset()));
         writer->WriteInt(static_cast<std::int32_t>(family.feature()));
         writer->WriteInt(static_cast<std::int32_t>(family.views()));
@@ -98,6 +100,7 @@ void AddReprojections(GraphFormats* formats) {
       },
       [](GraphReader* reader) {
         using Body = BodyReprojectionFamily;
+        // One read a statement, for the order of arguments is not known.
         const auto offset = reader->ReadEnum(Body::TimeOffset::kEstimated, "the time offset");
         const auto feature = reader->ReadEnum(Body::Feature::kBearing, "the kind of feature");
         const auto views = reader->ReadEnum(Body::Views::kOnePoseTwoCameras, "the views");
@@ -170,6 +173,7 @@ void AddPoseFamilies(GraphFormats* formats) {
         return std::make_shared<PlanarLandmarkFamily>(
             reader->ReadEnum(PlanarSighting::kRangeBearing, "the kind of sighting"));
       });
+  // The side of the perturbation decides how the residual is measured, not only its Jacobian.
   Add<PosePriorFamily>(
       "pose_prior", formats,
       [](const PosePriorFamily& family, GraphWriter* writer) {
@@ -211,6 +215,7 @@ void AddBuiltInFamilies(GraphFormats* formats) {
   AddReprojections(formats);
   AddPointFamilies(formats);
   AddPoseFamilies(formats);
+  // Those whose measurements differ in size are in vector_families.cc.
   AddVectorFamilies(formats);
 }
 

@@ -63,6 +63,7 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
                                            Status* status)
     : LinearModel(evaluator),
       options_(options.conjugate_gradients),
+      // The layout has no landmarks: there are no incidences, and the pattern is that of H.
       incidences_(evaluator),
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_),
@@ -91,6 +92,7 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
   if (status->ok()) {
     SortBlocks(status);
   }
+  // The others group frames by what they see, or factor a sum: of H, not of this S.
   const PreconditionerKind kind = options_.preconditioner;
   if (status->ok() && kind != PreconditionerKind::kIdentity &&
       kind != PreconditionerKind::kJacobi && kind != PreconditionerKind::kSchurJacobi) {
@@ -206,6 +208,7 @@ Status LargeBlockSchurModel::FactorPreconditioner() {
   if (options_.preconditioner == PreconditionerKind::kIdentity) {
     return Status::Ok();
   }
+  // Damped copies, since H serves other dampings.
   std::vector<MatrixXd> blocks;
   blocks.reserve(kept_.size());
   for (const int variable : kept_) {
@@ -214,6 +217,7 @@ Status LargeBlockSchurModel::FactorPreconditioner() {
   for (std::size_t e = 0;
        options_.preconditioner == PreconditionerKind::kSchurJacobi && e < eliminated_.size(); ++e) {
     for (const Entry& entry : of_[e]) {
+      // The kept one of the two.
       const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
       const MatrixXd H_fe = Off(entry, variable);
       blocks[place_[variable]] -= H_fe * eliminated_inverse_[e] * H_fe.transpose();
@@ -258,6 +262,7 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
     }
   }
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    // H_ee⁻¹ g_e, once for all blocks of e.
     const VectorXd x = eliminated_inverse_[e] *
                        Eigen::Map<const VectorXd>(Gradient().data() + Offset(eliminated_[e]),
                                                   Size(eliminated_[e]));
@@ -315,13 +320,17 @@ void LargeBlockSchurModel::SubtractProduct(const double* v, double* y) const {
   for (std::size_t f = 0; f < kept_.size(); ++f) {
     SubtractDiagonal(kept_[f], v + padded_[f], y + padded_[f]);
   }
+  // Each block twice, for it is stored once: H_ij v_j to row i, and its transpose times v_i to row
+  // j.
   for (const Entry& entry : between_kept_) {
     Multiply(entry, entry.i, v + padded_[place_[entry.j]], -1.0, y + padded_[place_[entry.i]]);
     Multiply(entry, entry.j, v + padded_[place_[entry.i]], -1.0, y + padded_[place_[entry.j]]);
   }
+  // S has less than H_ff by this, so that it is added to −S v.
   AddCoupled(v, y);
 }
 
+// M⁻¹ r by blocks; the inverses are there, so nothing can fail.
 bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
   std::fill_n(z, padded_.back(), 0.0);
   for (std::size_t f = 0; f < kept_.size(); ++f) {

@@ -97,6 +97,8 @@ Status CheckIterative(const SolverOptions& options) {
 // Without a look at a graph: what depends on one is told where the model is made.
 Status SolverOptions::Validate() const {
   const Status checks[] = {
+      // The pattern is made anew at each linearization, of H as a whole: nothing is eliminated, and
+      // no QR or iteration is set up for it.
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
                   linear_model == LinearModelKind::kPlain,
               "dynamic_sparsity", dynamic_sparsity,
@@ -112,6 +114,7 @@ Status SolverOptions::Validate() const {
       Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
       Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds",
               max_solver_time_in_seconds, ">= 0"),
+      // Of tolerances 0 is allowed: such a test is passed only by no change at all.
       Require(function_tolerance >= 0.0, "function_tolerance", function_tolerance, ">= 0"),
       Require(gradient_tolerance >= 0.0, "gradient_tolerance", gradient_tolerance, ">= 0"),
       Require(parameter_tolerance >= 0.0, "parameter_tolerance", parameter_tolerance, ">= 0"),
@@ -124,6 +127,7 @@ Status SolverOptions::Validate() const {
               "initial_trust_region_radius", initial_trust_region_radius,
               "between min_trust_region_radius and max_trust_region_radius"),
       Require(min_relative_decrease >= 0.0, "min_relative_decrease", min_relative_decrease, ">= 0"),
+      // Above zero, since it is what makes H + Λ positive definite where a column of J is zero.
       Require(min_lm_diagonal > 0.0, "min_lm_diagonal", min_lm_diagonal, "> 0"),
       Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal,
               ">= min_lm_diagonal"),
@@ -147,6 +151,7 @@ Status SolverOptions::Validate() const {
               "above max_line_search_step_contraction, at most 1"),
       Require(min_line_search_step_size > 0.0, "min_line_search_step_size",
               min_line_search_step_size, "> 0"),
+      // 0: steps are not shortened.
       Require(max_num_line_search_step_size_iterations >= 0,
               "max_num_line_search_step_size_iterations", max_num_line_search_step_size_iterations,
               ">= 0"),

@@ -191,6 +191,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                                  const LoopOptions& loop, const FactorGraph& graph,
                                                  Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  // IsReadyFor has no LoopOptions: what they eliminate is compared here alone.
   summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph) &&
                               workspace->eliminated == Workspace::EliminatedBy(loop);
   if (summary->structure_reused) {
@@ -229,6 +230,8 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   if (workspace == nullptr) {
     return;
   }
+  // What is known before the first iteration goes into the summary first, so that it is there
+  // however the loop ends.
   LinearModel& model = *workspace->model;
   summary->reduced_solver = model.SolverName();
   summary->work.bytes = workspace->evaluator.Bytes();
@@ -254,6 +257,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   }
   // A solver of max_bytes 0, as the free function makes it, never takes the structure of the graph.
   if (summary->work.bytes <= max_bytes_) {
+    // Of a workspace that was reused it is there already.
     if (!workspace->structure.has_value()) {
       workspace->structure.emplace(*graph);
     }
@@ -315,11 +319,13 @@ void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* su
   impl_->Solve(options, internal::LoopOptions(), graph, summary);
 }
 
+// For those who solve for Ceres, or a batch phase for an Update.
 void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
                          Solver* solver, Summary* summary) {
   solver->impl_->Solve(options, loop, graph, summary);
 }
 
+// Whether a solve would be set up by what is held.
 bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
   return impl_->IsReadyFor(options, graph);
 }

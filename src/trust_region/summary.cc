@@ -12,6 +12,7 @@ using internal::JsonObject;
 
 namespace {
 
+// A row of the trace. Of an iteration that was refused cost is that of the candidate, as in Ceres.
 std::string ToJson(const IterationSummary& iteration) {
   return JsonObject()
       .Add("iteration", iteration.iteration)
@@ -87,6 +88,7 @@ std::string ToJson(const ProblemSizes& sizes) {
       .Close();
 }
 
+// All zeros without bounds.
 std::string ToJson(const LineSearchSummary& search) {
   return JsonObject()
       .Add("num_steps", search.num_steps)
