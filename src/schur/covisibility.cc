@@ -23,9 +23,8 @@ namespace {
 
 // A frame is shared if in most of its factors another one has less than this share of as many.
 constexpr double kFewFactors = 1.0 / 8.0;
-// Tracks up to that length tie all of their frames to each other.
 // Of a landmark seen from more frames than twice this and one, each is tied to so many before it
-// and behind it.
+// and behind it. Shorter tracks tie all of their frames to each other.
 constexpr int kTrackNeighbors = 8;
 constexpr int kRowGrain = 64;
 

@@ -18,10 +18,10 @@ namespace inceres::internal {
 // systems"; docs/ceres_contract.md, "Conjugate gradients"). Where there are no landmarks S = H, b =
 // η, and the same code is Ceres's CGNR.
 //
-// Three things depend on the options. What A is multiplied by: S where it is formed, else C v less
-// the coupled part W P⁻¹ Wᵀ v. Which blocks of S are formed: those that the preconditioner reads,
-// and no others. And what is kept of Y: all of it for clusters and for two levels without S, else a
-// chunk at a time.
+// Three things depend on the options. How S v is computed: from S where it is formed, else as C v
+// less the coupled part W P⁻¹ Wᵀ v. Which blocks of S are formed: all of them in the former case,
+// those that the preconditioner reads in the latter. And what is kept of Y: all of it for clusters
+// and for two levels without S, else a chunk at a time.
 //
 // Vectors of the iteration are padded, each frame on a quad; step, damping and b are packed. The
 // padding is zero throughout, so that sums run over it.
