@@ -14,14 +14,14 @@
 namespace inceres {
 
 // A measured relative similarity S_m of two poses with a scale (Strasdat, Montiel & Davison 2010),
-// for loop closures where the unit of length drifts. With S = (p, R, s), a point X goes to s R X +
-// p, and
+// for loop closures where the unit of length drifts. With S = (p, R, s), a point X goes to
+// s R X + p, and
 //
-//     S_E = S_m⁻¹ S_a⁻¹ S_b:    R_E = R_mᵀ R_aᵀ R_b,    s_E = s_b / (s_a s_m),    t_E = R_mᵀ u / s_m,
-//     u = R_aᵀ (p_b − p_a) / s_a − p_m.
+//     S_E = S_m⁻¹ S_a⁻¹ S_b:  R_E = R_mᵀ R_aᵀ R_b,  s_E = s_b / (s_a s_m),  t_E = R_mᵀ u / s_m,
+//     with u = R_aᵀ (p_b − p_a) / s_a − p_m.
 //
-// Both conventions have r = Log R_E and λ = ln s_E; they differ in the position's part, u or V(r,
-// λ)⁻¹ t_E, where V is the matrix by which the exponential of Sim(3) moves
+// Both conventions have r = Log R_E and λ = ln s_E; they differ in the position's part, u or
+// V(r, λ)⁻¹ t_E, where V is the matrix by which the exponential of Sim(3) moves
 // (factors/similarity_log.h). So the first is evaluated in either case, and the second is a map on
 // top of it, by the chain rule.
 //

@@ -7,6 +7,7 @@
 #include "linear/front_elimination.h"
 
 namespace inceres::internal {
+
 // The sparse Cholesky factor of A = S + diag that is kept clique by clique (docs/algorithms.md,
 // "Reduced linear systems"; Kaess et al. 2012). Four parts share the work: TreeRows knows which
 // rows and blocks of S are new, CliqueTree which rows are eliminated together, AssembledMatrix

@@ -7,9 +7,10 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
-// Coarse columns V of a two-level preconditioner (docs/algorithms.md, "Two levels"; Mandel 1993):
-// products with V and A V, the Gram–Schmidt process, and the Galerkin product VᵀA V.
-// coarse_columns_setup.cc says where the blocks are; others write V and A V.
+
+// Coarse columns V of a two-level preconditioner (docs/algorithms.md, "Reduced linear systems", two
+// levels; Mandel 1993): products with V and A V, the Gram–Schmidt process, and the Galerkin product
+// VᵀA V. coarse_columns_setup.cc says where the blocks are; others write V and A V.
 //
 // V has one block a row of A, in the columns of the row's aggregate, so products with V cost one
 // pass over the rows. A V has a block where the columns of an aggregate reach a row, and is kept,

@@ -5,15 +5,20 @@
 #include <utility>
 
 namespace inceres::internal {
-// The coarse half of the two-level preconditioner (docs/algorithms.md, "Two levels"). With Q = V
-// (VᵀA V)⁻¹ Vᵀ and D⁻¹ the blocks,
+
+// The coarse half of the two-level preconditioner (docs/algorithms.md, "Reduced linear systems",
+// two levels). With Q = V (VᵀA V)⁻¹ Vᵀ and D⁻¹ the blocks,
 //
 //     M⁻¹ = (I − Q A) D⁻¹ (I − A Q) + Q
 //
-// is applied in three steps: Deflate makes y = (I − A Q) r, the caller z = D⁻¹ y, and AddCoarse z +
-// V (q − (VᵀA V)⁻¹ (A V)ᵀ z) with the q of Deflate, since A is symmetric: that is (I − Q A) z + Q
-// r. So M⁻¹ costs two solves with the coarse factor and no product with A. q is kept between the
-// two calls, which come in pairs.
+// is applied in three steps, of which the caller does the second:
+//
+//     q = (VᵀA V)⁻¹ Vᵀ r,   y = r − A V q                   Deflate
+//     z = D⁻¹ y
+//     z + V (q − (VᵀA V)⁻¹ (A V)ᵀ z) = (I − Q A) z + Q r    AddCoarse
+//
+// Two solves with the coarse factor, and no product with A. q is kept from the first step to the
+// last, so calls come in pairs.
 //
 // Q A Q = Q holds up to rounding only, but M⁻¹ is symmetric and positive definite for any symmetric
 // positive definite inverse of VᵀA V (Mandel 1993): a small regularization does no harm.
@@ -84,14 +89,14 @@ Status CoarseSpace::Factorize() {
   return factor_.Factorize();
 }
 
-// r' = Vᵀ r, q = (VᵀA V)⁻¹ r', y = r − A V q. Then Vᵀ y = 0, up to rounding.
+// Vᵀ y = 0 afterwards, up to rounding: D⁻¹ gets what the coarse columns cannot see.
 void CoarseSpace::Deflate(const double* r, double* y) {
   Restrict(r, restricted_.data());
   factor_.Solve(restricted_.data(), q_.data());
   SubtractProducts(q_.data(), r, y);
 }
 
-// (A V)ᵀ z is Vᵀ A z: what A V was kept for.
+// (A V)ᵀ z is VᵀA z, since A is symmetric.
 void CoarseSpace::AddCoarse(double* z) {
   RestrictProducts(z, restricted_.data());
   factor_.Solve(restricted_.data(), correction_.data());

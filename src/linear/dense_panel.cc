@@ -6,6 +6,7 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
 // The small triangles that every direct factor of ours ends in: L Lᵀ of a diagonal block, the
 // substitutions with it, and the way of a block of S into the column-major lower triangle. Panels
 // of the dense factor and fronts of the sparse ones (docs/algorithms.md, "Reduced linear systems")

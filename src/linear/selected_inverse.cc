@@ -71,7 +71,7 @@ void SelectedInverse::Invert(const SparseCholesky& factor, int f, const Executor
   InvertPivots(factor, f);
   Eliminate(f, executor);
   const Front& front = tree_.fronts[f];
-  // A leaf has nobody to ask for its Σ₂₂.
+  // Nobody asks a leaf for its Σ₂₂.
   if (front.child_begin == front.child_end) {
     waiting_[f] = Waiting();
   }

@@ -170,8 +170,8 @@ int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
   return tree_.order[at];
 }
 
-// Forwards children first, backwards parents first, with the same segments: y = L⁻¹ b, then x = L⁻ᵀ
-// y. All of b and x is done.
+// Forwards children first, backwards parents first, with the same segments: y = L⁻¹ b, then
+// x = L⁻ᵀ y. All of b and x is done.
 Status SparseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
                              const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {

@@ -5,9 +5,9 @@
 
 namespace inceres::internal {
 
-// What the Bayes tree knows of the structure of S (docs/algorithms.md, "Bayes tree"). Changes of S
-// are told as rows; which block is new, or has gone, is found by comparing a row's neighbors with
-// those that it had when it was last looked at. Three cases:
+// What the Bayes tree knows of the structure of S (docs/algorithms.md, "Reduced linear systems",
+// Bayes tree). Changes of S are told as rows; which block is new, or has gone, is found by
+// comparing a row's neighbors with those that it had when it was last looked at. Three cases:
 //
 // - A row or a block that has gone: the row leaves the tree, all cliques that know it dissolve, and
 //   it comes back as a new one if it is still there.

@@ -10,9 +10,9 @@
 
 namespace inceres::internal {
 
-// Substitution in the Bayes tree, as far as a change reaches (docs/algorithms.md, "Bayes tree";
-// Kaess et al. 2012, algorithm 7). Per clique, with L₁ the triangle of its pivots and L₂ its other
-// rows,
+// Substitution in the Bayes tree, as far as a change reaches (docs/algorithms.md, "Reduced linear
+// systems", Bayes tree; Kaess et al. 2012, algorithm 7). Per clique, with L₁ the triangle of its
+// pivots and L₂ its other rows,
 //
 //     y₁ = L₁⁻¹ (b₁ + Σ_children y₂),    y₂ = Σ_children y₂ − L₂ y₁        forwards
 //     x₁ = L₁⁻ᵀ (y₁ − L₂ᵀ x₂)                                            backwards.

@@ -93,8 +93,7 @@ void Hessian::BuildGradientTerms() {
   }
 }
 
-// Frames and landmarks do not share entries; the two loops follow each other for want of a common
-// list.
+// Frames and landmarks write to entries of their own, also of gradient_ and diagonal_.
 void Hessian::Accumulate() {
   const Executor& executor = evaluator_.executor();
   kept_.Observe();

@@ -14,8 +14,8 @@ namespace inceres::internal {
 //
 //     q = w' (I + β n nᵀ) f / √w,    β = α / (1 − α),    (I − α n nᵀ)⁻¹ = I + β n nᵀ,
 //
-// where w, n and α are those of the linearization and w' = ρ' now. The correction is kept as m = √β
-// n, so that I + m mᵀ undoes it for q and for predictions.
+// where w, n and α are those of the linearization and w' = ρ' now. The correction is kept as
+// m = √β n, so that I + m mᵀ undoes it for q and for predictions.
 //
 // A step goes through EvaluateCandidate (f, cost, w' and q at the candidate), TryStep (J δ is kept)
 // and Accept (the candidate becomes the present, and f̂ follows by (I + m mᵀ) J δ / √w). A step
@@ -199,8 +199,8 @@ void IncrementalFamily::Weigh(int factor) {
   }
 }
 
-// −Σ (Jδ)ᵀ (q + ½ Jδ), the model decrease. ηᵀδ − ½ δᵀHδ would be a difference of numbers that become
-// equal near the minimum.
+// −Σ (Jδ)ᵀ (q + ½ Jδ), the model decrease. ηᵀδ − ½ δᵀHδ would be a difference of numbers that
+// become equal near the minimum.
 double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors,
                                           const double* padded_step) {
   kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()),

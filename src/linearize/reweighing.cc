@@ -1,15 +1,14 @@
 // Another loss for a factor that is the same function otherwise: what is cached takes the new
 // weight, and nothing is evaluated.
 //
-// See docs/algorithms.md, "Incremental Schur complement" (other weights). The cached J is √w (I − α n
-// nᵀ) J_plain, so the plain one comes back by the inverses, I + β n nᵀ and 1/√w, and takes √w' of
-// the new loss: J := √w' J_plain. What is lost is rounding. f and f̂ do not depend on the loss;
-// cost, w, q and the errors follow from them.
+// See docs/algorithms.md, "Incremental Schur complement" (other weights). The cached J is
+// √w (I − α n nᵀ) J_plain, so the plain one comes back by the inverses, I + β n nᵀ and 1/√w, and
+// takes √w' of the new loss: J := √w' J_plain. What is lost is rounding. f and f̂ do not depend on
+// the loss; cost, w, q and the errors follow from them.
 //
 // 1/√w does not exist where w is zero. Such a Jacobian is parked without its weight, and fetched
 // when a weight comes back; a factor that was linearized with weight zero was never parked, and
-// CanReweigh says no. So a loss may turn a factor off and on without its being
-// evaluated.
+// CanReweigh says no. So a loss may turn a factor off and on without its being evaluated.
 
 #include <algorithm>
 #include <cmath>

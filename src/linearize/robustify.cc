@@ -11,8 +11,8 @@ namespace inceres::internal {
 //     J := √ρ' (I − α n nᵀ) J,    f := √ρ' / (1 − α) f,    (1 − α)² = 1 + 2 s ρ''/ρ',
 //
 // makes JᵀJ the robust Gauss–Newton Hessian, and Jᵀf the robust gradient whatever α is, for
-// (I − α n nᵀ) f = (1 − α) f. Which sign of ρ'' counts is the caller's choice: Ceres takes ρ'' > 0 alone;
-// ρ'' < 0 is bounded so that half of the curvature along n stays.
+// (I − α n nᵀ) f = (1 − α) f. Which sign of ρ'' counts is the caller's choice: Ceres takes ρ'' > 0
+// alone; ρ'' < 0 is bounded so that half of the curvature along n stays.
 //
 // J is projected to the tangent space before and corrected here, which is Ceres's order and decides
 // the last bits. f is needed as it was evaluated, so J comes first.
