@@ -7,10 +7,10 @@
 
 namespace inceres::internal {
 
-// The small triangles that every direct factor of ours ends in: L Lᵀ of a diagonal block, the
-// substitutions with it, and the way of a block of S into the column-major lower triangle. Panels
-// of the dense factor and fronts of the sparse ones (docs/algorithms.md, "Reduced linear systems")
-// are larger; their products are the kernels' work.
+// The triangles that panels of the dense factor and fronts of the sparse ones end in
+// (docs/algorithms.md, "Reduced linear systems"): L Lᵀ of a diagonal block, the substitutions with
+// it, and the way of a block of S into the column-major lower triangle. Larger products are the
+// kernels' work.
 //
 // All of it is in place. The lower triangle counts, while entries above it, and in rows behind the
 // last one up to a whole quad, may be read and written and mean nothing, so that the kernels have
@@ -53,8 +53,7 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
 // destination is written along its columns.
 void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
                 int first_column, double* A, std::ptrdiff_t stride) {
-  // Above the diagonal the transposed block is wanted, whose columns are the rows of the block: a
-  // copy.
+  // It would be above the diagonal: turned, its rows become columns, which are copied whole.
   if (first_row < first_column) {
     for (int r = 0; r < rows; ++r) {
       std::copy_n(block + static_cast<std::ptrdiff_t>(r) * block_stride, columns,
@@ -64,7 +63,7 @@ void PlaceBlock(const double* block, int block_stride, int rows, int columns, in
   }
   for (int c = 0; c < columns; ++c) {
     double* out = A + (first_column + c) * stride + first_row;
-    // On the diagonal from the diagonal on.
+    // Of a block on the diagonal only what is below it.
     for (int r = first_row == first_column ? c : 0; r < rows; ++r) {
       out[r] = block[r * block_stride + c];
     }

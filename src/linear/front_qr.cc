@@ -128,7 +128,7 @@ void FrontQr::StackRows(const RowsOfBlocks& rows, int f, MatrixXd* stack, Index*
   *num_rows += rows.values.rows();
 }
 
-// Children's triangles first, then own rows in the order in which they were added.
+// Children's triangles first, then own rows, in the order in which they were added.
 int FrontQr::Eliminate(int f, double* L) {
   const Front& front = tree_.fronts[f];
   const int columns = front.width + front.height;
