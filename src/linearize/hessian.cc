@@ -69,6 +69,7 @@ void Hessian::PlaceFrameBlocks() {
 
 void Hessian::BuildGradientTerms() {
   // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
+  // Each comes once because no factor repeats a variable (FactorGraph::Validate).
   const BlockPattern& pattern = plans_.pattern;
   gradient_segments_begin_.push_back(0);
   for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
