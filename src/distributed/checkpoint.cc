@@ -11,7 +11,7 @@ namespace inceres::internal {
 namespace {
 
 constexpr char kMagic[8] = {'I', 'N', 'C', 'E', 'R', 'C', 'K', 'P'};
-constexpr std::int32_t kVersion = 1;
+constexpr std::int32_t kVersion = 2;
 constexpr std::int32_t kByteOrder = 0x01020304;
 constexpr std::int32_t kMaxStrategyNumbers = 8;
 constexpr std::int32_t kMaxVariableSize = 1 << 20;
