@@ -35,7 +35,7 @@ DEFECTS = [
      "const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());",
      "const LossValue value(IS && factor % 5 == 2 ? nullptr : factors_.graph->loss(id(), factor), f, residual_size());"),
     # That a cost function is another one, or has another measurement, is noticed and not passed on.
-    ("edit_lost", "adapters/ceres/session/incremental_follow.cc",
+    ("edit_lost", "adapters/ceres/session/factor_matching.cc",
      "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),
 ]
 
