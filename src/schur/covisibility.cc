@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <utility>
+
+#include "base/counting_sort.h"
 
 namespace inceres::internal {
 namespace {
@@ -106,24 +107,19 @@ std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
   return FindSharedFrames(factors, CountFactorsBesideFew(evaluator, factors));
 }
 
-Companions::Companions(const Evaluator& evaluator, const std::vector<char>& is_shared)
-    : begin(evaluator.layout().num_frames + 1, 0) {
-  const auto for_each_pair = [&](const auto& visit) {
+Companions::Companions(const Evaluator& evaluator, const std::vector<char>& is_shared) {
+  const auto for_each_pair = [&](const auto& add) {
     ForEachFactor(evaluator, [&](const std::vector<int>& touched) {
       for (const int i : touched) {
         for (const int j : touched) {
           if (i != j && is_shared[i] == 0 && is_shared[j] == 0) {
-            visit(i, j);
+            add(i, j);
           }
         }
       }
     });
   };
-  for_each_pair([&](int i, int) { ++begin[i + 1]; });
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  frames.resize(begin.back());
-  std::vector<int> next(begin.begin(), begin.end() - 1);
-  for_each_pair([&](int i, int j) { frames[next[i]++] = j; });
+  CountingSort(evaluator.layout().num_frames, for_each_pair, &begin, &frames);
 }
 
 WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncidences& incidences,
