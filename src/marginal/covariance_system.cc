@@ -1,198 +1,36 @@
 #include "marginal/covariance_system.h"
 
 #include <algorithm>
-#include <cmath>
-#include <string>
+#include <utility>
 
 #include "linear/small_cholesky.h"
-#include "marginal/null_space.h"
 
 namespace inceres::internal {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// A share of a direction worth naming, and how many of them.
-constexpr double kShare = 0.01;
-constexpr int kMostShares = 8;
-constexpr int kMostDirections = 32;
-
 }  // namespace
 
 CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
                                    const CovarianceOptions& options)
-    : graph_(graph),
-      options_(options),
-      executor_(options.num_threads),
-      layout_(graph, /*eliminate_landmarks=*/true),
-      evaluator_(graph, layout_, executor_),
-      incidences_(evaluator_),
-      plans_(evaluator_, incidences_),
-      hessian_(evaluator_, incidences_, plans_),
-      elimination_(evaluator_, incidences_, plans_, hessian_),
-      factor_(executor_) {
-  evaluator_.points().SetCurrent(state);
-}
-
-Status CovarianceSystem::NotDetermined(VariableId id, const char* why) {
-  FindDirections();
-  std::string found = deficiency_.CountDirections();
-  if (!found.empty()) {
-    found.insert(0, "; ");
-  }
-  return Status::Error(StatusCode::kSingular,
-                       "variable " + std::to_string(id) + " has no covariance: " + why + found);
-}
-
-void CovarianceSystem::FindDirections() {
-  // by rows S is not formed
-  if (diagonal_.size() == 0 || !deficiency_.directions.empty() || by_rows_ != nullptr) {
-    return;
-  }
-  const Eigen::MatrixXd directions =
-      FindNullSpace(plans_.pattern, elimination_.S(), diagonal_, 1.0 / options_.max_inflation,
-                    kMostDirections + 1, executor_);
-  deficiency_.has_more = directions.cols() > kMostDirections;
-  for (Eigen::Index c = 0; c < std::min<Eigen::Index>(directions.cols(), kMostDirections); ++c) {
-    std::vector<std::pair<VariableId, double>> shares;
-    shares.reserve(static_cast<std::size_t>(layout_.num_frames));
-    for (int frame = 0; frame < layout_.num_frames; ++frame) {
-      shares.emplace_back(layout_.variables[frame],
-                          directions.col(c)
-                              .segment(layout_.packed_offset[frame], layout_.TangentSize(frame))
-                              .squaredNorm());
-    }
-    const auto end = std::remove_if(shares.begin(), shares.end(),
-                                    [](const auto& share) { return share.second < kShare; });
-    shares.erase(end, shares.end());
-    std::stable_sort(shares.begin(), shares.end(),
-                     [](const auto& a, const auto& b) { return a.second > b.second; });
-    shares.resize(std::min<std::size_t>(shares.size(), kMostShares));
-    deficiency_.directions.push_back({std::move(shares)});
-  }
-}
-
-Status CovarianceSystem::Factorize() {
-  double cost = 0.0;
-  Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
-  if (!status.ok()) {
-    return status;
-  }
-  if (options_.algorithm == CovarianceAlgorithm::kQr) {
-    return FactorizeRows();
-  }
-  hessian_.Accumulate();
-  status = CheckLandmarks();
-  const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
-  if (status.ok()) {
-    status = elimination_.Eliminate(no_damping.data());
-  }
-  if (!status.ok() || layout_.num_frames == 0) {
-    return status;
-  }
-  diagonal_ = DiagonalOfS();
-  const ReducedMatrix S(plans_.pattern, elimination_.S(), no_damping.data());
-  status = factor_.Analyze(S);
-  if (status.ok()) {
-    status = factor_.Factorize(S, {});
-  }
-  if (status.code == StatusCode::kSingular) {
-    FindDirections();
-    return Status::Error(
-        StatusCode::kSingular,
-        "there is no covariance: the gauge is free, or a variable is not determined (" +
-            status.message + ")");
-  }
-  return status.ok() ? CheckGauge() : status;
-}
-
-Status CovarianceSystem::CheckLandmarks() {
-  const double no_damping[kQuad] = {};
-  for (int l = 0; l < layout_.num_landmarks(); ++l) {
-    const int size = incidences_.sizes[l];
-    double U_inv[4 * kQuad] = {};
-    bool determined = InvertCholeskyFactor(size, hessian_.P(l), no_damping, U_inv);
-    for (int i = 0; determined && i < size; ++i) {
-      double variance = 0.0;
-      for (int k = i; k < size; ++k) {
-        variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
-      }
-      determined = variance * hessian_.P(l)[i * kQuad + i] <= options_.max_inflation;
-    }
-    if (!determined) {
-      deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
-    }
-  }
-  return deficiency_.landmarks.empty()
-             ? Status::Ok()
-             : NotDetermined(deficiency_.landmarks.front(),
-                             "the landmark is not determined by its factors");
-}
-
-Eigen::VectorXd CovarianceSystem::DiagonalOfS() const {
-  const BlockPattern& pattern = plans_.pattern;
-  Eigen::VectorXd diagonal(pattern.size());
-  for (int row = 0; row < pattern.num_blocks(); ++row) {
-    const double* block = elimination_.S() + pattern.value_begin[pattern.row_begin[row + 1] - 1];
-    for (int i = 0; i < pattern.block_size(row); ++i) {
-      diagonal[pattern.offsets[row] + i] = block[i * pattern.block_size(row) + i];
-    }
-  }
-  return diagonal;
-}
-
-// A Cholesky factor of a singular matrix often exists, thanks to rounding. Then a right-hand side
-// with a share along the null space has a huge solution: one of mixed signs, in units of the
-// diagonal, has such a share.
-Status CovarianceSystem::CheckGauge() {
-  const Eigen::VectorXd scale = diagonal_.cwiseSqrt();
-  Eigen::MatrixXd probe = scale;
-  std::uint32_t bits = 1;
-  for (Eigen::Index i = 0; i < probe.size(); ++i) {
-    bits = bits * 1664525u + 1013904223u;
-    probe(i) *= (bits >> 31) != 0 ? 1.0 : -1.0;
-  }
-  Eigen::MatrixXd solution;
-  const Status status = Solve(probe, &solution);
-  if (!status.ok()) {
-    return status;
-  }
-  Eigen::Index largest = 0;
-  const double inflation = (scale.array() * solution.col(0).array()).abs().maxCoeff(&largest);
-  if (inflation <= options_.max_inflation) {
-    return Status::Ok();
-  }
-  const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(),
-                                      static_cast<int>(largest));
-  return NotDetermined(layout_.variables[after - plans_.pattern.offsets.begin() - 1],
-                       "the gauge is free, or what determines it is lost to rounding");
-}
-
-Status CovarianceSystem::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left) {
-  left->resize(right.rows(), right.cols());
-  Status status;
-  for (Eigen::Index c = 0; status.ok() && c < right.cols(); ++c) {
-    status = factor_.Solve(right.col(c).data(), {}, {}, left->col(c).data());
-  }
-  return status.ok() && !left->allFinite()
-             ? Status::Error(StatusCode::kSingular,
-                             "there is no covariance: a solution is not finite")
-             : status;
+    : normals_(graph, state, options), layout_(normals_.layout()) {
 }
 
 // V of a frame is a unit matrix, that of a landmark zero for now.
 void CovarianceSystem::MakeColumn(VariableId id) {
   Column& column = columns_[id];
-  const int size = graph_.TangentSize(id);
+  const int size = normals_.graph().TangentSize(id);
   const int landmark = layout_.LandmarkOf(id);
-  if (landmark >= 0 && by_rows_ != nullptr) {
+  if (landmark >= 0 && normals_.by_rows() != nullptr) {
     return MakeColumnByRows(landmark, &column);
   }
   if (landmark < 0) {
     column.frames = {layout_.FrameOf(id)};
   } else {
-    column.frames.assign(incidences_.frames.begin() + incidences_.begin[landmark],
-                         incidences_.frames.begin() + incidences_.begin[landmark + 1]);
+    column.frames.assign(
+        normals_.incidences().frames.begin() + normals_.incidences().begin[landmark],
+        normals_.incidences().frames.begin() + normals_.incidences().begin[landmark + 1]);
   }
   int rows = 0;
   for (const int frame : column.frames) {
@@ -206,18 +44,18 @@ void CovarianceSystem::MakeColumn(VariableId id) {
   }
   double U_inv[4 * kQuad] = {};
   const double no_damping[kQuad] = {};
-  InvertCholeskyFactor(size, hessian_.P(landmark), no_damping,
-                       U_inv);  // as CheckLandmarks has tried
+  // As FactoredNormals has tried.
+  InvertCholeskyFactor(size, normals_.hessian().P(landmark), no_damping, U_inv);
   const Eigen::Map<const Eigen::Matrix<double, 4, kQuad, Eigen::RowMajor>> U(U_inv);
   column.P_inv = U.topLeftCorner(size, size).transpose() * U.topLeftCorner(size, size);
 }
 
 // V −= W P⁻¹ of the landmarks there are columns of, W = Σ J_cᵀ J_l, in one pass over the factors.
 void CovarianceSystem::SubtractW() {
-  for (const Linearization& cache : evaluator_.families()) {
+  for (const Linearization& cache : normals_.evaluator().families()) {
     const int num_slots = cache.num_slots;
     for (int i = 0; i < cache.num_factors; ++i) {
-      const VariableId* ids = graph_.Variables(cache.id, i);
+      const VariableId* ids = normals_.graph().Variables(cache.id, i);
       const VariableId* landmark = std::find_if(
           ids, ids + num_slots, [this](VariableId id) { return layout_.LandmarkOf(id) >= 0; });
       const auto wanted = landmark == ids + num_slots ? columns_.end() : columns_.find(*landmark);
@@ -244,10 +82,18 @@ void CovarianceSystem::SubtractW() {
   }
 }
 
-Status CovarianceSystem::CheckVariance(int frame, int k, double variance) {
-  return variance * diagonal_[layout_.packed_offset[frame] + k] <= options_.max_inflation
-             ? Status::Ok()
-             : NotDetermined(layout_.variables[frame], "what determines it is lost to rounding");
+// V = −W P⁻¹ = −Tᵀ R⁻ᵀ, and P⁻¹ = R⁻¹ R⁻ᵀ.
+void CovarianceSystem::MakeColumnByRows(int landmark, Column* column) {
+  OrthogonalElimination::Landmark eliminated = normals_.by_rows()->Eliminate(landmark);
+  const Eigen::MatrixXd R_inv = eliminated.InverseOfR();
+  column->frames = std::move(eliminated.rest.blocks);
+  int rows = 0;
+  for (const int frame : column->frames) {
+    column->rows.push_back(rows);
+    rows += layout_.TangentSize(frame);
+  }
+  column->V = -eliminated.T.transpose() * R_inv.transpose();
+  column->P_inv = R_inv * R_inv.transpose();
 }
 
 Status CovarianceSystem::SolveFor(VariableId id) {
@@ -258,20 +104,21 @@ Status CovarianceSystem::SolveFor(VariableId id) {
     right.middleRows(layout_.packed_offset[frame], layout_.TangentSize(frame)) =
         column.V.middleRows(column.rows[i], layout_.TangentSize(frame));
   }
-  Status status = Solve(right, &column.X);
+  Status status = normals_.Solve(right, &column.X);
   const int frame = layout_.FrameOf(id);
-  for (int k = 0; frame >= 0 && status.ok() && k < graph_.TangentSize(id); ++k) {
-    status = CheckVariance(frame, k, column.X(layout_.packed_offset[frame] + k, k));
+  for (int k = 0; frame >= 0 && status.ok() && k < normals_.graph().TangentSize(id); ++k) {
+    status = normals_.CheckVariance(frame, k, column.X(layout_.packed_offset[frame] + k, k));
   }
   return status;
 }
 
 Status CovarianceSystem::InvertFactor() {
-  inverse_ = std::make_unique<SelectedInverse>(factor_, plans_.pattern, executor_);
+  inverse_ =
+      std::make_unique<SelectedInverse>(normals_.factor(), normals_.pattern(), normals_.executor());
   Status status;
   for (int frame = 0; frame < layout_.num_frames; ++frame) {
     for (int k = 0; status.ok() && k < layout_.TangentSize(frame); ++k) {
-      status = CheckVariance(frame, k, inverse_->Diagonal(frame, k));
+      status = normals_.CheckVariance(frame, k, inverse_->Diagonal(frame, k));
     }
   }
   return status;
@@ -311,20 +158,20 @@ Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
     for (const VariableId id : {pair.first, pair.second}) {
       if (columns_.count(id) == 0) {
         MakeColumn(id);
-        wanted_columns += graph_.TangentSize(id);
+        wanted_columns += normals_.graph().TangentSize(id);
         wants_landmarks = wants_landmarks || layout_.LandmarkOf(id) >= 0;
       }
     }
   }
-  if (wants_landmarks && by_rows_ == nullptr) {
+  if (wants_landmarks && normals_.by_rows() == nullptr) {
     SubtractW();
   }
   if (layout_.num_frames == 0) {
     return Status::Ok();
   }
   Status status;
-  if (SelectedInverse::PredictedFlops(factor_.tree()) <
-      2.0 * factor_.PredictedEntries() * wanted_columns) {
+  if (SelectedInverse::PredictedFlops(normals_.factor().tree()) <
+      2.0 * normals_.factor().PredictedEntries() * wanted_columns) {
     status = InvertFactor();
   }
   return status.ok() ? SolveForPairs(pairs) : status;

@@ -1,4 +1,4 @@
-// CovarianceSystem by orthogonal transformations of the Jacobian: CovarianceAlgorithm::kQr.
+// FactoredNormals by orthogonal transformations of the Jacobian: CovarianceAlgorithm::kQr.
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,12 @@
 #include <Eigen/Dense>
 
 #include "linear/front_qr.h"
-#include "marginal/covariance_system.h"
+#include "marginal/factored_normals.h"
 
 namespace inceres::internal {
 
 // Diagonal of S, from the rows of a root of it.
-void CovarianceSystem::AddSquares(const RowsOfBlocks& rows) {
+void FactoredNormals::AddSquares(const RowsOfBlocks& rows) {
   Eigen::Index column = 0;
   for (const int frame : rows.blocks) {
     for (int k = 0; k < layout_.TangentSize(frame); ++k, ++column) {
@@ -23,7 +23,7 @@ void CovarianceSystem::AddSquares(const RowsOfBlocks& rows) {
 
 // The rows that all landmarks and the other factors leave for the frames. A landmark that its own
 // rows do not determine is an error.
-Status CovarianceSystem::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
+Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
   by_rows_ = std::make_unique<OrthogonalElimination>(graph_, layout_, evaluator_);
   const auto num_landmarks = static_cast<std::size_t>(layout_.num_landmarks());
   rows->resize(num_landmarks);
@@ -52,7 +52,7 @@ Status CovarianceSystem::EliminateByRows(double least, std::vector<RowsOfBlocks>
   return Status::Ok();
 }
 
-Status CovarianceSystem::FactorizeRows() {
+Status FactoredNormals::FactorizeRows() {
   hessian_.Accumulate();
   const std::vector<double>& squares = hessian_.diagonal();
   const double least =
@@ -79,20 +79,6 @@ Status CovarianceSystem::FactorizeRows() {
                                      "there is no covariance: the gauge is free, or a variable is "
                                      "not determined (" +
                                          status.message + ")");
-}
-
-// V = −W P⁻¹ = −Tᵀ R⁻ᵀ, and P⁻¹ = R⁻¹ R⁻ᵀ.
-void CovarianceSystem::MakeColumnByRows(int landmark, Column* column) {
-  OrthogonalElimination::Landmark eliminated = by_rows_->Eliminate(landmark);
-  const Eigen::MatrixXd R_inv = eliminated.InverseOfR();
-  column->frames = std::move(eliminated.rest.blocks);
-  int rows = 0;
-  for (const int frame : column->frames) {
-    column->rows.push_back(rows);
-    rows += layout_.TangentSize(frame);
-  }
-  column->V = -eliminated.T.transpose() * R_inv.transpose();
-  column->P_inv = R_inv * R_inv.transpose();
 }
 
 }  // namespace inceres::internal
