@@ -6,6 +6,12 @@
 
 namespace inceres::internal {
 
+// Memory of a solve, predicted part by part while it is set up, so that a plan that does not fit
+// ends with a message that says what it would take, and not as a bad_alloc when half of it is done.
+// The limit is the user's, or else what the system says is left; that is asked once, and only by a
+// plan that is large, since asking takes longer than a small solve.
+
+// Rounded up below a gibibyte, so that something never reads as 0 MiB.
 std::string FormatBytes(double bytes) {
   constexpr double kMiB = 1048576.0;
   char text[32];
@@ -17,22 +23,27 @@ std::string FormatBytes(double bytes) {
   return text;
 }
 
+// Infinite until the system has been asked.
 MemoryBudget::MemoryBudget(std::int64_t limit, AvailableMemory available)
     : limit_(limit > 0 ? static_cast<double>(limit) : std::numeric_limits<double>::infinity()),
       is_asked_for_(limit > 0),
+      // With a limit of the user's it never is.
       available_(limit > 0 ? nullptr : std::move(available)) {
 }
 
 bool MemoryBudget::HasRoomFor(std::int64_t bytes) {
+  // What is left is on top of what this budget has counted so far.
   if (available_ != nullptr && taken_ + bytes > kUnasked) {
     limit_ = static_cast<double>(taken_) + available_();
     available_ = nullptr;
   }
+  // As doubles, for the limit may be infinite.
   return static_cast<double>(taken_ + bytes) <= limit_;
 }
 
 void MemoryBudget::Take(std::int64_t bytes, const char* what) {
   const bool fits = HasRoomFor(bytes);
+  // Counted before it throws, for the message says what it takes together.
   taken_ += bytes;
   if (!fits) {
     throw MemoryExceeded("The solve does not fit into memory: with " + std::string(what) + " (" +
@@ -43,6 +54,7 @@ void MemoryBudget::Take(std::int64_t bytes, const char* what) {
   }
 }
 
+// Indices have 32 bits: what does not fit into them would wrap around, whatever memory there is.
 void MemoryBudget::CheckCount(std::int64_t count, std::int64_t limit, const char* what) {
   if (count >= limit) {
     throw MemoryExceeded("The problem is too large: " + std::to_string(count) + " " + what +

@@ -7,9 +7,26 @@
 #include <type_traits>
 
 namespace inceres::internal {
+
+// S + Λ_c formed as a matrix of PETSc, for solvers that take entries. A rank has its own factors
+// and landmarks only, so the block (i, j) of its S = C − Y Yᵀ is one term of a sum over all ranks;
+// rows belong to the owners of their frames.
+//
+// Who sends which block to whom is found once, for the structure stays in a solve. Kept between
+// calls: the plan, the buffers and the matrix with its pattern. Assemble packs, exchanges values
+// only, sums them in the order of the ranks from zero on, and inserts whole blocks: the same ranks
+// give the same bits, and no value passes PETSc's stash of entries of others, whose sums would come
+// in the order of messages.
+//
+// The pattern that FramePlans have is lower triangular in the order of this rank's layout; the
+// matrix has the order of all ranks, by owner and then by id. So a block may lie the other way
+// around there.
+
 namespace {
 
 // As MPI counts values: no rank sends more than 16 GiB of a matrix.
+// MPI takes counts as int. Throws on this rank alone: the caller's Agreement, or the end of the
+// program, tells the others.
 int ToCount(std::int64_t count) {
   if (count > INT_MAX) {
     throw PetscFailure(PETSC_ERR_ARG_OUTOFRANGE, "a rank's share of S is too large to be sent");
@@ -17,6 +34,7 @@ int ToCount(std::int64_t count) {
   return static_cast<int>(count);
 }
 
+// Exclusive prefix sums. The total is checked too, since it is the length of the buffer.
 std::vector<int> BeginsOf(const std::vector<int>& counts) {
   std::vector<int> begins(counts.size(), 0);
   std::int64_t total = 0;
@@ -30,6 +48,8 @@ std::vector<int> BeginsOf(const std::vector<int>& counts) {
 
 }  // namespace
 
+// The order matters: shares are numbered by rank before the exchange of places, and only what is
+// received says how many entries each owned row has.
 AssembledSystem::AssembledSystem(Form form, const ReducedSystem& system)
     : form_(form), system_(system) {
   std::vector<std::vector<Share>> of_rank(static_cast<std::size_t>(system.ranks().size()));
@@ -38,6 +58,9 @@ AssembledSystem::AssembledSystem(Form form, const ReducedSystem& system)
   Preallocate();
 }
 
+// Each block of the local pattern becomes a share for the owner of its row. The upper form has one
+// share for each block, turned such that its row is not behind its column; the whole form has two,
+// of which one is the transpose, and one on the diagonal.
 void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) const {
   const FramePlans& plans = system_.plans();
   const std::vector<FramePlace>& frames = system_.frames().moving();
@@ -50,6 +73,7 @@ void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) co
     const FramePlace& i = frames[static_cast<std::size_t>(plans.block_row[k])];
     const FramePlace& j = frames[static_cast<std::size_t>(plans.pattern.columns[k])];
     const auto block = static_cast<int>(k);
+    // Index 0 is FramePlace::kTangent: begin is the first scalar row in the matrix.
     const bool upper = i.begin[0] <= j.begin[0];
     if (form_ == Form::kWhole && &i != &j) {
       add(i, j, block, false);
@@ -60,9 +84,13 @@ void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) co
   }
 }
 
+// Shares are concatenated by rank of destination, and `shares_` keeps that order for PackShares.
+// Places travel once; afterwards position k in the stream of values means place k. A rank sends to
+// itself like to others, so that one loop sums all; only bytes to others are counted.
 void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_rank) {
   const auto num_ranks = of_rank.size();
   const MPI_Comm comm = system_.ranks().comm();
+  // Places go as bytes.
   static_assert(std::is_trivially_copyable_v<Place>);
   std::vector<Place> own_places;
   std::vector<int> place_bytes(num_ranks), received_bytes(num_ranks);
@@ -81,12 +109,14 @@ void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_ran
       bytes_per_assembly_ += num_values * static_cast<std::int64_t>(sizeof(double));
     }
   }
+  // Receivers learn the counts first: of values, and of the bytes of places.
   MPI_Alltoall(send_counts_.data(), 1, MPI_INT, receive_counts_.data(), 1, MPI_INT, comm);
   MPI_Alltoall(place_bytes.data(), 1, MPI_INT, received_bytes.data(), 1, MPI_INT, comm);
   send_begins_ = BeginsOf(send_counts_);
   receive_begins_ = BeginsOf(receive_counts_);
   const std::vector<int> begins = BeginsOf(place_bytes);
   const std::vector<int> received_begins = BeginsOf(received_bytes);
+  // The last begin and the last count give the total.
   std::vector<Place> received(
       static_cast<std::size_t>(received_begins.back() + received_bytes.back()) / sizeof(Place));
   MPI_Alltoallv(own_places.data(), place_bytes.data(), begins.data(), MPI_BYTE, received.data(),
@@ -98,6 +128,9 @@ void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_ran
   PlanSums(received);
 }
 
+// Finds where each received block is summed. Equal places are made neighbors by sorting; the key
+// ends with k, so the order is total, and `received` itself stays in the order of the ranks, which
+// is the order of the sums in Assemble.
 void AssembledSystem::PlanSums(const std::vector<Place>& received) {
   std::vector<std::size_t> order(received.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -116,6 +149,7 @@ void AssembledSystem::PlanSums(const std::vector<Place>& received) {
       owned_.push_back({place, size});
       size += std::int64_t{place.rows} * place.columns;
     }
+    // A sum is addressed by the first of its values, rows without padding.
     targets_[k] = owned_.back().begin;
   }
   for (const Place& place : received) {
@@ -124,12 +158,15 @@ void AssembledSystem::PlanSums(const std::vector<Place>& received) {
   sums_.resize(static_cast<std::size_t>(size));
 }
 
+// Gives PETSc the number of entries of each row, inside the square of columns owned here and
+// outside, so that insertion never allocates.
 void AssembledSystem::Preallocate() {
   const SharedFrames& frames = system_.frames();
   const PetscInt rows = ToPetscInt(frames.owned_size(FramePlace::kTangent));
   const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
   PetscInt first = 0;
   MPI_Exscan(&rows, &first, 1, MPIU_INT, MPI_SUM, system_.ranks().comm());
+  // MPI_Exscan leaves the result of rank 0 undefined.
   first = system_.ranks().rank() == 0 ? 0 : first;
   std::vector<PetscInt> inside(static_cast<std::size_t>(rows), 0);
   std::vector<PetscInt> outside(inside.size(), 0);
@@ -137,6 +174,7 @@ void AssembledSystem::Preallocate() {
     const bool own_column = block.place.column >= first && block.place.column < first + rows;
     for (int r = 0; r < block.place.rows; ++r) {
       const auto row = static_cast<std::size_t>(block.place.row - first + r);
+      // Of a diagonal block the upper form keeps columns r and behind.
       const bool half = form_ == Form::kUpper && block.place.row == block.place.column;
       (own_column ? inside : outside)[row] += block.place.columns - (half ? r : 0);
     }
@@ -145,10 +183,13 @@ void AssembledSystem::Preallocate() {
   Mat S = matrix_.get();
   Check(MatSetSizes(S, rows, rows, all, all), "MatSetSizes");
   if (form_ == Form::kUpper) {
+    // Blocks of size 1, for frames differ in size. Of the two calls that follow the one of the
+    // other type has no effect: on one rank the matrix is sequential.
     Check(MatSetType(S, MATSBAIJ), "MatSetType");
     Check(MatSeqSBAIJSetPreallocation(S, 1, 0, inside.data()), "MatSeqSBAIJSetPreallocation");
     Check(MatMPISBAIJSetPreallocation(S, 1, 0, inside.data(), 0, outside.data()),
           "MatMPISBAIJSetPreallocation");
+    // Diagonal blocks are inserted as whole squares.
     Check(MatSetOption(S, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE), "MatSetOption");
   } else {
     Check(MatSetType(S, MATAIJ), "MatSetType");
@@ -157,9 +198,12 @@ void AssembledSystem::Preallocate() {
           "MatMPIAIJSetPreallocation");
   }
   Check(MatSetOption(S, MAT_SPD, PETSC_TRUE), "MatSetOption");
+  // Assembly needs no messages: owners insert their own rows only.
   Check(MatSetOption(S, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE), "MatSetOption");
 }
 
+// Writes the blocks of S in the order of the plan. Values lie row-major without padding, as in a
+// batch solve; a transposed share reads a block of columns × rows.
 void AssembledSystem::PackShares() {
   const BlockPattern& pattern = system_.plans().pattern;
   const double* const S = system_.elimination().S();
@@ -176,6 +220,7 @@ void AssembledSystem::PackShares() {
   }
 }
 
+// Λ_c goes in after the sums, once a frame, and not once a rank.
 void AssembledSystem::AddDamping() {
   const std::vector<double>& damping = system_.owned_damping();
   std::size_t next = 0;  // diagonal blocks come in the order of the owned frames
@@ -183,6 +228,7 @@ void AssembledSystem::AddDamping() {
     if (block.place.row != block.place.column) {
       continue;
     }
+    // The diagonal of a row-major square is columns + 1 apart.
     for (int r = 0; r < block.place.rows; ++r) {
       sums_[static_cast<std::size_t>(block.begin + r * (block.place.columns + 1))] +=
           damping[next++];
@@ -190,12 +236,14 @@ void AssembledSystem::AddDamping() {
   }
 }
 
+// Collective. Reads the S of the last elimination and the damping of the last SetDamping.
 void AssembledSystem::Assemble() {
   const LogStage stage("inceres assemble S");
   PackShares();
   MPI_Alltoallv(sent_.data(), send_counts_.data(), send_begins_.data(), MPI_DOUBLE,
                 received_.data(), receive_counts_.data(), receive_begins_.data(), MPI_DOUBLE,
                 system_.ranks().comm());
+  // Sums begin at zero on every call, and blocks arrive by ascending rank.
   std::fill(sums_.begin(), sums_.end(), 0.0);
   const double* from = received_.data();
   for (std::size_t k = 0; k < targets_.size(); ++k) {
@@ -205,6 +253,8 @@ void AssembledSystem::Assemble() {
     }
   }
   AddDamping();
+  // INSERT_VALUES replaces what the last assembly has left; every block of the pattern is written,
+  // so nothing old remains.
   std::vector<PetscInt> rows;
   std::vector<PetscInt> columns;
   for (const OwnedBlock& block : owned_) {

@@ -8,15 +8,34 @@
 #include <system_error>
 
 namespace inceres::internal {
+
+// The file format of checkpoints (docs/distributed.md, "Go on after an end"):
+//
+//     FixedHead | CheckpointSection of each rank that wrote | section | section | …
+//
+// A section is records one after the other: CheckpointRecord, the values (ambient size), the scale
+// s_j of the columns (tangent size). Names are ids, not positions, so that any number of ranks can
+// read what any other number has written.
+//
+// Two kinds of damage are told apart: of head and table by one FNV-1a sum, and of each section by
+// its own, which is checked before a record of it is believed. The sections must follow one another
+// without a gap up to the last byte, so a file that was cut, or to which something was appended, is
+// refused before a section is read.
+
 namespace {
 
 constexpr char kMagic[8] = {'I', 'N', 'C', 'E', 'R', 'C', 'K', 'P'};
 constexpr std::int32_t kVersion = 2;
+// Reads as another number on a machine of the other byte order.
 constexpr std::int32_t kByteOrder = 0x01020304;
+// Room in the head for TrustRegionStrategy::Save: six numbers of Levenberg–Marquardt, two of
+// Dog-Leg.
 constexpr std::int32_t kMaxStrategyNumbers = 8;
+// Above it a size counts as damage; the bytes of a record then cannot overflow.
 constexpr std::int32_t kMaxVariableSize = 1 << 20;
 
 // As it is in the file.
+// Fields are ordered such that there is no padding: all bytes count for the checksum.
 struct FixedHead {
   char magic[8];
   std::int32_t version;
@@ -42,6 +61,7 @@ struct Closer {
 };
 using File = std::unique_ptr<std::FILE, Closer>;
 
+// All that is wrong with a file is kIo, and begins with its name.
 Status Wrong(const std::string& path, const std::string& what) {
   return Status::Error(StatusCode::kIo, path + ": " + what);
 }
@@ -59,6 +79,8 @@ std::int64_t PayloadOf(const CheckpointRecord& record) {
               : -1;
 }
 
+// What must be true before the table is read: counts come from the file, and memory is asked for by
+// them only after this.
 Status CheckHead(const std::string& path, const FixedHead& head, std::int64_t file_bytes) {
   if (std::memcmp(head.magic, kMagic, sizeof kMagic) != 0) {
     return Wrong(path, "is no checkpoint of inceres");
@@ -68,6 +90,7 @@ Status CheckHead(const std::string& path, const FixedHead& head, std::int64_t fi
                            ", or of a machine with other byte order; this reads version " +
                            std::to_string(kVersion));
   }
+  // A quotient, since num_sections times the size of an entry could overflow.
   const std::int64_t room = file_bytes - static_cast<std::int64_t>(sizeof(FixedHead));
   if (head.num_sections < 0 ||
       head.num_sections > room / static_cast<std::int64_t>(sizeof(CheckpointSection))) {
@@ -77,6 +100,9 @@ Status CheckHead(const std::string& path, const FixedHead& head, std::int64_t fi
   return Status::Ok();
 }
 
+// The checksum protects from damage, this from a file that was made wrong: the numbers go into the
+// trust-region loop as they are. Iteration 0 counts as a successful step, hence at least one. The
+// first number of a strategy is its radius, which is positive; the others are not negative.
 Status CheckNumbers(const std::string& path, const FixedHead& head) {
   const bool sane = head.num_frames >= 0 && head.num_landmarks >= 0 && head.iteration >= 0 &&
                     head.num_successful_steps >= 1 && head.num_unsuccessful_steps >= 0 &&
@@ -93,6 +119,7 @@ Status CheckNumbers(const std::string& path, const FixedHead& head) {
 
 }  // namespace
 
+// FNV-1a, 64 bits: offset basis and prime are those of its definition.
 std::uint64_t ChecksumOf(const char* bytes, std::size_t count) {
   std::uint64_t hash = 0xcbf29ce484222325U;
   for (std::size_t k = 0; k < count; ++k) {
@@ -101,6 +128,7 @@ std::uint64_t ChecksumOf(const char* bytes, std::size_t count) {
   return hash;
 }
 
+// Values and scale follow their record without alignment; ForEach copies them out again.
 void AppendRecord(const CheckpointRecord& record, const double* values, const double* scale,
                   std::vector<char>* section) {
   const auto append = [section](const void* data, std::size_t size) {
@@ -112,6 +140,9 @@ void AppendRecord(const CheckpointRecord& record, const double* values, const do
   append(scale, static_cast<std::size_t>(record.tangent_size) * sizeof(double));
 }
 
+// Sections begin right behind the table, in the order of the ranks: with all sizes known, each rank
+// can write its own place by itself. The sum is taken with zero in its own field, and written over
+// it.
 std::vector<char> EncodeHead(const CheckpointHead& head, std::vector<CheckpointSection>* sections) {
   FixedHead fixed{};
   std::memcpy(fixed.magic, kMagic, sizeof kMagic);
@@ -127,6 +158,7 @@ std::vector<char> EncodeHead(const CheckpointHead& head, std::vector<CheckpointS
   fixed.num_consecutive_invalid_steps = head.position.num_consecutive_invalid_steps;
   fixed.any_step_accepted = head.position.any_step_accepted ? 1 : 0;
   fixed.initial_cost = head.position.initial_cost;
+  // At most kMaxStrategyNumbers: no strategy saves more.
   for (const double number : head.position.strategy) {
     fixed.strategy[fixed.num_strategy_numbers++] = number;
   }
@@ -144,6 +176,9 @@ std::vector<char> EncodeHead(const CheckpointHead& head, std::vector<CheckpointS
   return bytes;
 }
 
+// Reads head and table and checks them against the size of the file. The order is part of the
+// safety: magic and version, the count of sections, the checksum, the extents of sections, the
+// numbers. Sections themselves are read by ForEach.
 Status CheckpointReader::Open(const std::string& path) {
   path_ = path;
   const File file(std::fopen(path.c_str(), "rb"));
@@ -168,6 +203,7 @@ Status CheckpointReader::Open(const std::string& path) {
                                        sections_.size(), file.get()) != sections_.size()) {
     return Wrong(path, "ends within its table");
   }
+  // As EncodeHead has summed them: with zero where the checksum is.
   const std::uint64_t checksum = fixed.checksum;
   fixed.checksum = 0;
   std::vector<char> bytes(sizeof fixed + sections_.size() * sizeof(CheckpointSection));
@@ -180,6 +216,7 @@ Status CheckpointReader::Open(const std::string& path) {
   }
   auto offset = static_cast<std::int64_t>(bytes.size());
   for (const CheckpointSection& section : sections_) {
+    // `offset` never exceeds file_bytes here, so the difference does not overflow.
     if (section.offset != offset || section.bytes < 0 || section.bytes > file_bytes - offset) {
       return Wrong(path, "a section is not within the file, which may have been cut");
     }
@@ -205,6 +242,8 @@ Status CheckpointReader::Open(const std::string& path) {
   return status;
 }
 
+// One section is in memory at a time. The file is opened anew, since the reader holds no handle
+// between calls.
 Status CheckpointReader::ReadSection(const CheckpointSection& section,
                                      std::vector<char>* bytes) const {
   const File file(std::fopen(path_.c_str(), "rb"));
@@ -218,6 +257,8 @@ Status CheckpointReader::ReadSection(const CheckpointSection& section,
              : Wrong(path_, "the checksum of a section is wrong");
 }
 
+// Every rank reads all sections, and picks what it has by id. `numbers` is a copy that is aligned;
+// the scale begins where the values end.
 Status CheckpointReader::ForEach(const Visit& visit) const {
   std::vector<char> bytes;
   std::vector<double> numbers;
@@ -227,6 +268,7 @@ Status CheckpointReader::ForEach(const Visit& visit) const {
     }
     for (std::size_t at = 0; at < bytes.size();) {
       CheckpointRecord record;
+      // Comparisons subtract from the size, which cannot wrap, as at ≤ size.
       if (bytes.size() - at < sizeof record) {
         return Wrong(path_, "a section ends within a record");
       }

@@ -11,6 +11,19 @@
 #include <unordered_map>
 
 namespace inceres::internal {
+
+// Checkpoints of a distributed solve: where the trust-region loop stands, the values of all
+// variables that move, and the scale of their columns as iteration 0 has measured it. Every
+// variable is written by one rank: a frame by its owner, a landmark by the rank that has it.
+//
+// Writing takes four collective steps, so that ranks never part: make an empty file; exchange sizes
+// and checksums; write, each rank its section and rank 0 the head; rename. A failure at any of them
+// is one of all ranks, is remembered, and leaves the last whole file under its name: the new one is
+// `path`.partial until the rename, and is flushed to the disk before.
+//
+// Reading is by ids, so the number of ranks may be another. What is read must cover all variables
+// that move here, each once; else nothing is taken over.
+
 namespace {
 
 Status FileError(const std::string& path, const char* what) {
@@ -18,6 +31,8 @@ Status FileError(const std::string& path, const char* what) {
                        path + ": " + what + ": " + std::generic_category().message(errno));
 }
 
+// Writes into a file that exists, at this rank's offset; other ranks write elsewhere in it at the
+// same time. pwrite may write less than asked for, hence the loop.
 Status WriteAt(const std::string& path, std::int64_t offset, const std::vector<char>& bytes) {
   const int file = open(path.c_str(), O_WRONLY | O_CLOEXEC);
   if (file < 0) {
@@ -32,12 +47,15 @@ Status WriteAt(const std::string& path, std::int64_t offset, const std::vector<c
     }
     done += static_cast<std::size_t>(count);
   }
+  // The bytes are on the disk before the file gets its name.
   const bool written = done == bytes.size() && fsync(file) == 0;
   const Status status = written ? Status::Ok() : FileError(path, "cannot write");
   close(file);
   return status;
 }
 
+// Rank 0 alone truncates, and all others open afterwards: a leftover of an earlier attempt may be
+// longer than what is written now.
 Status MakeEmpty(const std::string& path) {
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) {
@@ -53,6 +71,9 @@ bool AllFinite(const double* values, int count) {
 
 }  // namespace
 
+// Maps the landmarks of the layout to ids once. Without a path nothing is asked of
+// GraphPart::landmarks, and Sum is not called: options are the same on all ranks, so all skip it.
+// Variables that do not move have no place, and are not written.
 CheckpointKeeper::CheckpointKeeper(const DistributedOptions& options, const Communicator& ranks,
                                    const GraphPart& part, const SharedFrames& frames,
                                    const Layout& layout)
@@ -71,6 +92,7 @@ CheckpointKeeper::CheckpointKeeper(const DistributedOptions& options, const Comm
   num_landmarks_ = static_cast<std::int64_t>(ranks.Sum(layout.num_landmarks()));
 }
 
+// Checked when a checkpoint is written or read, and not before: the ids are needed by nothing else.
 Status CheckpointKeeper::CheckLandmarks() const {
   const auto missing = std::find(landmark_ids_.begin(), landmark_ids_.end(), -1);
   if (missing == landmark_ids_.end()) {
@@ -83,6 +105,8 @@ Status CheckpointKeeper::CheckLandmarks() const {
                            " is not listed in GraphPart::landmarks, as checkpoints need");
 }
 
+// Iteration 0 is where the solve began: nothing to keep. The answer depends on options and the
+// iteration alone, which are the same on all ranks, for Keep is collective.
 bool CheckpointKeeper::Wants(int iteration) const {
   return !options_.checkpoint.path.empty() && iteration > 0 &&
          iteration % options_.checkpoint.every == 0;
@@ -96,6 +120,8 @@ void CheckpointKeeper::Keep(const LoopPosition& position, const std::vector<doub
   }
 }
 
+// The section of this rank: its owned frames by id, then its landmarks in the order of the layout.
+// Shared frames that others own are theirs to write. `position.scale` is packed as the layout is.
 std::vector<char> CheckpointKeeper::EncodeOwn(const LoopPosition& position,
                                               const std::vector<double>& state) const {
   const FactorGraph& graph = *part_.graph;
@@ -121,6 +147,8 @@ std::vector<char> CheckpointKeeper::EncodeOwn(const LoopPosition& position,
   return bytes;
 }
 
+// Collective. Ranks that failed before an agreement must not go on to the next collective call
+// alone, so each status is agreed on first.
 Status CheckpointKeeper::Write(const LoopPosition& position,
                                const std::vector<double>& state) const {
   const std::string partial = options_.checkpoint.path + ".partial";
@@ -134,6 +162,7 @@ Status CheckpointKeeper::Write(const LoopPosition& position,
   if (!status.ok()) {
     return status;
   }
+  // Checksums travel as signed numbers of the same bits.
   const std::vector<std::int64_t> table =
       ranks_.Gather({static_cast<std::int64_t>(bytes.size()),
                      static_cast<std::int64_t>(ChecksumOf(bytes.data(), bytes.size()))});
@@ -145,8 +174,10 @@ Status CheckpointKeeper::Write(const LoopPosition& position,
   CheckpointHead head;
   head.position = position;
   head.strategy_kind = static_cast<int>(options_.solver.strategy);
+  // Of all ranks: to tell another problem, before a record is read.
   head.num_frames = frames_.num_frames();
   head.num_landmarks = num_landmarks_;
+  // All ranks compute the same offsets from the same table; rank 0 alone writes the head.
   const std::vector<char> head_bytes = EncodeHead(head, &sections);
   status = ranks_.Try([&] {
     const Status own =
@@ -156,11 +187,13 @@ Status CheckpointKeeper::Write(const LoopPosition& position,
   if (!status.ok()) {
     return status;
   }
+  // After the agreement all sections are on the disk.
   const bool renamed = !root || std::rename(partial.c_str(), options_.checkpoint.path.c_str()) == 0;
   return ranks_.Agree(renamed ? Status::Ok()
                               : FileError(options_.checkpoint.path, "cannot rename to it"));
 }
 
+// Each rank reads the file by itself; Try makes the first failure that of all.
 Status CheckpointKeeper::Resume(LoopPosition* position, std::vector<double>* state) const {
   return ranks_.Try([&] {
     const Status listed = CheckLandmarks();
@@ -168,6 +201,8 @@ Status CheckpointKeeper::Resume(LoopPosition* position, std::vector<double>* sta
   });
 }
 
+// Checks what the head says of all ranks first, then fills *state and position->scale by id. A
+// failure may leave *state half written: the caller gives a copy of the graph's.
 Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state) const {
   const std::string& path = options_.checkpoint.resume;
   CheckpointReader reader;
@@ -186,8 +221,12 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
                              std::to_string(num_landmarks_));
   }
   *position = head.position;
+  // 1 where nothing will be written; by the count below, nowhere.
   position->scale.assign(static_cast<std::size_t>(layout_.size()), 1.0);
+  // By kind, from id to position in the layout, which frames begin. Ids of frames and landmarks are
+  // apart.
   std::unordered_map<std::int64_t, std::size_t> places[2];
+  // Owned or not: a shared frame is read by all ranks that move it, and gets the same bits on each.
   for (std::size_t i = 0; i < frames_.moving().size(); ++i) {
     places[CheckpointRecord::kFrame][frames_.moving()[i].id] = i;
   }
@@ -201,6 +240,7 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
   }
   const FactorGraph& graph = *part_.graph;
   const std::size_t num_wanted = places[0].size() + places[1].size();
+  // A variable that comes twice in a file is as wrong as one of another size.
   std::vector<char> found(layout_.variables.size(), 0);
   std::size_t num_found = 0;
   status = reader.ForEach([&](const CheckpointRecord& record, const double* values,
@@ -214,6 +254,8 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
     }
     const std::size_t at = place->second;
     const VariableId variable = layout_.variables[at];
+    // Values and scales go into the solve unchecked from here on. A scale divides the damping, so
+    // it must be positive.
     const bool fits = record.ambient_size == graph.AmbientSize(variable) &&
                       record.tangent_size == graph.TangentSize(variable) && found[at] == 0 &&
                       AllFinite(values, record.ambient_size) &&
@@ -227,6 +269,7 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
     }
     return fits;
   });
+  // The file may hold other ids: those of landmarks and frames that only other ranks have.
   if (status.ok() && num_found != num_wanted) {
     status = Status::Error(StatusCode::kInvalidArgument,
                            path + ": has " + std::to_string(num_found) + " of the " +

@@ -4,17 +4,31 @@
 #include "distributed/assembled_system.h"
 #include "distributed/reduced_solvers.h"
 
+// The solver for kCholesky: (S + Λ_c) δ_c = b with S formed in its upper triangle
+// (AssembledSystem), factored in parallel by MUMPS through PETSc's preconditioner PCCHOLESKY, and
+// one substitution (KSPPREONLY). Steps are exact up to rounding.
+//
+// The symbolic analysis is kept from step to step, since the pattern is; only a failure, or too
+// little workspace, makes it anew. MUMPS predicts its workspace from the pattern, and pivots may
+// need more: then the margin is doubled and the factorization tried again, with the larger margin
+// kept for the steps after. All decisions come from numbers that MUMPS and KSP give to all ranks
+// alike, so ranks stay together.
+
 namespace inceres::internal {
 namespace {
 
 constexpr int kMumpsExtraSpace = 14;  // its ICNTL of that: per cent more than predicted
+// In per cent, as MUMPS takes it; doubled as long as it is below the maximum.
 constexpr int kFirstExtraSpace = 50;
 constexpr int kMaxExtraSpace = 1000;
+// INFOG is global, unlike INFO: the same on all ranks. −9 is for real workspace, −8 for integers.
 constexpr int kMumpsSpaceTooSmall = -9;  // its INFOG(1)
 constexpr int kMumpsSpaceTooSmallToo = -8;
 
 class CholeskySolver final : public DistributedReducedSolver {
  public:
+  // Collective. A prefix of its own keeps -inceres_ksp_type, which is for kKsp, from changing this
+  // solver, and lets MUMPS have options.
   explicit CholeskySolver(ReducedSystem* system) : matrix_(AssembledSystem::Form::kUpper, *system) {
     const MPI_Comm comm = system->ranks().comm();
     const SharedFrames& frames = system->frames();
@@ -29,10 +43,13 @@ class CholeskySolver final : public DistributedReducedSolver {
 
   const char* Name() const override { return "sparse Cholesky of MUMPS on the reduced system"; }
 
+  // Collective. Returns kSingular, which the loop answers with more damping, for all failures of
+  // the factorization but too little workspace, and for that once the margin is at its maximum.
   Status Solve(const std::vector<double>& b, std::vector<double>* x) override {
     matrix_.Assemble();
     const LogStage stage("inceres factor S");
     Copy(b, b_.get());
+    // At most some tries: 50, 100, … until kMaxExtraSpace is reached.
     for (;; extra_space_ *= 2) {
       if (!is_set_up_) {
         SetUp();
@@ -58,11 +75,15 @@ class CholeskySolver final : public DistributedReducedSolver {
   std::int64_t Bytes() const override { return matrix_.Bytes(); }
 
  private:
+  // Everything up to the numbers. The order is PETSc's: the package is chosen before the factor
+  // matrix exists, and options of MUMPS can only be set on that matrix. PCReset drops what a failed
+  // try has left.
   void SetUp() {
     PC pc = nullptr;
     Mat factor = nullptr;
     Check(KSPGetPC(ksp_.get(), &pc), "KSPGetPC");
     Check(PCReset(pc), "PCReset");
+    // Tells PETSc that the values are new: it factors again, by the analysis there is.
     Check(KSPSetOperators(ksp_.get(), matrix_.matrix(), matrix_.matrix()), "KSPSetOperators");
     Check(PCSetType(pc, PCCHOLESKY), "PCSetType");
     Check(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS), "PCFactorSetMatSolverType");
@@ -73,6 +94,8 @@ class CholeskySolver final : public DistributedReducedSolver {
     is_set_up_ = true;
   }
 
+  // Asked only after a solve that did not converge: PETSc reports a failed factorization as a
+  // reason, and MUMPS's own code tells why.
   bool IsSpaceTooSmall() const {
     PC pc = nullptr;
     Mat factor = nullptr;

@@ -11,6 +11,21 @@
 #include "base/stopwatch.h"
 
 namespace inceres::internal {
+
+// What the ranks agree on. The trust-region loop runs on every rank and branches by costs, norms
+// and statuses; ranks stay together only if these are the same to the bit on all. So there is no
+// MPI_Allreduce of floating-point numbers, whose order of sums is MPI's own: each rank gathers the
+// numbers of all and sums them itself, by ascending rank. That is size − 1 numbers sent for each
+// one reduced, which pays as long as they are few.
+//
+// Failures travel the same way: a rank that cannot go on takes part in the next agreement and says
+// so, and all leave together with the message of the lowest rank. Nothing may throw between two
+// collective calls on one rank alone, or the others wait forever; where it can happen nevertheless,
+// the caller ends the program (Abort).
+//
+// `gathered_` is kept between calls, since reductions come once an iteration of conjugate
+// gradients.
+
 namespace {
 
 // What a rank says of its own part, beside a value.
@@ -38,12 +53,14 @@ Status Guarded(const Work& work, bool* threw) {
 
 }  // namespace
 
+// A duplicate: messages of the caller on its own communicator never meet those of a solve.
 Communicator::Communicator(MPI_Comm comm) {
   MPI_Comm_dup(comm, &comm_);
   MPI_Comm_rank(comm_, &rank_);
   MPI_Comm_size(comm_, &size_);
 }
 
+// A solver may be destroyed after MPI_Finalize, in static storage say; then MPI may not be called.
 Communicator::~Communicator() {
   int finalized = 0;
   MPI_Finalized(&finalized);
@@ -52,6 +69,7 @@ Communicator::~Communicator() {
   }
 }
 
+// The one reduction: counted as what this rank has for each of the others.
 void Communicator::AllGather(const double* own, int count, double* all) const {
   const StageTimer timer(&seconds_);
   MPI_Allgather(own, count, MPI_DOUBLE, all, count, MPI_DOUBLE, comm_);
@@ -59,6 +77,8 @@ void Communicator::AllGather(const double* own, int count, double* all) const {
   ++num_reductions_;
 }
 
+// gathered_[r · count + k]: value k of rank r. Summed by ascending r, from the value of rank 0 on
+// and not from zero, so that one rank gets its own bits back.
 void Communicator::SumAll(int count, double* values) const {
   gathered_.resize(static_cast<std::size_t>(count) * static_cast<std::size_t>(size_));
   AllGather(values, count, gathered_.data());
@@ -77,6 +97,8 @@ double Communicator::Sum(double own) const {
   return own;
 }
 
+// NaN must win on all ranks: a comparison with it is false, and the result would depend on where it
+// stands.
 double Communicator::Max(double own) const {
   gathered_.resize(static_cast<std::size_t>(size_));
   AllGather(&own, 1, gathered_.data());
@@ -88,10 +110,13 @@ double Communicator::Max(double own) const {
   return largest;
 }
 
+// As the maximum of zeros and ones: one number from each rank.
 bool Communicator::All(bool own) const {
   return Max(own ? 0.0 : 1.0) == 0.0;
 }
 
+// The code costs one reduction; only after a failure are there two broadcasts from the lowest rank
+// that failed: its length, and its message. `own` is sent even if it is Ok here.
 Status Communicator::Agree(const Status& own) const {
   gathered_.resize(static_cast<std::size_t>(size_));
   const double code = own.ok() ? kFine : static_cast<double>(own.code);
@@ -104,6 +129,7 @@ Status Communicator::Agree(const Status& own) const {
   const auto of_rank = static_cast<int>(failed - gathered_.begin());
   const auto agreed = static_cast<StatusCode>(*failed);
   std::string message = own.message;
+  // On other ranks than of_rank it is overwritten.
   int length = static_cast<int>(std::min<std::size_t>(message.size(), INT_MAX));
   MPI_Bcast(&length, 1, MPI_INT, of_rank, comm_);
   message.resize(static_cast<std::size_t>(length));
@@ -111,6 +137,7 @@ Status Communicator::Agree(const Status& own) const {
   return Status::Error(agreed, "rank " + std::to_string(of_rank) + ": " + message);
 }
 
+// For set-up and files, where an exception is a failure like any other.
 Status Communicator::Try(const std::function<Status()>& work) const {
   bool threw = false;
   const Status own = Guarded(work, &threw);
@@ -118,10 +145,13 @@ Status Communicator::Try(const std::function<Status()>& work) const {
 }
 
 // A failure is for the loop to judge: it may try a shorter step. An exception ends the solve.
+// One reduction carries the cost and the outcome of each rank. A failing factor at a trial point is
+// ordinary, and costs two broadcasts more; an exception makes all ranks throw AgreedFailure here.
 Status Communicator::Evaluate(const Evaluation& evaluation, double* cost) const {
   double own_cost = 0.0;
   bool threw = false;
   Status own = Guarded([&] { return evaluation(&own_cost); }, &threw);
+  // The second number tells the others what became of the first one.
   const double said[2] = {own.ok() ? own_cost : 0.0, threw      ? kThrew
                                                      : own.ok() ? kFine
                                                                 : static_cast<double>(own.code)};
@@ -131,6 +161,7 @@ Status Communicator::Evaluate(const Evaluation& evaluation, double* cost) const 
   bool all_fine = true;
   double sum = 0.0;
   for (std::size_t r = 0; r < gathered_.size(); r += 2) {
+    // As SumAll: from rank 0 on.
     sum = r == 0 ? gathered_[0] : sum + gathered_[r];
     anyone_threw = anyone_threw || gathered_[r + 1] == kThrew;
     all_fine = all_fine && gathered_[r + 1] == kFine;
@@ -141,13 +172,17 @@ Status Communicator::Evaluate(const Evaluation& evaluation, double* cost) const 
   }
   if (anyone_threw) {
     if (threw && find_thrower_) {
+      // Evaluates factors one by one, on this rank alone: nothing in it is collective.
       own.message += ", of " + find_thrower_();
     }
+    // Failures without an exception do not count now: the lowest rank that threw is named.
     throw AgreedFailure(Agree(threw ? own : Status::Ok()));
   }
   return Agree(own);
 }
 
+// Observers are the user's, and may throw on one rank. ObserverAction is ordered by how far it
+// goes: of two verdicts the larger number is that of all.
 ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observers) const {
   ObserverAction own = ObserverAction::kContinue;
   const auto ask = [&] {
@@ -163,6 +198,7 @@ ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observer
   return static_cast<ObserverAction>(static_cast<int>(Max(static_cast<double>(own))));
 }
 
+// The message comes first, since MPI may kill this process at once.
 void Communicator::Abort(const char* what) const {
   std::fprintf(stderr, "inceres: rank %d cannot go on, and ends the program: %s\n", rank_, what);
   std::fflush(stderr);
@@ -170,6 +206,7 @@ void Communicator::Abort(const char* what) const {
   std::abort();  // MPI_Abort does not return
 }
 
+// For set-up and checkpoints; not counted among the reductions. All ranks give as many numbers.
 std::vector<std::int64_t> Communicator::Gather(const std::vector<std::int64_t>& own) const {
   std::vector<std::int64_t> all(own.size() * static_cast<std::size_t>(size_));
   const auto count = static_cast<int>(own.size());
@@ -183,6 +220,8 @@ std::vector<double> Communicator::GatherNumbers(const std::vector<double>& own) 
   return all;
 }
 
+// Parts of different lengths that all ranks know already, so that no counts are exchanged. MPI
+// takes counts and places as int.
 std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
                                               const std::vector<std::int64_t>& counts) const {
   const StageTimer timer(&seconds_);
@@ -191,6 +230,7 @@ std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
     throw std::length_error("the ranks have more than 2³¹ numbers to sum at once");
   }
   const std::vector<int> sizes(counts.begin(), counts.end());
+  // Exclusive prefix sums: the last size is not needed.
   std::vector<int> begins(counts.size(), 0);
   std::partial_sum(sizes.begin(), sizes.end() - 1, begins.begin() + 1);
   std::vector<double> all(static_cast<std::size_t>(total));
@@ -201,6 +241,8 @@ std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
   return all;
 }
 
+// Two gatherings: lengths, which only each rank knows of itself, then bytes. The limit of MPI's int
+// is met by all ranks at once, so it can be an agreed failure.
 std::vector<char> Communicator::GatherBytes(const std::vector<char>& own) const {
   const std::vector<std::int64_t> sizes = Gather({static_cast<std::int64_t>(own.size())});
   const std::int64_t total = std::accumulate(sizes.begin(), sizes.end(), std::int64_t{0});

@@ -9,13 +9,32 @@
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
+
+// The linear model of the batch loop on several ranks (docs/distributed.md; docs/algorithms.md,
+// "Schur complement"). A step is
+//
+//     here:      P, W, C from the factors here;  U_inv, z, b by elimination of the landmarks here
+//     together:  g, diag(H) and b of the frames, summed by their owners;  (S + Λ_c) δ_c = b
+//     here:      δ_l = U_invᵀ (z − Yᵀ δ_c)
+//
+// A landmark with all of its factors is on one rank, so neither elimination nor back-substitution
+// sends anything. Only frames are shared: what is summed over ranks goes to the owner (Collect),
+// and comes back from it (Spread), so that all ranks with a frame have the same bits of it, and its
+// damping, which follows from diag(H), is the same as well.
+//
+// The order of members is the order of set-up: aggregates say which blocks of S are formed, the
+// plans which products, and Hessian, elimination and system work by these.
+
 namespace {
 
+// Whether all blocks of S are computed: to be assembled, or because the caller asks for it.
 bool FormsS(const DistributedOptions& options) {
   return options.linear_solver == DistributedLinearSolver::kCholesky ||
          options.solver.conjugate_gradients.explicit_schur_complement;
 }
 
+// Blocks of S that somebody reads. Where S stays implicit that is the preconditioner alone: its
+// diagonal blocks, or those within aggregates.
 SchurBlocks BlocksToForm(const DistributedOptions& options) {
   if (FormsS(options)) {
     return SchurBlocks::kAll;
@@ -30,6 +49,7 @@ SchurBlocks BlocksToForm(const DistributedOptions& options) {
   }
 }
 
+// An option that is left at kTwoLevel has no effect on a factorization.
 bool IsTwoLevel(const DistributedOptions& options) {
   return options.linear_solver != DistributedLinearSolver::kCholesky &&
          options.solver.conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel;
@@ -55,6 +75,8 @@ std::unique_ptr<RankedAggregates> AggregatesFor(const DistributedOptions& option
 
 }  // namespace
 
+// The Status is agreed on, as all that follows is collective: a rank whose blocks are too large for
+// their offsets stops all.
 DistributedModel::DistributedModel(const DistributedOptions& options, const Communicator& ranks,
                                    const SharedFrames& frames, const Evaluator& evaluator,
                                    Status* status)
@@ -75,6 +97,7 @@ DistributedModel::DistributedModel(const DistributedOptions& options, const Comm
     solver_ = MakeDistributedSolver(options.linear_solver, options.solver.conjugate_gradients,
                                     &system_, status);
   }
+  // Without a frame that moves there is no system, and nothing to precondition.
   if (status->ok() && aggregates_ != nullptr && frames.num_frames() > 0) {
     *status = system_.MakeTwoLevel(incidences_, *aggregates_);
   }
@@ -92,6 +115,8 @@ void DistributedModel::GatherFrames(const std::vector<double>& own, std::vector<
   exchange_.Spread(owned_.data(), all->data());
 }
 
+// The Jacobians are new: H, g and diag(H) are formed from them, and what preconditioners keep of V
+// becomes stale.
 void DistributedModel::Refresh() {
   hessian_.Accumulate();
   GatherFrames(hessian_.gradient(), &gradient_);
@@ -100,6 +125,7 @@ void DistributedModel::Refresh() {
   clock_->Charge(&seconds_->hessian);
 }
 
+// J itself is never scaled; the scale is for the preconditioner kIdentity alone.
 void DistributedModel::ScaleColumnsBy(const std::vector<double>& scale) {
   system_.SetScale(scale.data());
 }
@@ -108,6 +134,8 @@ int DistributedModel::num_iterations() const {
   return solver_->num_iterations();
 }
 
+// `damping` and `step` are packed as the layout: frames, then landmarks. A landmark without a
+// Cholesky factor on any rank makes the step invalid on all, before anything of it is exchanged.
 Status DistributedModel::Solve(const double* damping, double* step) {
   const auto frame_size = static_cast<std::ptrdiff_t>(exchange_.here_size());
   Status status;
@@ -119,9 +147,11 @@ Status DistributedModel::Solve(const double* damping, double* step) {
   if (!status.ok()) {
     return status;
   }
+  // The count is that of all ranks: a rank without frames takes part, with vectors of no entries.
   if (frames_.num_frames() > 0) {
     const LogStage stage("inceres reduced");
     system_.SetDamping(damping);
+    // b = c − Y z of each rank is a term of the sum that the owner solves for.
     exchange_.Collect(elimination_.b(), owned_b_.data());
     status = solver_->Solve(owned_b_, &owned_step_);
     if (!status.ok()) {
@@ -135,6 +165,8 @@ Status DistributedModel::Solve(const double* damping, double* step) {
   return status;
 }
 
+// −(Jv)ᵀ(f + ½ Jv) and ‖Jv‖² are sums over factors, and a factor is on one rank. One reduction
+// takes both.
 RowProducts DistributedModel::MultiplyJacobian(const double* v) {
   const RowProducts own = rows_.Multiply(v);
   double sums[2] = {own.model_decrease, own.squared_norm};
@@ -145,10 +177,13 @@ RowProducts DistributedModel::MultiplyJacobian(const double* v) {
   return all;
 }
 
+// Over all variables of all ranks, each counted once: a shared frame by its owner. The sum of a
+// rank is in the order of its layout, those of the ranks in their order.
 double DistributedModel::Dot(const std::vector<double>& a, const std::vector<double>& b) const {
   const Layout& layout = evaluator_.layout();
   double sum = 0.0;
   for (std::size_t i = 0; i < layout.variables.size(); ++i) {
+    // Begins at the end of a variable that another rank counts.
     for (int k = ranks_.CountsElsewhere(i) ? layout.packed_offset[i + 1] : layout.packed_offset[i];
          k < layout.packed_offset[i + 1]; ++k) {
       sum += a[static_cast<std::size_t>(k)] * b[static_cast<std::size_t>(k)];
@@ -161,6 +196,7 @@ bool DistributedModel::IsFinite(const std::vector<double>& v) const {
   return ranks_.All(LinearModel::IsFinite(v));
 }
 
+// Counts are of all ranks; bytes are those of this one.
 void DistributedModel::Describe(WorkCounts* work) const {
   work->num_frames = static_cast<int>(frames_.num_frames());
   work->reduced_size = static_cast<int>(frames_.total_size(FramePlace::kTangent));

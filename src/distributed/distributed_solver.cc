@@ -22,11 +22,24 @@
 #include "trust_region/trust_region_minimizer.h"
 
 namespace inceres {
+
+// The batch solver on several ranks: set-up, the trust-region loop of one process with Communicator
+// as its Agreement, and the way back into the graphs (docs/distributed.md).
+//
+// Everything here is collective. Each step of set-up ends in a Status that is the same on all
+// ranks, so they return together; in the loop they part only by AgreedFailure, which all throw. An
+// exception of another kind is known to one rank alone, while the others wait for it in some
+// exchange: it ends the program.
+//
+// A graph is written after the loop, by TakeOver, and by nothing before; so on failure all graphs
+// are as they were.
+
 namespace {
 
 // The one place where the public solver meets its parts.
 using namespace internal;  // NOLINT(google-build-using-namespace)
 
+// What one rank can say of its part by itself; SharedFrames compares the parts.
 Status CheckPart(const GraphPart& part) {
   if (part.graph == nullptr) {
     return Status::Error(StatusCode::kInvalidArgument, "GraphPart::graph is null");
@@ -59,6 +72,8 @@ DistributedOptions Resolved(DistributedOptions options, std::int64_t num_unknown
 }
 
 // What a part is solved with, set up on all ranks together.
+// Members refer to those above them, hence the order, and the optional ones: they are made when
+// what they need has been agreed on.
 struct Workspace {
   Workspace(const DistributedOptions& options, const Communicator& ranks, const GraphPart& part)
       : layout(*part.graph, /*eliminate_landmarks=*/true), executor(options.solver.num_threads) {
@@ -67,6 +82,7 @@ struct Workspace {
 
   Layout layout;
   Executor executor;
+  // Which frames the ranks have in common; `status` is of that.
   SharedFrames frames;
   Status status;
   std::optional<Evaluator> evaluator;
@@ -79,6 +95,7 @@ struct Workspace {
 
 class DistributedSolver::Impl {
  public:
+  // PETSc first: it starts MPI where nobody has, and the communicator is duplicated afterwards.
   Impl(MPI_Comm comm, DistributedOptions options)
       : ranks_((EnsurePetsc(), comm)), options_(std::move(options)) {}
 
@@ -95,6 +112,9 @@ class DistributedSolver::Impl {
   const DistributedOptions options_;
 };
 
+// From the cheap to the dear: options, each part by itself, the frames of all, the evaluator, the
+// model. Each is agreed on before the next, since the next relies on it; options come first, since
+// they decide which collective calls there are.
 Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Workspace>* workspace,
                                       Summary* summary) {
   Status status = AgreeOnOptions(ranks_, options_);
@@ -107,6 +127,8 @@ Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Wor
   if (!work.status.ok()) {
     return work.status;
   }
+  // Frames begin the layout, so this is a list by position. Norms and dot products skip what others
+  // count.
   std::vector<char> elsewhere;
   for (const FramePlace& place : work.frames.moving()) {
     elsewhere.push_back(place.owner == ranks_.rank() ? 0 : 1);
@@ -117,7 +139,9 @@ Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Wor
     return Status::Ok();
   });
   if (status.ok()) {
+    // Refers to the workspace; Solve takes it back.
     ranks_.FindThrowersBy([&work] { return DescribeThrower(&*work.evaluator); });
+    // kAutomatic looks at the unknowns of all ranks, the same number on each.
     const DistributedOptions resolved =
         Resolved(options_, work.frames.total_size(FramePlace::kTangent));
     work.is_iterative = resolved.linear_solver != DistributedLinearSolver::kCholesky;
@@ -140,6 +164,8 @@ void DistributedSolver::Impl::TakeOver(const GraphPart& part, const std::vector<
   FactorGraph& graph = *part.graph;
   graph.mutable_state() = state;
   const SharedFrames& frames = workspace->frames;
+  // Planned for this one exchange. Frames that factors here touch have been moved by the loop on
+  // this rank too, with the same steps.
   FrameExchange values(ranks_, frames, frames.idle(), FramePlace::kAmbient);
   std::vector<double> owned;
   for (const int position : frames.owned()) {
@@ -156,6 +182,8 @@ void DistributedSolver::Impl::TakeOver(const GraphPart& part, const std::vector<
   }
 }
 
+// Runs the loop, from the values of the graph or from a checkpoint. `start` is when Solve began:
+// the time of set-up counts for the limit.
 void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspace, double start,
                                        DistributedSummary* summary) {
   Summary& solve = summary->solve;
@@ -166,6 +194,7 @@ void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspa
   CheckpointKeeper keeper(options_, ranks_, part, workspace->frames, workspace->layout);
   LoopPosition position;
   if (!options_.checkpoint.resume.empty()) {
+    // A copy: a file that is refused leaves the graph alone.
     std::vector<double> state = part.graph->state();
     const Status resumed = keeper.Resume(&position, &state);
     if (!resumed.ok()) {
@@ -175,15 +204,19 @@ void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspa
     workspace->evaluator->points().SetCurrent(state);
     loop.resume = &position;
   }
+  // Without a path it wants nothing.
   loop.keeper = &keeper;
   TrustRegionMinimizer minimizer(options_.solver, loop, &*workspace->evaluator,
                                  workspace->model.get(), &workspace->memory, &solve);
   minimizer.Minimize();
+  // The least cost that is of the function as it is now: factors that move their expansion points
+  // change it. Of non-monotonic steps the last cost need not be the least.
   solve.final_cost = solve.initial_cost;
   for (const IterationSummary& iteration : solve.iterations) {
     if (iteration.iteration >= minimizer.first_comparable_iteration()) {
       solve.final_cost = std::min(solve.final_cost, iteration.cost);
     }
+    // A factorization counts as one iteration in its summary, but is none of conjugate gradients.
     if (workspace->is_iterative) {
       solve.work.num_conjugate_gradients += iteration.linear_solver_iterations;
     }
@@ -195,6 +228,8 @@ void DistributedSolver::Impl::Minimize(const GraphPart& part, Workspace* workspa
   }
 }
 
+// Whatever returns early returns on all ranks with the same message. The reports at the end are
+// gathered, so every rank has those of all.
 void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
                                           DistributedSummary* summary) {
   std::unique_ptr<Workspace> workspace;
@@ -204,11 +239,14 @@ void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
     solve.message = status.message;
     return;
   }
+  // Set-up is not counted.
   const TrafficCounter traffic(ranks_);
+  // Of all ranks: one without anything to move takes part where others have something.
   if (solve.sizes.num_moving_variables > 0) {
     Minimize(part, workspace.get(), start, summary);
   } else {
     double cost = 0.0;
+    // Nothing moves anywhere: the cost of the start, and the message of Ceres.
     const Status evaluated = ranks_.Evaluate(
         [&](double* own) { return workspace->evaluator->EvaluateCandidateCost(own); }, &cost);
     solve.termination = evaluated.ok() ? Termination::kConvergence : Termination::kFailure;
@@ -225,6 +263,8 @@ void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
   GatherReports(ranks_, own, summary);
 }
 
+// An agreed failure is a summary; any other exception ends the program, for nobody else knows of
+// it.
 DistributedSummary DistributedSolver::Impl::Solve(const GraphPart& part) {
   DistributedSummary summary;
   Summary& solve = summary.solve;
@@ -241,6 +281,7 @@ DistributedSummary DistributedSolver::Impl::Solve(const GraphPart& part) {
     // Nobody else knows of it, and all wait for this rank.
     ranks_.Abort(exception.what());
   }
+  // What it refers to is gone.
   ranks_.FindThrowersBy(nullptr);
   solve.seconds.total = NowInSeconds() - start;
   return summary;

@@ -4,10 +4,22 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// The fine part D of the two-level preconditioner, M⁻¹ = (I − Q A) D⁻¹ (I − A Q) + Q
+// (docs/distributed.md, "The two-level preconditioner"). D has those blocks of S + Λ_c whose two
+// frames are in the same aggregate and have the same owner, so it is block diagonal by owners:
+// applying D⁻¹ sends nothing, and M remains symmetric. What it loses against one process are blocks
+// of an aggregate that several ranks own.
+//
+// A block of S is a sum over the ranks that see both frames. Once, they tell its owner which blocks
+// they have a part of; for each factorization they send values in that order. Kept: the lists, the
+// pattern of the owned blocks in the order of the owned frames, their sums and the factor.
+
 namespace {
 
 using BlockKey = std::pair<int, int>;  // row, column
 
+// A block by the numbers of its frames among those of all ranks, which all ranks know.
 struct SentKey {
   int row;
   int column;
@@ -32,6 +44,9 @@ FineBlocks::FineBlocks(const Communicator& ranks, const SharedFrames& frames,
 }
 
 // Blocks of the lower half, by the numbers of the frames.
+// The local pattern is lower triangular by positions in the layout, the owned one by numbers; where
+// the two orders differ, the block is transposed. By construction of the clusters both frames have
+// one owner, so that of the row will do.
 void FineBlocks::CollectParts(const FrameClusters& clusters) {
   for (int i = 0; i < pattern_.num_blocks(); ++i) {
     for (int k = pattern_.row_begin[i]; k < pattern_.row_begin[i + 1]; ++k) {
@@ -48,6 +63,8 @@ void FineBlocks::CollectParts(const FrameClusters& clusters) {
 }
 
 // The pattern of the blocks owned here, of all ranks' parts: all of it is kept.
+// Returns one cluster of all, since only what belongs into D is in the pattern: the factor is of
+// everything there.
 FrameClusters FineBlocks::BuildOwned() {
   owned_.offsets.push_back(0);
   for (const int position : frames_.owned()) {
@@ -61,6 +78,7 @@ FrameClusters FineBlocks::BuildOwned() {
       keys[r].push_back({part.row, part.column});
     }
   }
+  // In the order of the ranks, of each in the order in which Factorize will send values.
   const std::vector<SentKey> received = ranks_.SendToEach(std::move(keys));
   std::vector<BlockKey> blocks;
   const auto add = [&](int row, int column) {
@@ -70,6 +88,8 @@ FrameClusters FineBlocks::BuildOwned() {
   std::for_each(received.begin(), received.end(), [&](const SentKey& k) { add(k.row, k.column); });
   std::sort(blocks.begin(), blocks.end());
   blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  // Sorted by row and column, the diagonal block is the last one of its row, and every row has it,
+  // for the owner's own factors touch each frame it owns.
   owned_.row_begin.assign(1, 0);
   owned_.value_begin.assign(1, 0);
   for (const auto& [row, column] : blocks) {
@@ -89,6 +109,7 @@ FrameClusters FineBlocks::BuildOwned() {
   return whole;
 }
 
+// Columns ascend within a row. The block is there: the pattern was built from the same keys.
 int FineBlocks::FindOwned(int row, int column) const {
   const int i = row_of_number_[row];
   const auto first = owned_.columns.begin() + owned_.row_begin[i];
@@ -97,6 +118,7 @@ int FineBlocks::FindOwned(int row, int column) const {
                           owned_.columns.begin());
 }
 
+// Values row-major by the numbers of the frames, as the owner adds them.
 void FineBlocks::Append(const double* S, const Part& part, std::vector<double>* values) const {
   const int rows = frames_.sizes()[part.row], columns = frames_.sizes()[part.column];
   const double* const block = S + pattern_.value_begin[part.block];
@@ -129,12 +151,15 @@ Status FineBlocks::Factorize(const double* S, const std::vector<double>& owned_d
       Append(S, part, &to_rank[r]);
     }
   }
+  // Keys have told where each block goes; only values are sent.
   const std::vector<double> received = ranks_.SendToEach(std::move(to_rank));
   const double* next = received.data();
   for (const int to : received_to_) {
     Add(next, to);
     next += owned_.value_begin[to + 1] - owned_.value_begin[to];
   }
+  // Λ_c is added to the sums, once. A block without a factor on one rank is a failure of all: they
+  // would part otherwise.
   return ranks_.Agree(factor_->Factorize(values_.data(), owned_damping.data()));
 }
 

@@ -2,11 +2,16 @@
 #include "distributed/merged_gradients.h"
 #include "distributed/reduced_solvers.h"
 
+// S stays implicit here: each rank multiplies by its own C − Y Yᵀ, taken from the Jacobians, and
+// the preconditioner is made anew for each step, since damping changes it. MakeDistributedSolver is
+// the one place that turns an option into a solver.
+
 namespace inceres::internal {
 namespace {
 
 class GradientsSolver final : public DistributedReducedSolver, private MergedGradients::System {
  public:
+  // Does not fail: it owns no object of PETSc.
   GradientsSolver(const ConjugateGradientsOptions& options, ReducedSystem* system)
       : options_(options), system_(*system), iteration_(system->ranks()) {}
 
@@ -23,6 +28,7 @@ class GradientsSolver final : public DistributedReducedSolver, private MergedGra
     if (!status.ok()) {
       return status;
     }
+    // x starts from zero in each step, as Ceres's does.
     const MergedGradients::Limits limits{options_.eta, options_.min_iterations,
                                          options_.max_iterations};
     if (iteration_.Solve(limits, b, this, x) == MergedGradients::End::kBreakdown) {
@@ -59,6 +65,7 @@ std::unique_ptr<DistributedReducedSolver> MakeDistributedSolver(
       return MakeCholeskySolver(system, status);
     case DistributedLinearSolver::kKsp:
       return MakeKspSolver(options, system, status);
+    // Resolved before; only kConjugateGradients comes here.
     case DistributedLinearSolver::kAutomatic:
     case DistributedLinearSolver::kConjugateGradients:
       break;

@@ -7,10 +7,22 @@
 #include "distributed/assembled_system.h"
 #include "distributed/reduced_solvers.h"
 
+// The solver for kKsp: PETSc's Krylov methods on (S + Λ_c) δ_c = b, with what options of prefix
+// -inceres_ say. S is a shell around ReducedSystem::Multiply, or formed as AssembledSystem where
+// conjugate_gradients.explicit_schur_complement asks for it. Unless told otherwise the
+// preconditioner is a shell as well, around the blocks or the two levels of ReducedSystem.
+//
+// PETSc stops by a residual's norm relative to that of b, with eta as tolerance, and not by Ceres's
+// rule for the decrease; so counts of iterations differ from those of kConjugateGradients.
+//
+// Callbacks are static functions with ReducedSystem as context. What they call is collective, and
+// all ranks iterate together.
+
 namespace inceres::internal {
 namespace {
 
 // Hands the entries of two vectors to what reads the one and writes the other.
+// The arrays are those of this rank: entries of the frames it owns, without copies.
 template <typename Apply>
 PetscErrorCode OnArrays(Vec from, Vec to, const Apply& apply) {
   const double* in = nullptr;
@@ -53,6 +65,7 @@ class KspSolver final : public DistributedReducedSolver {
   std::string name_;
 };
 
+// Vectors have the entries owned here, in the order of ReducedSystem.
 KspSolver::KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* system)
     : options_(options), system_(*system) {
   const SharedFrames& frames = system->frames();
@@ -64,6 +77,7 @@ KspSolver::KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* sy
   MakeSolver();
 }
 
+// The whole matrix, both triangles: preconditioners of all kinds take it.
 void KspSolver::MakeOperator() {
   if (options_.explicit_schur_complement) {
     matrix_ = std::make_unique<AssembledSystem>(AssembledSystem::Form::kWhole, system_);
@@ -74,6 +88,7 @@ void KspSolver::MakeOperator() {
   const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
   Check(MatCreateShell(system_.ranks().comm(), own, own, all, all, &system_, shell_.Receive()),
         "MatCreateShell");
+  // As PETSc takes operations of any signature.
   using Function = void (*)();
   Check(MatShellSetOperation(shell_.get(), MATOP_MULT,
                              reinterpret_cast<Function>(&KspSolver::MultiplyShell)),
@@ -81,6 +96,8 @@ void KspSolver::MakeOperator() {
   Check(MatSetOption(shell_.get(), MAT_SPD, PETSC_TRUE), "MatSetOption");
 }
 
+// Defaults first, then the options of the command line, then what came of them: the name in the
+// summary says what is really used.
 void KspSolver::MakeSolver() {
   Check(KSPCreate(system_.ranks().comm(), ksp_.Receive()), "KSPCreate");
   KSP ksp = ksp_.get();
@@ -102,6 +119,7 @@ void KspSolver::MakeSolver() {
   name_ = std::string("PETSc's ") + type + ", preconditioned by ";
   Check(PCGetType(pc, &type), "PCGetType");
   const std::string preconditioner = type != nullptr ? type : "nothing";
+  // Only then Prepare is called in each solve.
   uses_blocks_ = preconditioner == PCSHELL;
   const bool two_level = options_.preconditioner == PreconditionerKind::kTwoLevel;
   name_ += !uses_blocks_ ? preconditioner : two_level ? "blocks, two-level" : "blocks";
@@ -124,6 +142,7 @@ Status KspSolver::CheckPreconditioner() const {
                            "explicit_schur_complement, or take shell or none");
 }
 
+// y = (S + Λ_c) v, a collective call within a collective call.
 PetscErrorCode KspSolver::MultiplyShell(Mat shell, Vec v, Vec y) {
   ReducedSystem* system = nullptr;
   PetscCall(MatShellGetContext(shell, &system));

@@ -1,3 +1,6 @@
+// Options of the distributed solver: their names, what is refused, and whether the ranks have the
+// same. The last matters as much as the others: ranks that decide by different tolerances would
+// part at some iteration, and wait for each other forever.
 #include "distributed/option_agreement.h"
 
 #include <algorithm>
@@ -22,6 +25,8 @@ const char* ToString(DistributedLinearSolver kind) {
   return "unknown";
 }
 
+// The first option that is refused is named, in the order of this list. What one process checks as
+// well is left to SolverOptions::Validate; negated comparisons refuse NaN.
 Status DistributedOptions::Validate() const {
   const char* refused =
       solver.strategy == TrustRegionStrategyKind::kSubspaceDogleg
@@ -54,6 +59,7 @@ Status DistributedOptions::Validate() const {
   if (refused != nullptr) {
     return Status::Error(StatusCode::kInvalidArgument, refused);
   }
+  // S that is formed wants no certain preconditioner where PETSc brings its own.
   SolverOptions alike = solver;
   if (linear_solver == DistributedLinearSolver::kKsp) {  // with any preconditioner
     alike.conjugate_gradients.explicit_schur_complement = false;
@@ -66,11 +72,14 @@ namespace {
 
 using Named = std::vector<std::pair<const char*, double>>;
 
+// Paths are compared by a hash as a number: 52 bits of it, which a double holds exactly.
 double HashOf(const std::string& text) {
   return static_cast<double>(std::hash<std::string>()(text) >> 12);
 }
 
 // What all ranks decide by.
+// Numbers of threads and observers are not in the list: they may differ. A new option of the loop
+// must get a row here.
 Named Numbers(const DistributedOptions& options) {
   const SolverOptions& s = options.solver;
   const ConjugateGradientsOptions& cg = s.conjugate_gradients;
@@ -104,6 +113,8 @@ Named Numbers(const DistributedOptions& options) {
 
 }  // namespace
 
+// Collective. Every rank sees the numbers of all, so all find the same first difference, and need
+// not agree once more. Exact comparison is right: options are given, not computed.
 Status AgreeOnOptions(const Communicator& ranks, const DistributedOptions& options) {
   Status status = ranks.Try([&] { return options.Validate(); });
   if (!status.ok()) {
@@ -116,6 +127,7 @@ Status AgreeOnOptions(const Communicator& ranks, const DistributedOptions& optio
   }
   const std::vector<double> all = ranks.GatherNumbers(numbers);
   for (std::size_t k = 0; k < all.size(); ++k) {
+    // The numbers of rank r begin at r times their count.
     const std::size_t option = k % own.size();
     if (all[k] != all[option]) {
       return Status::Error(StatusCode::kInvalidArgument,

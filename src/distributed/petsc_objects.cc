@@ -6,8 +6,15 @@
 #include <limits>
 
 namespace inceres::internal {
+
+// The C interface of PETSc as the rest of the code uses it. PETSc returns codes and, unless told
+// otherwise, prints a trace for each of them; here a code becomes an exception with the call and
+// PETSc's own words, and nothing is printed. Vectors are copied by the entries of this rank, in
+// their order.
+
 namespace {
 
+// The general text belongs to the code, the specific one to the call that failed last.
 std::string Describe(PetscErrorCode code, const char* call) {
   const char* general = nullptr;
   char* specific = nullptr;
@@ -36,6 +43,8 @@ PetscInt ToPetscInt(long long count) {
   return static_cast<PetscInt>(count);
 }
 
+// Write access alone: PETSc need not fetch what is overwritten. The state of the vector changes
+// when the array is restored.
 void Copy(const std::vector<double>& from, Vec to) {
   double* values = nullptr;
   Check(VecGetArrayWrite(to, &values), "VecGetArrayWrite");
@@ -43,6 +52,7 @@ void Copy(const std::vector<double>& from, Vec to) {
   Check(VecRestoreArrayWrite(to, &values), "VecRestoreArrayWrite");
 }
 
+// *to has its size already: that of the entries of this rank.
 void Copy(Vec from, std::vector<double>* to) {
   const double* values = nullptr;
   Check(VecGetArrayRead(from, &values), "VecGetArrayRead");
@@ -50,6 +60,8 @@ void Copy(Vec from, std::vector<double>* to) {
   Check(VecRestoreArrayRead(from, &values), "VecRestoreArrayRead");
 }
 
+// Whoever has started PETSc or MPI keeps it: a PETSc that runs is taken as it is, and
+// PetscInitialize takes over an MPI that runs.
 void EnsurePetsc() {
   PetscBool initialized = PETSC_FALSE;
   Check(PetscInitialized(&initialized), "PetscInitialized");
@@ -57,10 +69,13 @@ void EnsurePetsc() {
     Check(PetscInitializeNoArguments(), "PetscInitialize");
     Check(PetscRegisterFinalizeAll(), "PetscRegisterFinalizeAll");
   }
+  // Handlers are a stack of the process: pushed once, however many solvers are made.
   static const bool kReturnsErrors = PetscPushErrorHandler(PetscReturnErrorHandler, nullptr) == 0;
   static_cast<void>(kReturnsErrors);
 }
 
+// Stages are known by name in the whole process, and registered when the name first comes. Logging
+// never fails a solve: codes are ignored.
 LogStage::LogStage(const char* name) {
   PetscLogStage stage = -1;
   if (PetscLogStageGetId(name, &stage) == 0 && stage < 0) {

@@ -9,9 +9,19 @@
 #include <sys/resource.h>
 
 namespace inceres::internal {
+
+// What the summary tells of the parts: sizes of all together, and what each rank had to do and to
+// send. Counters run from TrafficCounter's making, after set-up, so the differences are those of
+// the loop.
+//
+// Exchanges of frames are counted by PETSc, for the whole process; gatherings by Communicator.
+// exchange_bytes_per_product is not counted but follows from the plan.
+
 namespace {
 
 // Counted by PETSc of all messages it sends, unless it was built without logging.
+// Bytes of messages from one rank to another, sent with and without waiting. PETSc has them as
+// doubles.
 double PetscBytesSent() {
 #if defined(PETSC_USE_LOG)
   return static_cast<double>(petsc_isend_len) + static_cast<double>(petsc_send_len);
@@ -22,6 +32,7 @@ double PetscBytesSent() {
 
 std::int64_t PeakResidentBytes() {
   rusage usage{};
+  // Linux gives kilobytes.
   return getrusage(RUSAGE_SELF, &usage) == 0 ? std::int64_t{usage.ru_maxrss} * 1024 : 0;
 }
 
@@ -31,6 +42,9 @@ std::int64_t CountFactors(const FactorGraph& graph) {
 
 }  // namespace
 
+// Collective. Variables, values, factors and residuals are of all graphs, so a frame counts for
+// each rank that lists it. What moves counts once: landmarks are summed over ranks, frames come
+// from SharedFrames, which has them once. Sums of counts are exact in doubles below 2⁵³.
 void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout& layout,
               const SharedFrames& frames, ProblemSizes* sizes) {
   std::int64_t num_values = 0;
@@ -39,6 +53,7 @@ void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout&
     num_values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    // Places of removed factors stay in a family, and have no residuals.
     num_residuals += std::int64_t{graph.NumFactors(id) - graph.NumFreePlaces(id)} *
                      graph.family(id).residual_size();
   }
@@ -67,6 +82,8 @@ void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout&
       static_cast<int>(sums[5] + static_cast<double>(frames.total_size(FramePlace::kTangent)));
 }
 
+// PETSc's counters are of the process and never reset; the communicator's are of all solves with
+// it.
 TrafficCounter::TrafficCounter(const Communicator& ranks)
     : ranks_(ranks),
       petsc_bytes_(PetscBytesSent()),
@@ -83,6 +100,8 @@ RankReport TrafficCounter::Report(const FactorGraph& graph, const Layout& layout
   report.num_frames = layout.num_frames;
   report.num_owned_frames = static_cast<std::int64_t>(frames.owned().size());
   for (const FramePlace& place : frames.moving()) {
+    // What exchange_bytes_per_product compares with: values of the frames that others have too,
+    // once.
     if (place.num_others > 0) {
       ++report.num_shared_frames;
       report.shared_frame_bytes +=
@@ -101,6 +120,8 @@ RankReport TrafficCounter::Report(const FactorGraph& graph, const Layout& layout
   return report;
 }
 
+// Reports are plain data and go as bytes; all ranks run the same program, so their layout is the
+// same.
 void GatherReports(const Communicator& ranks, const RankReport& own, DistributedSummary* summary) {
   static_assert(std::is_trivially_copyable_v<RankReport>);
   std::vector<char> bytes(sizeof(RankReport));
@@ -114,6 +135,7 @@ void GatherReports(const Communicator& ranks, const RankReport& own, Distributed
     total += report.num_factors;
     largest = std::max(largest, report.num_factors);
   }
+  // Largest over mean.
   if (total > 0) {
     summary->imbalance = static_cast<double>(largest) * ranks.size() / static_cast<double>(total);
   }

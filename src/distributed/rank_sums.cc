@@ -6,8 +6,18 @@
 #include "linear/pattern_rows.h"
 
 namespace inceres::internal {
+
+// Sums over ranks of arrays that all ranks have whole, but to which each adds in few places: normal
+// equations of modes, the coarse matrix VᵀA V, vectors of the coarse space. A rank sends its own
+// segments only, to all others; every rank adds what it received in the order of the ranks to
+// zeros, and has the same bits as all. So what follows from the sums, a factorization say, need not
+// be sent.
+//
+// Which rank has which segments is exchanged once, by the constructors.
+
 namespace {
 
+// memcpy is undefined for null pointers, even for no bytes: an empty vector may have one.
 template <typename T>
 std::vector<char> ToBytes(const std::vector<T>& values) {
   std::vector<char> bytes(values.size() * sizeof(T));
@@ -26,6 +36,8 @@ std::vector<int> ToInts(const std::vector<char>& bytes) {
 }
 
 // Blocks of all ranks, and the diagonal.
+// Every rank gets the list of all and builds the same pattern: sorted by row and column, each block
+// once. Diagonal blocks are there even where nobody adds to them, for solvers rely on them.
 BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
                      const std::vector<BlockSums::Place>& own) {
   std::vector<int> flat;
@@ -61,6 +73,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
 
 }  // namespace
 
+// Two gatherings: how many segments each rank has, and which.
 SegmentSums::SegmentSums(const Communicator& ranks, const std::vector<int>& own) : ranks_(ranks) {
   const std::vector<std::int64_t> counts = ranks.Gather({static_cast<std::int64_t>(own.size())});
   const std::vector<int> all = ToInts(ranks.GatherBytes(ToBytes(own)));
@@ -71,6 +84,7 @@ SegmentSums::SegmentSums(const Communicator& ranks, const std::vector<int>& own)
   }
 }
 
+// The lengths of all parts follow from `begin`, which all ranks have, and need not be exchanged.
 void SegmentSums::Sum(const std::vector<std::int64_t>& begin, double* values) const {
   const auto copy = [&](int s, std::vector<double>* out) {
     out->insert(out->end(), values + begin[s], values + begin[s + 1]);
@@ -86,8 +100,10 @@ void SegmentSums::Sum(const std::vector<std::int64_t>& begin, double* values) co
     copy(s, &own);
   }
   const std::vector<double> all = ranks_.GatherParts(own, counts);
+  // After own values were copied out: segments of nobody become zero.
   std::fill_n(values, begin.back(), 0.0);
   const double* next = all.data();
+  // By ascending rank, within a rank by ascending segment: the order of `all`.
   for (const std::vector<int>& of_rank : segments_) {
     for (const int s : of_rank) {
       for (std::int64_t k = begin[s]; k < begin[s + 1]; ++k) {
@@ -105,11 +121,13 @@ std::int64_t SegmentSums::Bytes() const {
   return static_cast<std::int64_t>(count * sizeof(int));
 }
 
+// sums_ reads pattern_, which is declared before it.
 BlockSums::BlockSums(const Communicator& ranks, const std::vector<int>& sizes,
                      const std::vector<Place>& own)
     : pattern_(UnionOf(ranks, sizes, own)), sums_(ranks, NumbersOf(own)) {
 }
 
+// Ascending, as the segments of SegmentSums; numbers of blocks are segments.
 std::vector<int> BlockSums::NumbersOf(const std::vector<Place>& own) const {
   std::vector<int> numbers;
   numbers.reserve(own.size());
@@ -120,6 +138,7 @@ std::vector<int> BlockSums::NumbersOf(const std::vector<Place>& own) const {
   return numbers;
 }
 
+// Columns ascend within a row. Of a block that no rank has named the result means nothing.
 int BlockSums::Find(Place place) const {
   const auto first = pattern_.columns.begin() + pattern_.row_begin[place.first];
   const auto last = pattern_.columns.begin() + pattern_.row_begin[place.first + 1];

@@ -8,8 +8,20 @@
 #include "schur/covisibility.h"
 
 namespace inceres::internal {
+
+// Aggregates of frames for the two-level preconditioner when no rank sees all of what ties frames
+// together (docs/algorithms.md, "Reduced linear systems", two levels). Ties are counts: landmarks
+// that two frames both see and factors that touch both. Each landmark and each factor is on one
+// rank, so counts of ranks add up; every rank gathers the weighted graph of all, and finds the same
+// aggregates in it by itself.
+//
+// In three rounds: factors of each frame, which tell the shared frames with a second count that
+// needs the first one of all ranks; then the graph without shared frames; then the matching, with
+// the work of a product with S summed over ranks. Done once for a structure.
+
 namespace {
 
+// By the numbers of frames, each edge at both of its ends.
 struct Edge {
   int from;
   int to;
@@ -21,12 +33,15 @@ std::vector<double> SumByFrame(const SharedFrames& frames, const SegmentSums& by
                                const std::vector<double>& here) {
   std::vector<double> all(frames.sizes().size(), 0.0);
   for (std::size_t i = 0; i < here.size(); ++i) {
+    // Frames that this rank does not have are of segments that it does not add to.
     all[frames.moving()[i].number] = here[i];
   }
   by_frame.Sum(SegmentBegins(std::vector<int>(all.size(), 1)), all.data());
   return all;
 }
 
+// All edges of all ranks, by their ends. Equal edges of several ranks stay next to each other, in
+// any order.
 std::vector<Edge> GatherEdges(const Communicator& ranks, const SharedFrames& frames,
                               const WeightedGraph& here) {
   std::vector<Edge> own;
@@ -52,6 +67,8 @@ std::vector<Edge> GatherEdges(const Communicator& ranks, const SharedFrames& fra
 }
 
 // Weights are whole numbers: their sums have no order.
+// Compressed rows: the edges are sorted, so those of a vertex come together, and equal neighbors
+// too.
 WeightedGraph SumGraphs(const Communicator& ranks, const SharedFrames& frames,
                         const WeightedGraph& here) {
   WeightedGraph graph;
@@ -59,6 +76,8 @@ WeightedGraph SumGraphs(const Communicator& ranks, const SharedFrames& frames,
   auto next = edges.begin();
   for (int i = 0; i < static_cast<int>(frames.sizes().size()); ++i) {
     for (; next != edges.end() && next->from == i; ++next) {
+      // graph.begin.back() is where the row of i begins: an equal neighbor before it is of another
+      // row.
       const bool is_new = static_cast<int>(graph.neighbors.size()) == graph.begin.back() ||
                           graph.neighbors.back() != next->to;
       if (is_new) {
@@ -73,6 +92,7 @@ WeightedGraph SumGraphs(const Communicator& ranks, const SharedFrames& frames,
   return graph;
 }
 
+// Ascending, as SegmentSums takes them; the layout may have another order.
 std::vector<int> NumbersOf(const SharedFrames& frames) {
   std::vector<int> numbers;
   for (const FramePlace& place : frames.moving()) {
@@ -93,6 +113,8 @@ std::vector<T> AtFramesHere(const SharedFrames& frames, const std::vector<T>& al
 
 }  // namespace
 
+// Collective. The matching itself runs on each rank with the same input, by integers and sums of
+// whole numbers: the same aggregates.
 RankedAggregates::RankedAggregates(const Communicator& ranks, const SharedFrames& frames,
                                    const Evaluator& evaluator, const LandmarkIncidences& incidences)
     : by_frame(ranks, NumbersOf(frames)) {
@@ -106,6 +128,7 @@ RankedAggregates::RankedAggregates(const Communicator& ranks, const SharedFrames
   all.Join(graph, ranks.Sum(NumbersReadWithoutS(incidences)), evaluator.executor());
   here.count = all.count;
   here.clusters.cluster_of = AtFramesHere(frames, all.clusters.cluster_of);
+  // A number for each pair of aggregate and owner: the fine part keeps blocks within these.
   for (std::size_t i = 0; i < frames.moving().size(); ++i) {
     by_owner.cluster_of.push_back(here.clusters.cluster_of[i] * ranks.size() +
                                   frames.moving()[i].owner);

@@ -4,8 +4,23 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// V of the two-level preconditioner over ranks: how each aggregate moves as a whole. The modes v of
+// the frames are the least-squares solution of J_c v = −J_l w, w an infinitesimal similarity of the
+// landmarks (docs/algorithms.md, "Reduced linear systems", two levels). Its normal equations
+// J_cᵀJ_c V = −J_cᵀJ_l w are sums over factors, so each rank forms its own, they are added up, and
+// each rank solves the sum for all frames: the same bits everywhere, and no exchange of V.
+//
+// Two numberings meet here: positions in the layout of this rank, and numbers of frames among those
+// of all ranks. Sums are by numbers; a block whose two frames have the opposite order there is
+// transposed on the way.
+//
+// Kept between calls: the patterns, the sums and V. Compute is called when the Jacobians are new; a
+// refused step uses V again.
+
 namespace {
 
+// CoarseColumns for V alone: no row is coupled, so no A V is allocated.
 CoarseShape ShapeWithoutProducts(const FrameAggregates& all, std::vector<int> widths) {
   CoarseShape shape;
   shape.aggregate_of = all.clusters.cluster_of;
@@ -14,6 +29,7 @@ CoarseShape ShapeWithoutProducts(const FrameAggregates& all, std::vector<int> wi
   return shape;
 }
 
+// Where the diagonal block of each frame begins.
 std::vector<std::int64_t> SquaresOf(const std::vector<int>& sizes) {
   std::vector<std::int64_t> begin{0};
   for (const int size : sizes) {
@@ -38,6 +54,8 @@ RankedModes::RankedModes(const Communicator& ranks, const SharedFrames& frames,
       here_(normals_.pattern()),
       all_(C_sums_.pattern()),
       fit_(C_sums_.pattern(), evaluator.executor(), status) {
+  // Most of the landmarks of all ranks must be Euclidean; the counts are summed, so all ranks
+  // decide the same.
   by_gauge_ = 2.0 * ranks.Sum(normals_.num_of_points()) > ranks.Sum(normals_.num_of_landmarks());
   const std::vector<int>& offsets = C_sums_.pattern().offsets;
   columns_ = std::make_unique<ModeColumns>(all, offsets, by_gauge_);
@@ -62,6 +80,8 @@ std::vector<BlockSums::Place> RankedModes::PlacesHere() const {
 
 // The mean of those of the ranks: any point amid the landmarks will do.
 GaugeOrigin RankedModes::AgreeOnOrigin() const {
+  // Weighted by the number of points. The origin and the radius only condition the normal
+  // equations; what the modes span hardly depends on them, but all ranks must take the same.
   const GaugeOrigin own = normals_.FindOrigin();
   double sums[5] = {own.num_points, 0.0, 0.0, 0.0, own.num_points * own.radius};
   for (int k = 0; k < 3; ++k) {
@@ -80,6 +100,8 @@ GaugeOrigin RankedModes::AgreeOnOrigin() const {
 }
 
 // all_ := the sums of here_.
+// Copies each block here to its place in the sums of all; what lies elsewhere is of other ranks,
+// and Sum does not send it.
 void RankedModes::SumNormals() {
   const BlockPattern& pattern = normals_.pattern();
   for (int i = 0; i < pattern.num_blocks(); ++i) {
@@ -93,6 +115,7 @@ void RankedModes::SumNormals() {
       double* const to = all_.C.data() + C_sums_.pattern().value_begin[block];
       for (int r = 0; r < rows; ++r) {  // the other way around where numbers are
         for (int c = 0; c < columns; ++c) {
+          // The target is row-major with `columns` of the smaller number.
           to[row >= column ? r * columns + c : c * rows + r] = from[r * columns + c];
         }
       }
@@ -103,6 +126,7 @@ void RankedModes::SumNormals() {
     std::copy_n(here_.squares.begin() + std::int64_t{kGaugeStride} * i, kGaugeStride,
                 all_.squares.begin() + std::int64_t{kGaugeStride} * row);
   }
+  // R has kGaugeStride numbers for each scalar row of a frame, the squares as many for each frame.
   C_sums_.Sum(all_.C.data());
   by_frame_.Sum(SegmentBegins(frames_.sizes(), kGaugeStride), all_.R.data());
   by_frame_.Sum(SegmentBegins(std::vector<int>(frames_.sizes().size(), kGaugeStride)),
@@ -110,12 +134,15 @@ void RankedModes::SumNormals() {
 }
 
 // Blocks of C on the diagonal, of all frames.
+// The norm that makes the columns of V orthonormal within an aggregate: C of all ranks,
+// block-diagonal.
 std::vector<const double*> RankedModes::SumNorm() {
   const std::vector<std::int64_t> begin = SquaresOf(frames_.sizes());
   norm_.resize(static_cast<std::size_t>(begin.back()));
   const BlockPattern& pattern = plans_.pattern;
   for (int i = 0; i < pattern.num_blocks(); ++i) {
     const int number = frames_.moving()[i].number;
+    // The diagonal block is the last one of its row.
     std::copy_n(hessian_.FrameBlock(pattern.row_begin[i + 1] - 1),
                 begin[number + 1] - begin[number], norm_.begin() + begin[number]);
   }
@@ -127,6 +154,8 @@ std::vector<const double*> RankedModes::SumNorm() {
   return blocks;
 }
 
+// Collective where V comes from modes, and for the norm in any case. Modes that do not fit are
+// replaced by columns of unit vectors, by all ranks alike: the fit is computed from the same sums.
 void RankedModes::Compute() {
   bool fits = false;
   if (by_gauge_) {

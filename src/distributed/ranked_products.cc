@@ -5,10 +5,30 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// A V for A = S + Λ_c over ranks. What a rank can compute is the share of its own factors and
+// landmarks (ProjectedProducts),
+//
+//     (A V)_ia = Σ_{j∈a} C_ij V_j − Σ_l Y_liᵀ Z_la,   Z_la = Σ_{j∈a} Y_lj V_j,
+//
+// for the rows i of frames it has. Shares of a row go to the owner of its frame and are summed
+// there: the owner's own first, then those of the others by ascending rank, the same order each
+// time. Λ_c V is added once, by the owner.
+//
+// A share has as many blocks as the rank's frames reach aggregates. To keep it small, aggregates
+// are cut into batches, the same on all ranks, and the columns of one batch after the other are
+// formed, sent and dropped. Kept: the plan of each batch, V and A V of the owned rows.
+//
+// Blocks have two names. A place is their position in some CoarseColumns; a key, frame number and
+// aggregate, is understood by all ranks. Keys are exchanged once; then values travel in the same
+// order.
+
 namespace {
 
+// Of the largest share among the ranks.
 constexpr double kBytesPerBatch = 64.0 * 1024.0 * 1024.0;
 
+// The blocks of C; the Hessian keeps them where they are while their values change.
 std::vector<const double*> BlocksOf(const Hessian& hessian, const FramePlans& plans) {
   std::vector<const double*> blocks;
   for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
@@ -18,6 +38,7 @@ std::vector<const double*> BlocksOf(const Hessian& hessian, const FramePlans& pl
 }
 
 // The part of lists that belongs to aggregates first ≤ a < last; the others are empty.
+// Compressed lists by aggregate: the begins keep their number, so that aggregates keep theirs.
 void Cut(const std::vector<int>& all_begin, const std::vector<int>& all, int first, int last,
          std::vector<int>* begin, std::vector<int>* list) {
   const int from = all_begin[first], to = all_begin[last];
@@ -28,6 +49,8 @@ void Cut(const std::vector<int>& all_begin, const std::vector<int>& all, int fir
   list->assign(all.begin() + from, all.begin() + to);
 }
 
+// The columns of some aggregates; all frames remain as rows, and widths of all as they are, so that
+// V is laid out as before.
 AggregateReach Slice(const AggregateReach& reach, int first, int last) {
   AggregateReach slice;
   slice.shape.aggregate_of = reach.shape.aggregate_of;
@@ -40,6 +63,8 @@ AggregateReach Slice(const AggregateReach& reach, int first, int last) {
 }
 
 // visit(place, row, aggregate)
+// The order that all exchanges rely on: by aggregate, within it by ascending row of this rank's
+// layout.
 template <typename Visit>
 void ForEachPlace(const CoarseShape& shape, const Visit& visit) {
   for (int a = 0; a < shape.num_aggregates(); ++a) {
@@ -51,6 +76,7 @@ void ForEachPlace(const CoarseShape& shape, const Visit& visit) {
 
 }  // namespace
 
+// Ordered by aggregate first, as CoarseShape lists the rows of each.
 struct RankedProducts::Key {
   int number;  // of a frame
   int aggregate;
@@ -74,6 +100,7 @@ RankedProducts::RankedProducts(const Communicator& ranks, const SharedFrames& fr
       offsets_(plans.pattern.offsets),
       products_(incidences, plans, BlocksOf(hessian, plans), &elimination),
       row_of_number_(frames.sizes().size(), -1),
+      // Shares are formed without Λ_c.
       no_damping_(offsets_.back(), 0.0) {
   std::vector<int> owned_offsets{0};
   for (const int position : frames.owned()) {
@@ -81,6 +108,7 @@ RankedProducts::RankedProducts(const Communicator& ranks, const SharedFrames& fr
     row_of_number_[place.number] = static_cast<int>(owned_offsets.size()) - 1;
     owned_offsets.push_back(owned_offsets.back() + place.sizes[FramePlace::kTangent]);
   }
+  // Of this rank; what the owned rows reach is the union over ranks, and found by an exchange.
   const AggregateReach reach(here, widths, incidences, plans.pattern);
   owned_ = std::make_unique<CoarseColumns>(owned_offsets, ShapeOfOwned(reach.shape),
                                            evaluator.executor());
@@ -103,6 +131,8 @@ std::vector<RankedProducts::Key> RankedProducts::ExchangeKeys(const CoarseShape&
 }
 
 // The union of what the ranks have.
+// A rank may have a row coupled to an aggregate of which the owner sees nothing: through a
+// landmark, or a factor, of its own.
 CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
   std::vector<Key> keys = ExchangeKeys(here);
   ForEachPlace(here, [&](int, int row, int aggregate) {
@@ -129,11 +159,14 @@ CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
   return shape;
 }
 
+// Of a key whose frame is owned here.
 int RankedProducts::PlaceOf(const Key& key) const {
   return owned_->PlaceOf(row_of_number_[key.number], key.aggregate);
 }
 
 // As many on all ranks, of the same aggregates.
+// The number of batches follows from the largest share, a maximum that is agreed on, and the
+// aggregates of a batch from that number: each batch has collective calls.
 void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
   double bytes = 0.0;
   ForEachPlace(reach.shape, [&](int, int row, int aggregate) {
@@ -144,6 +177,7 @@ void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
   const double wanted = std::ceil(ranks_.Max(bytes) / kBytesPerBatch);
   const int num_batches = static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, 1.0 * count)));
   for (int b = 0; b < num_batches; ++b) {
+    // A product of ints may overflow, hence the wider argument.
     const auto begin_of = [&](std::int64_t k) { return static_cast<int>(count * k / num_batches); };
     Batch batch;
     batch.reach = Slice(reach, begin_of(b), begin_of(b + 1));
@@ -152,6 +186,8 @@ void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
   }
 }
 
+// Done once: places to read from and to add to, in the order in which FormBatch goes through them.
+// Collective, as keys are exchanged.
 void RankedProducts::Plan(Batch* batch) const {
   batch->sent.resize(ranks_.size());
   ForEachPlace(batch->reach.shape, [&](int at, int row, int aggregate) {
@@ -175,6 +211,8 @@ void RankedProducts::Add(const double* block, int place) {
   }
 }
 
+// The columns are allocated for the batch, and V is copied in for all frames here: row i of A V
+// needs V_j of frames j that others own as well, which is why every rank has V of all.
 void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
   const CoarseShape& shape = batch.reach.shape;
   CoarseColumns columns(offsets_, shape, evaluator_.executor());
@@ -186,6 +224,7 @@ void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
   for (std::size_t k = 0; k < batch.own_from.size(); ++k) {
     Add(columns.AV(batch.own_from[k]), batch.own_to[k]);
   }
+  // Entries of each place of the batch, padding included, so blocks are sent as they lie.
   std::vector<int> sizes;
   ForEachPlace(shape, [&](int, int row, int aggregate) {
     sizes.push_back(columns.block_size(row) * columns.stride(aggregate));
@@ -199,6 +238,7 @@ void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
   }
   const std::vector<double> received = ranks_.SendToEach(std::move(to_rank));
   const double* next = received.data();
+  // Both ends have the same width for an aggregate, so sizes agree: those of the owned places.
   for (const int place : batch.received_to) {
     Add(next, place);
     next += block_sizes_[place];
@@ -206,6 +246,7 @@ void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
 }
 
 // Λ_c V, once.
+// (Λ_c V)_ia is not zero only where the frame i is in a, and that place is there for each row.
 void RankedProducts::AddDamping(const std::vector<double>& owned_damping) {
   const double* lambda = owned_damping.data();
   for (int row = 0; row < owned_->num_rows(); ++row) {
@@ -222,6 +263,7 @@ void RankedProducts::AddDamping(const std::vector<double>& owned_damping) {
   }
 }
 
+// Sums begin at zero each time. V of the owned rows is copied too, for the products with vectors.
 void RankedProducts::Form(const RankedModes& modes, const std::vector<double>& owned_damping) {
   for (std::size_t place = 0; place < block_sizes_.size(); ++place) {
     std::fill_n(owned_->AV(static_cast<int>(place)), block_sizes_[place], 0.0);

@@ -7,6 +7,19 @@
 
 namespace inceres::internal {
 
+// (S + Λ_c) v over ranks, S not formed. Each rank applies C − Y Yᵀ of its own factors and landmarks
+// to the v of the frames it has; the parts are summed by the owners, who add Λ_c v once:
+//
+//     Spread v;   y_here = C v − Y (Yᵀ v);   Collect y_here;   y += Λ_c v.
+//
+// Vectors between calls have the entries owned here, without padding, so dot products over all
+// ranks count each frame once. The kernels read vectors whose frames begin on quads, in the order
+// of the layout; packed ↔ padded copies stand at either end.
+//
+// The block preconditioners need blocks of the whole sum: diagonal blocks of C or S go to the
+// owners by an exchange of their own, and are inverted there with Λ added. What is kept: the plans,
+// and the inverses until the next Prepare.
+
 ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& frames,
                              const Evaluator& evaluator, const FramePlans& plans,
                              const Hessian& hessian, const Elimination& elimination,
@@ -20,11 +33,13 @@ ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& fram
       exchange_(*exchange),
       block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare),
       product_(plans.pattern) {
+  // The values of C stay where they are while they are formed anew.
   for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
     blocks_.push_back(hessian.FrameBlock(static_cast<int>(k)));
   }
   no_damping_.assign(static_cast<std::size_t>(exchange_.here_size()), 0.0);
   packed_.resize(no_damping_.size());
+  // Padding is zero here, and nothing writes it later.
   padded_.assign(static_cast<std::size_t>(product_.padded_offsets().back()), 0.0);
   padded_product_.resize(padded_.size());
   owned_offsets_.push_back(0);
@@ -34,12 +49,15 @@ ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& fram
     owned_offsets_.push_back(owned_offsets_.back() + size);
     padded_size += static_cast<std::size_t>(PadToQuad(size));
   }
+  // 1 without Jacobi scaling.
   owned_scale_.assign(static_cast<std::size_t>(owned_offsets_.back()), 1.0);
   padded_owned_.assign(padded_size, 0.0);
   padded_result_.resize(padded_size);
 }
 
 // What is owned of values of the frames here.
+// Values of a shared frame are the same on all ranks that have it, so those here will do: no
+// exchange.
 void ReducedSystem::ChooseOwned(const double* here, std::vector<double>* owned) const {
   owned->clear();
   const std::vector<int>& offsets = plans_.pattern.offsets;
@@ -57,6 +75,7 @@ void ReducedSystem::SetScale(const double* frame_scale) {
   ChooseOwned(frame_scale, &owned_scale_);
 }
 
+// Collective, two exchanges. Cost: a pass over C, two over the Jacobians.
 void ReducedSystem::Multiply(const double* v, double* y) {
   const StageTimer timer(&product_seconds_);
   ++num_products_;
@@ -67,6 +86,8 @@ void ReducedSystem::Multiply(const double* v, double* y) {
     std::copy_n(packed_.data() + packed[i], product_.block_size(i), padded_.data() + padded[i]);
   }
   std::fill(padded_product_.begin(), padded_product_.end(), 0.0);
+  // The kernels subtract and AddCoupled adds, so what comes out is −(C − Y Yᵀ) v; the sign is
+  // turned on the way to the packed vector. Without damping, which must not be added by every rank.
   product_.Subtract(blocks_, no_damping_.data(), evaluator_.executor(), padded_.data(),
                     padded_product_.data());
   elimination_.AddCoupled(padded_.data(), padded_product_.data());
@@ -81,6 +102,7 @@ void ReducedSystem::Multiply(const double* v, double* y) {
   }
 }
 
+// Once for a structure. Other preconditioners do without, and two_level_ stays null.
 Status ReducedSystem::MakeTwoLevel(const LandmarkIncidences& incidences,
                                    const RankedAggregates& aggregates) {
   Status status;
@@ -95,6 +117,7 @@ void ReducedSystem::Refresh() {
   }
 }
 
+// After SetDamping of the same elimination.
 Status ReducedSystem::Prepare(PreconditionerKind kind) {
   kind_ = kind;
   switch (kind) {
@@ -102,11 +125,14 @@ Status ReducedSystem::Prepare(PreconditionerKind kind) {
       return Status::Ok();
     case PreconditionerKind::kTwoLevel:
       return two_level_->Prepare(owned_damping_);
+    // Jacobi by blocks, as Ceres's JACOBI (blocks of C) or SCHUR_JACOBI (blocks of S).
     default:
       return InvertBlocks(kind == PreconditionerKind::kSchurJacobi);
   }
 }
 
+// Collective. A sum of blocks is positive definite where each of its terms need not be: only the
+// owner's sum is inverted.
 Status ReducedSystem::InvertBlocks(bool of_S) {
   const BlockPattern& pattern = plans_.pattern;
   std::vector<double> here;
@@ -114,6 +140,7 @@ Status ReducedSystem::InvertBlocks(bool of_S) {
     if (pattern.columns[k] == plans_.block_row[k]) {
       const double* const block = of_S ? elimination_.S() + pattern.value_begin[k] : blocks_[k];
       const int size = pattern.block_size(plans_.block_row[k]);
+      // Whole squares, in the order of the layout, as FramePlace::kSquare counts them.
       here.insert(here.end(), block, block + static_cast<std::ptrdiff_t>(size) * size);
     }
   }
@@ -128,6 +155,7 @@ Status ReducedSystem::InvertBlocks(bool of_S) {
   }
   const int singular = inverses_.Invert(owned_offsets_, diagonal_blocks, owned_damping_.data(),
                                         evaluator_.executor());
+  // A block without an inverse on one rank is an invalid step on all.
   Status own;
   if (singular >= 0) {
     const int position = frames_.owned()[static_cast<std::size_t>(singular)];
@@ -139,13 +167,17 @@ Status ReducedSystem::InvertBlocks(bool of_S) {
   return ranks_.Agree(own);
 }
 
+// Local but for the two levels, which exchange coarse vectors.
 void ReducedSystem::Precondition(const double* r, double* z) {
   if (kind_ == PreconditionerKind::kIdentity) {  // Ceres's is that of the scaled system
+    // With the scaled matrix s S s and no preconditioner, x = s x̃ moves along s (s r): M⁻¹ =
+    // diag(s²).
     for (std::size_t k = 0; k < owned_scale_.size(); ++k) {
       z[k] = owned_scale_[k] * owned_scale_[k] * r[k];
     }
     return;
   }
+  // visit(first packed entry, size, first padded entry).
   const auto for_each_frame = [this](const auto& visit) {
     std::size_t padded = 0;
     for (std::size_t k = 0; k + 1 < owned_offsets_.size(); ++k) {

@@ -9,9 +9,23 @@
 #include "distributed/frame_owners.h"
 
 namespace inceres::internal {
+
+// Which frames the ranks have in common. A frame is known by an id; each rank lists those it has.
+// All lists go to all ranks, as records of 48 bytes, are sorted by id and rank, and every rank
+// draws the same conclusions from them: whether the lists fit together, which frames move, who owns
+// each, and where each lies in the vectors of all ranks.
+//
+// In those vectors the frames of a rank follow one another by ascending id, rank after rank, so a
+// rank owns a contiguous range, as PETSc wants it. There are three such vectors: of tangent sizes,
+// of their squares and of ambient sizes.
+//
+// Checks matter more here than elsewhere: ranks that start a frame from different values, or of
+// which only some hold it, would each minimize something else without noticing.
+
 namespace {
 
 // FNV-1a over the bits of the values.
+// Values are compared by a hash of their bits, which is of fixed length. So −0 and 0 differ.
 std::uint64_t HashOf(const double* values, int count) {
   std::uint64_t hash = 0xcbf29ce484222325U;
   for (int k = 0; k < count; ++k) {
@@ -30,6 +44,7 @@ std::string NameOf(std::int64_t id) {
 
 }  // namespace
 
+// As it travels: without padding.
 struct SharedFrames::Record {
   std::int64_t id;
   std::uint64_t values;
@@ -41,11 +56,16 @@ struct SharedFrames::Record {
   std::int64_t constant;
 };
 
+// The records of this rank, in the order of its part, and what can be wrong without the others:
+// unknown variables, a landmark among the frames, one variable under two names, a frame that moves
+// and has no name.
 Status SharedFrames::Collect(const GraphPart& part, const Layout& layout,
                              std::vector<Record>* own) const {
   const FactorGraph& graph = *part.graph;
   std::vector<std::int64_t> num_factors(static_cast<std::size_t>(graph.num_variables()), 0);
   for (FamilyId f = 0; f < graph.num_families(); ++f) {
+    // Variables of all factors of a family lie one after the other, so one pointer serves. A free
+    // place of an edited graph has −1.
     const auto num_entries =
         static_cast<std::ptrdiff_t>(graph.NumFactors(f)) * graph.family(f).num_slots();
     const VariableId* ids = num_entries > 0 ? graph.Variables(f, 0) : nullptr;
@@ -62,6 +82,7 @@ Status SharedFrames::Collect(const GraphPart& part, const Layout& layout,
                            NameOf(frame.id) + ", variable " + std::to_string(frame.variable) +
                                ": ids are not negative, and the variable must be in the graph");
     }
+    // Landmarks come behind the frames in the layout. What does not move has −1, and may be listed.
     if (layout.Position(frame.variable) >= layout.num_frames) {
       return Status::Error(StatusCode::kInvalidArgument,
                            "variable " + std::to_string(frame.variable) +
@@ -94,6 +115,8 @@ Status SharedFrames::Collect(const GraphPart& part, const Layout& layout,
   return Status::Ok();
 }
 
+// Collective: one gathering of all lists. From the sorted list on everything is computed by each
+// rank for itself, errors included, with the same result.
 Status SharedFrames::Agree(const Communicator& ranks, const GraphPart& part, const Layout& layout) {
   std::vector<Record> own;
   Status status = ranks.Try([&] { return Collect(part, layout, &own); });
@@ -116,6 +139,7 @@ Status SharedFrames::Agree(const Communicator& ranks, const GraphPart& part, con
   std::sort(all.begin(), all.end(), [](const Record& a, const Record& b) {
     return a.id != b.id ? a.id < b.id : a.rank < b.rank;
   });
+  // One for each entry of the part, in its order; Record::place refers to it.
   numbered_.assign(own.size(), FramePlace());
   status = Number(ranks, all);
   if (status.ok()) {
@@ -125,6 +149,7 @@ Status SharedFrames::Agree(const Communicator& ranks, const GraphPart& part, con
 }
 
 // The records of one frame.
+// All ranks that list it, a range of the sorted records.
 struct SharedFrames::Group {
   std::size_t begin;
   std::size_t end;
@@ -133,6 +158,8 @@ struct SharedFrames::Group {
 };
 
 // What of a record is not as the rank before has it: words to stand before two ranks; or null.
+// `last` is the record before, or the first itself: records of one frame are sorted by rank, so the
+// same rank twice stands next to itself.
 const char* SharedFrames::FindDifference(const Record& first, const Record& last,
                                          const Record& record) {
   if (record.ambient_size != first.ambient_size || record.tangent_size != first.tangent_size) {
@@ -153,6 +180,7 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
     Group group{begin, begin, 0, -1};
     for (; group.end < all.size() && all[group.end].id == first.id; ++group.end) {
       const Record& record = all[group.end];
+      // The record before this one; of the first one itself.
       const Record& last = all[std::max(begin + 1, group.end) - 1];
       if (const char* differs = FindDifference(first, last, record)) {
         return Status::Error(StatusCode::kInvalidArgument,
@@ -161,6 +189,8 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
       }
       group.num_sharers += record.num_factors > 0 ? 1 : 0;
     }
+    // Frames that are constant, or that no factor of any rank touches, are checked and then left
+    // out: nobody owns them.
     if (group.num_sharers > 0 && first.constant == 0) {
       groups->push_back(group);
     }
@@ -169,6 +199,8 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
   return Status::Ok();
 }
 
+// Only ranks with factors of a frame can own it. Groups are by ascending id and records by
+// ascending rank, as ChooseFrameOwners expects; balance is by tangent sizes, which a product sends.
 void SharedFrames::ChooseOwners(const std::vector<Record>& all, int num_ranks,
                                 std::vector<Group>* groups) {
   std::vector<int> sizes;
@@ -187,6 +219,7 @@ void SharedFrames::ChooseOwners(const std::vector<Record>& all, int num_ranks,
   }
 }
 
+// Of a frame in each of the three vectors.
 std::int64_t SharedFrames::SizeOf(const Record& record, int kind) {
   const std::int64_t d = record.tangent_size;
   return kind == FramePlace::kTangent  ? d
@@ -203,6 +236,8 @@ Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>
   }
   ChooseOwners(all, ranks.size(), &groups);
   CountFrames(groups, all, ranks.rank());
+  // A counting sort by owner: sizes first, one rank further; their sums are where each rank begins;
+  // then each frame takes the next place of its owner, by ascending id.
   for (int kind = 0; kind < 3; ++kind) {
     std::vector<std::int64_t> next(static_cast<std::size_t>(ranks.size()) + 1, 0);
     for (const Group& group : groups) {
@@ -221,6 +256,7 @@ Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>
   return status;
 }
 
+// Of this rank's own entry for the frame, if it lists it.
 void SharedFrames::Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
                          std::int64_t at) {
   for (std::size_t k = group.begin; k < group.end; ++k) {
@@ -228,11 +264,14 @@ void SharedFrames::Place(const Group& group, const std::vector<Record>& all, int
       FramePlace& place = numbered_[static_cast<std::size_t>(all[k].place)];
       place.owner = group.owner;
       place.begin[kind] = at;
+      // Ranks with factors, without this one.
       place.num_others = group.num_sharers - (all[k].num_factors > 0 ? 1 : 0);
     }
   }
 }
 
+// Numbers all frames that move by ascending id, whoever owns them: what patterns and sums over all
+// frames are by.
 void SharedFrames::CountFrames(const std::vector<Group>& groups, const std::vector<Record>& all,
                                int rank) {
   sizes_.clear();
@@ -246,6 +285,8 @@ void SharedFrames::CountFrames(const std::vector<Group>& groups, const std::vect
   }
 }
 
+// Sorts the entries of this rank into those that the layout has, by position, and those that move
+// elsewhere only. An entry without an owner moves nowhere, and is neither.
 void SharedFrames::Keep(const GraphPart& part, const Layout& layout, int rank) {
   moving_.assign(static_cast<std::size_t>(layout.num_frames), FramePlace());
   for (std::size_t k = 0; k < numbered_.size(); ++k) {
@@ -266,6 +307,7 @@ void SharedFrames::Keep(const GraphPart& part, const Layout& layout, int rank) {
       idle_.push_back(place);
     }
   }
+  // The vectors of owned entries are in this order.
   std::sort(owned_.begin(), owned_.end(), [this](int a, int b) {
     return moving_[static_cast<std::size_t>(a)].id < moving_[static_cast<std::size_t>(b)].id;
   });

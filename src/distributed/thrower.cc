@@ -3,8 +3,14 @@
 #include <vector>
 
 namespace inceres::internal {
+
+// Finds the factor behind an exception, after the fact: one factor at a time is evaluated until one
+// throws again. Costs an evaluation of all factors in the worst case, and is not collective. A
+// factor that counts its calls may not throw a second time.
+
 namespace {
 
+// What is thrown is dropped: the message is that of the first time.
 template <typename Evaluate>
 bool Throws(const Evaluate& evaluate) {
   try {
@@ -17,6 +23,9 @@ bool Throws(const Evaluate& evaluate) {
 
 }  // namespace
 
+// Residuals at the candidate come first, then residuals and Jacobians at the current point;
+// families in their order, factors by place. Writes into the caches, which the end of the solve
+// makes worthless.
 std::string DescribeThrower(Evaluator* evaluator) {
   const FactorGraph& graph = evaluator->graph();
   for (Linearization& cache : evaluator->families()) {

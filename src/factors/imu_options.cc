@@ -8,6 +8,10 @@
 
 // Named conventions and checks of options. A preset only says what differs from the default; each
 // choice is one that its program makes, listed in docs/visual_inertial.md ("Conventions").
+// Conventions change how states, residuals and noise are written down, not what is measured: a
+// program's own values, such as its biases in its order and its noise per sample, can be handed
+// over as they are. The checks are made before anything is integrated, since a wrong option would
+// only show as a residual that is off.
 
 namespace inceres {
 
@@ -16,6 +20,7 @@ using internal::Invalid;
 namespace {
 
 // Gravity points down the z axis in all of them; `gravity_norm` is its magnitude.
+// Gravity is the acceleration of free fall: an IMU at rest reads its opposite.
 ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
   ImuConventions conventions;
   std::copy_n(order, 5, conventions.residual_order);
@@ -26,6 +31,7 @@ ImuConventions WithOrder(const ImuPart (&order)[5], double gravity_norm) {
 }  // namespace
 
 // VINS: rotation errors are 2 vec(q), and the noise is that of a sample, not a density.
+// Its speed-bias variable has the accelerometer's bias first, and so do its residuals.
 ImuConventions ImuConventions::Vins(double gravity_norm) {
   ImuConventions vins = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
                                    ImuPart::kAccBias, ImuPart::kGyrBias},
@@ -37,6 +43,7 @@ ImuConventions ImuConventions::Vins(double gravity_norm) {
 }
 
 // OKVIS perturbs on the left and subtracts the state from the measurement.
+// Its noise is a density and its integration by midpoints, which are the defaults.
 ImuConventions ImuConventions::Okvis(double gravity_norm) {
   ImuConventions okvis = WithOrder({ImuPart::kPosition, ImuPart::kRotation, ImuPart::kVelocity,
                                     ImuPart::kGyrBias, ImuPart::kAccBias},
@@ -48,6 +55,7 @@ ImuConventions ImuConventions::Okvis(double gravity_norm) {
 }
 
 // XRSLAM holds a sample until the next, and lets biases walk between the states only.
+// Euler: the sample at the beginning of an interval counts for all of it.
 ImuConventions ImuConventions::Xrslam(double gravity_norm) {
   ImuConventions xrslam = WithOrder({ImuPart::kRotation, ImuPart::kPosition, ImuPart::kVelocity,
                                      ImuPart::kGyrBias, ImuPart::kAccBias},
@@ -61,6 +69,7 @@ Status ImuConventions::Validate() const {
   bool seen[5] = {};
   // A part named twice would leave another one without rows, and the residual map singular.
   for (const ImuPart part : residual_order) {
+    // Unsigned, so that a value below the first enumerator is too large.
     const auto index = static_cast<unsigned>(part);
     if (index >= 5 || seen[index]) {
       return Invalid("ImuConventions::residual_order must name each of the five parts once");
@@ -75,6 +84,8 @@ Status ImuConventions::Validate() const {
 
 // Comparisons are negated, so that NaN fails. The first culprit is the one named.
 Status ImuOptions::Validate() const {
+  // The walks too: without them biases would be constant and their residuals have no information
+  // matrix.
   const std::pair<const char*, double> deviations[] = {{"gyr", noise.gyr},
                                                        {"acc", noise.acc},
                                                        {"gyr_bias_walk", noise.gyr_bias_walk},

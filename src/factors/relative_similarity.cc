@@ -12,6 +12,22 @@
 #include "inceres/problem/rotation.h"
 
 namespace inceres {
+
+// A measured relative similarity S_m of two poses with a scale (Strasdat, Montiel & Davison 2010),
+// for loop closures where the unit of length drifts. With S = (p, R, s), a point X goes to
+// s R X + p, and
+//
+//     S_E = S_m⁻¹ S_a⁻¹ S_b:  R_E = R_mᵀ R_aᵀ R_b,  s_E = s_b / (s_a s_m),  t_E = R_mᵀ u / s_m,
+//     with u = R_aᵀ (p_b − p_a) / s_a − p_m.
+//
+// Both conventions have r = Log R_E and λ = ln s_E; they differ in the position's part, u or
+// V(r, λ)⁻¹ t_E, where V is the matrix by which the exponential of Sim(3) moves
+// (factors/similarity_log.h). So the first is evaluated in either case, and the second is a map on
+// top of it, by the chain rule.
+//
+// Perturbations are SimilarityManifold's: p + δ, R Exp(φ), s e^σ. The whitening by U is a product
+// with an upper triangle, which also yields the sum by which results that are not finite are found.
+
 namespace {
 
 using internal::Matrix3;
@@ -32,6 +48,8 @@ struct SimilarityError {
   Matrix3 J_l_inverse;  // at r
 };
 
+// Rotations by quaternions, for Log takes one and needs no angle from a matrix; vectors by
+// matrices, which the derivatives need as well.
 SimilarityError MeasureSimilarity(const RelativeSimilarityFamily::Measurement& m, const double* a,
                                   const double* b) {
   SimilarityError e;
@@ -46,7 +64,9 @@ SimilarityError MeasureSimilarity(const RelativeSimilarityFamily::Measurement& m
   e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]) / e.s_a;
   e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
   LogQuaternion(q, e.r.data());
+  // By a difference of logarithms: the quotient could overflow where its logarithm is ordinary.
   e.lambda = std::log(b[7]) - std::log(a[7]) - std::log(m.s_m);
+  // J_l⁻¹(r) = I − ½ [r]× + c [r]×².
   RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
                      e.J_l_inverse.data());
   return e;
@@ -61,11 +81,13 @@ SimilarityError MeasureSimilarity(const RelativeSimilarityFamily::Measurement& m
 Matrix7 DifferentiateSimilarity(const SimilarityError& e, int slot) {
   Matrix7 J = Matrix7::Zero();
   const double sign = slot == 0 ? -1.0 : 1.0;
+  // Columns are δ, φ, σ; rows u, r, λ.
   J.topLeftCorner<3, 3>() = sign / e.s_a * e.R_a.transpose();
   J(6, 6) = sign;
   if (slot == 0) {
     J.block<3, 3>(0, 3) = internal::Skew(e.t);
     J.topRightCorner<3, 1>() = -e.t;
+    // φ_a reaches r from the left, so by the left Jacobian; φ_b from the right.
     J.block<3, 3>(3, 3) = -e.J_l_inverse * e.R_m.transpose();
   } else {
     J.block<3, 3>(3, 3) = e.J_l_inverse.transpose();
@@ -75,12 +97,14 @@ Matrix7 DifferentiateSimilarity(const SimilarityError& e, int slot) {
 
 // y = V⁻¹ R_mᵀ u / s_m, and its derivative from those of u, r and λ:
 //     δy = V⁻¹ (R_mᵀ δu / s_m − ∂(V y)/∂r δr − ∂(V y)/∂λ δλ).
+// From V(r, λ) y = t_E: both sides are differentiated, and solved for δy.
 class LogOfError {
  public:
   LogOfError(const SimilarityError& e, double s_m)
       : log_(e.r, e.lambda), turn_(e.R_m.transpose() / s_m), y_(log_.inverse() * (turn_ * e.u)) {}
 
   const Vector3d& y() const { return y_; }
+  // Rows of r and λ stay; those of u become those of y.
   void Differentiate(Matrix7* J) const {
     const Eigen::Matrix<double, 3, 7> top = turn_ * J->topRows<3>() -
                                             log_.DerivativeByRotation(y_) * J->middleRows<3>(3) -
@@ -95,6 +119,8 @@ class LogOfError {
 };
 
 // The map a slot's formulas are written for; one that merely selects columns is a wrapper's doing.
+// Entries of ∂(x ⊞ δ)/∂δ that tell SimilarityManifold from others. J is written in the tangent
+// space at once, without a product with that matrix.
 void AssertSimilarityManifold(const TangentMap& map, const double* x) {
   assert(map.kind != TangentMap::Kind::kDense ||
          (map.plus_jacobian[0] == 1.0 && map.plus_jacobian[3 * 7 + 3] == 0.5 * x[6] &&
@@ -103,6 +129,8 @@ void AssertSimilarityManifold(const TangentMap& map, const double* x) {
   static_cast<void>(x);
 }
 
+// The sum of all entries; it is finite only if each of them is. A slot that is constant is left
+// out.
 double WriteSimilarityJacobians(const FactorBatch& batch, int i, const SimilarityError& e,
                                 const RelativeSimilarityFamily::Measurement& m,
                                 const std::optional<LogOfError>& log) {
@@ -125,6 +153,8 @@ double WriteSimilarityJacobians(const FactorBatch& batch, int i, const Similarit
   return sum;
 }
 
+// The log of a scale that is not positive does not exist: looked at first. NaN fails the
+// comparison.
 EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
                                      SimilarityErrorConvention convention,
                                      const RelativeSimilarityFamily::Measurement& m) {
@@ -135,6 +165,7 @@ EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
   const SimilarityError e = MeasureSimilarity(m, parameters[0], parameters[1]);
   Vector7 error;
   error << e.u, e.r, e.lambda;
+  // V is formed for the convention that needs it only.
   std::optional<LogOfError> log;
   if (convention == SimilarityErrorConvention::kLogarithm) {
     log.emplace(e, m.s_m);
@@ -153,6 +184,7 @@ EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
 
 }  // namespace
 
+// Products of many quaternions drift from unit length, so the result is scaled back.
 void ComposeSimilarities(const double a[8], const double b[8], double c[8]) {
   double R[9], turned[3];
   QuaternionToMatrix(a + 3, R);
@@ -168,6 +200,7 @@ void ComposeSimilarities(const double a[8], const double b[8], double c[8]) {
   c[7] = a[7] * b[7];
 }
 
+// p' = −Rᵀ p / s. The quaternion is conjugated, not normalized.
 void InvertSimilarity(const double a[8], double inverse[8]) {
   double R[9];
   ConjugateQuaternion(a + 3, inverse + 3);
@@ -187,6 +220,7 @@ const char* ToString(SimilarityErrorConvention convention) {
   return "unknown";
 }
 
+// The first factor that fails ends the batch and is named.
 EvaluationFailure RelativeSimilarityFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
     const EvaluationFailure failure = EvaluateSimilarity(batch, i, convention_, measurement(i));

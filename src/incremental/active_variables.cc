@@ -13,6 +13,7 @@ void ActiveVariables::Grow(std::int32_t num_quads) {
   }
 }
 
+// ‖Dδ‖, the length that the trust region measures: it does not depend on the variables' units.
 double ActiveVariables::ScaledNorm() const {
   double squared = 0.0;
   ForEachBlock([&](std::ptrdiff_t first, int size, const auto& diagonal) {
@@ -23,6 +24,7 @@ double ActiveVariables::ScaledNorm() const {
   return std::sqrt(squared);
 }
 
+// In the variables' own units, for the trace and the parameter tolerance.
 double ActiveVariables::Norm() const {
   double squared = 0.0;
   ForEachBlock([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
@@ -38,7 +40,8 @@ void ActiveVariables::LeaveOut(std::int32_t landmark) {
   std::fill_n(step(schur_.landmarks()[landmark].quad), schur_.landmarks()[landmark].size, 0.0);
 }
 
-// Only what moves: the vector is as long as the problem.
+// Zeros for the next step, whose factors read the steps of all their variables. Only of what moves:
+// the vector is as long as the problem.
 void ActiveVariables::Clear() {
   ForEach([this](const auto& moved) { std::fill_n(step(moved.quad), moved.size, 0.0); });
   frames_.Clear();

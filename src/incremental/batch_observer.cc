@@ -2,6 +2,21 @@
 
 namespace inceres::internal {
 
+// What ends a batch phase before Ceres's own rules would (docs/algorithms.md, "One-time solves and
+// exact windows"). Two predictions of what is left are made from what the loop reports anyway:
+//
+//     before a step:  max(1, last ϱ) · promise / (1 − φ),   φ = promise / last promise,
+//     after it:       gain · r / (1 − r),                   r = gain / last gain.
+//
+// Both are sums of geometric series, and both are believed only where the damping hides nothing
+// (SeesAll, SeesEnough). The tolerance is relative to the cost less its fixed part. With
+// batch_share 0 neither ends a solve, which is Ceres's then, iterate for iterate.
+//
+// Kept between calls are the last promise, gain, ratio and gain ratio. An infinite ratio or
+// promise, or a gain of 0, stands for "none": every test below is written so that it fails with
+// them, and with a NaN that they lead to.
+
+// Each call counts as an evaluation of all factors.
 void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bool /*new_point*/) {
   UpdateSummary& summary = trace_.summary();
   if (jacobians) {
@@ -11,14 +26,22 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
   }
 }
 
+// A solve that ends here saves the evaluation of the candidate and the linearization behind it.
 bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost) {
   const double promise = iteration.model_cost_change;
+  // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
+  // last_ratio_.
   const double factor = promise / last_promise_;
+  // Of no use where the factor is 1 or more, which `known` rules out.
   const double rest = std::max(1.0, last_ratio_) * promise / (1.0 - factor);
   const bool known = last_ratio_ > tuning_.kept_promise && factor < tuning_.steady_factor;
+  // Not by Marquardt's rule: it is there for descents whose series have misled before.
   const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
+  // A small promise by itself is an end only where no other solver goes on from there.
   const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
   tried_radius_ = iteration.trust_region_radius;
+  // All of it only as far as the model sees weak directions: with much damping a promise is small
+  // because steps are short.
   settled_ = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
   rest_ = !settled_ ? 0.0 : series ? rest : promise;
   promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
@@ -26,6 +49,8 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost
   return !settled_;
 }
 
+// The second prediction, by gains. Asked before Jacobians are evaluated at the new point, so an end
+// here saves a linearization.
 bool BatchObserver::IsLast(const IterationSummary& iteration) {
   last_judged_ = iteration.iteration;
   if (iteration.step_share < 1.0) {  // its gain is what the border left of it
@@ -40,6 +65,8 @@ bool BatchObserver::IsLast(const IterationSummary& iteration) {
 // What the next step is judged by.
 void BatchObserver::NoteIteration(const IterationSummary& iteration) {
   if (iteration.step_is_successful) {
+    // A success that IsLast was not asked of is the start, or has made the cost another function by
+    // moving expansion points: costs of before do not compare.
     cost_ = iteration.cost;
     best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
   }
@@ -59,6 +86,7 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
 ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
                                              const double* best_state) {
   NoteIteration(iteration);
+  // A second part of a solve begins with a row of the state in which the first one has ended.
   if (iteration.iteration == 0 &&
       !trace_.summary().iterations.empty()) {  // told as the end of the part before
     return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully
@@ -68,9 +96,11 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
   *shown_state_ = best_state;
   const bool go_on = trace_.EndRow(cost_);
   *shown_state_ = nullptr;
+  // After the row is written: the trace shows the iteration that these verdicts rest on.
   settled_ = settled_ || IsRefusedForNothing(iteration) || HasStagnated(iteration);
   if (!go_on) {
     ended_by_user_ = true;
+    // EndRow has written the termination that the observer asks for; the loop is told the same.
     return trace_.summary().termination == Termination::kUserSuccess
                ? ObserverAction::kTerminateSuccessfully
                : ObserverAction::kAbort;
@@ -96,6 +126,8 @@ bool BatchObserver::HasSpentBudget() const {
 // Hardly damped steps that are refused are tried again after two steps, five, eleven, …
 void BatchObserver::WaitAfterRefusal(const IterationSummary& iteration) {
   if (iteration.step_is_successful) {
+    // A success brings the next trial nearer; a refusal of a step that was not hardly damped does
+    // not count.
     steps_to_wait_ = std::max(0, steps_to_wait_ - 1);
   } else if (is_near_ && steps_to_wait_ == 0) {
     steps_to_wait_ = wait_;
@@ -108,8 +140,11 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
   if (!IsByMarquardt() || options_.batch_share == 0.0 || iteration.iteration == 0) {
     return false;
   }
+  // tried_radius_ is that of the step, where iteration.trust_region_radius is already the one after
+  // it.
   const Stagnation::Verdict verdict =
       stagnation_.After(iteration, cost_, Tolerance(cost_), tried_radius_);
+  // The end that no model confirms is named as such.
   trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
   return verdict != Stagnation::Verdict::kGoOn;
 }
@@ -123,12 +158,16 @@ bool BatchObserver::IsRefusedForNothing(const IterationSummary& iteration) const
          iteration.model_cost_change <= Tolerance(cost_);
 }
 
+// The rule in full: good steps whose model is exact enough, whose gains fall fast twice in a row,
+// or at all, below the tolerance, in a solve that nothing follows; and whose series is below what
+// may be left.
 bool BatchObserver::HasJustSettled(const IterationSummary& iteration) {
   const bool good = iteration.relative_decrease > tuning_.good_model;
   const double gain = good ? iteration.cost_change : 0.0;
   const double allowed = Allowed(iteration.cost);
   // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.
   const double ratio = gain / previous_gain_;
+  // The slower of the last two ratios: one lucky step does not make a series.
   const double slower = std::max(ratio, previous_ratio_);
   const bool fast = ratio < tuning_.fast_ratio && previous_ratio_ < tuning_.fast_ratio;
   // Slow ones are believed where they are all there is, and Ceres's rule would have ended the
@@ -139,12 +178,15 @@ bool BatchObserver::HasJustSettled(const IterationSummary& iteration) {
   const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
   const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 &&
                        (fast || slow) && gain * slower / (1.0 - slower) <= allowed;
+  // For remaining_decrease of the summary.
   rest_ = settled ? gain * slower / (1.0 - slower) : 0.0;
   previous_gain_ = gain;
   previous_ratio_ = ratio;
   return settled;
 }
 
+// The batch solver's row in the columns of an Update's: its damping is one over the radius, and a
+// Dog-Leg has none.
 void BatchObserver::WriteRow(const IterationSummary& iteration) {
   UpdateIteration& row = trace_.row();
   row.step =

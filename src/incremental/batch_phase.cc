@@ -7,6 +7,16 @@
 #include "incremental/batch_part.h"
 
 namespace inceres::internal {
+
+// The batch solver's part of an Update, and the whole of a one-time solve (docs/algorithms.md,
+// "One-time solves and exact windows"). It works on the graph's state and keeps nothing for the
+// next call. Its function tolerance is set so low that BatchObserver mostly ends the solve first,
+// by the fall of its gains; what Ceres's rules end instead is judged here once more, because they
+// look at the last step alone.
+//
+// Nothing here decides by time but the solver's own limit. A failure leaves the state as it was,
+// which is the batch solver's contract.
+
 namespace {
 
 // Whether a trust region that refusals have shrunk may be what kept the last steps short: they then
@@ -29,6 +39,8 @@ bool HasSettled(const Summary& summary, const IncrementalOptions& options,
   if (summary.termination != Termination::kConvergence) {
     return false;
   }
+  // The gain of the last step that was taken, against that of the one that was proposed and not
+  // taken: their ratio is that of the series.
   double last_gain = 0.0;
   for (const IterationSummary& iteration : summary.iterations) {
     if (iteration.iteration > 0 && iteration.step_is_successful) {
@@ -36,6 +48,7 @@ bool HasSettled(const Summary& summary, const IncrementalOptions& options,
     }
   }
   const double gain = std::fabs(summary.discarded_cost_change);
+  // With r = gain / last_gain all that is left, the step not taken included, is gain / (1 − r).
   const double allowed = tuning.settled_share * ToleranceAt(summary.final_cost, options);
   return summary.final_cost == 0.0 ||
          (gain < last_gain && gain / (1.0 - gain / last_gain) <= allowed);
@@ -44,11 +57,13 @@ bool HasSettled(const Summary& summary, const IncrementalOptions& options,
 // Adds what one call of the batch solver did to the Update's summary; how it ended is what the last
 // one says.
 void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* summary) {
+  // Of two parts the first one knows where the solve began.
   if (summary->num_batch_iterations == 0) {
     summary->initial_cost = solved.initial_cost;
   }
   summary->remaining_decrease =
       observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  // Iteration 0 is the start and no step.
   const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_batch_iterations += num_iterations;
   summary->num_iterations += num_iterations;
@@ -59,9 +74,11 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   }
   summary->num_pcg_iterations += static_cast<int>(solved.work.num_conjugate_gradients);
   summary->batch_seconds += solved.seconds.total;
+  // The first refused step is told, of all parts.
   if (summary->failed_step.empty()) {
     summary->failed_step = solved.failed_step;
   }
+  // Stages of all parts add up, as the counts do.
   for (double StageSeconds::*stage :
        {&StageSeconds::setup, &StageSeconds::residuals, &StageSeconds::jacobians,
         &StageSeconds::hessian, &StageSeconds::elimination, &StageSeconds::factorization,
@@ -73,6 +90,7 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
 
 }  // namespace
 
+// Numbers of factors are places there, and a free place has no factor to evaluate.
 bool TakesBatchPhase(const FactorGraph& graph) {
   for (FamilyId family = 0; family < graph.num_families(); ++family) {
     if (graph.NumFreePlaces(family) > 0) {
@@ -84,6 +102,8 @@ bool TakesBatchPhase(const FactorGraph& graph) {
 
 SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batch& tuning,
                            BatchEnd end) {
+  // Without an incremental part the options are what inceres::Solve has: its trace is to be the
+  // same.
   const bool only = options.batch_share == 0.0;
   SolverOptions batch;
   batch.strategy = options.batch_strategy;
@@ -98,7 +118,10 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   // Down to what may be left: one more iteration here costs less than to linearize everything for
   // the incremental system. Where there will be none the observer says when nothing is left.
   batch.function_tolerance = options.function_tolerance;
+  // The radius of Levenberg–Marquardt is one over its damping.
   batch.initial_trust_region_radius = 1.0 / options.initial_damping;
+  // Marquardt's rule goes on where others have given up; all its ends but the gradient's are the
+  // observer's, which sees stagnation and refusals.
   if (!only && options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
     batch.function_tolerance = 0.0;
     batch.gradient_tolerance = tuning.gradient_tolerance;
@@ -108,17 +131,21 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.initial_trust_region_radius =
         std::min(batch.initial_trust_region_radius, tuning.max_radius);
   } else if (!only) {
+    // Far below what may be left: Ceres's rule, of one step only, is to come after the observer's.
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
   batch.gradient_tolerance = std::max(batch.gradient_tolerance, options.gradient_tolerance);
   batch.parameter_tolerance = options.parameter_tolerance;
   batch.min_relative_decrease = options.min_relative_decrease;
+  // Neither is Ceres's, so neither is there where its iterates are asked for.
   batch.refine_landmarks = !only && options.max_landmark_refinements > 0;
   batch.reduce_curvature_of_losses = !only;
   return batch;
 }
 
+// The order of the verdicts below: a cost that is no number, the user, the observer's rule, a
+// limit, and last what Ceres's rule has called convergence.
 BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
                      const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
                      const double** shown_state, UpdateTrace* trace) {
@@ -133,6 +160,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   Summary solved;
   SolveWith(batch, loop, graph, solver, &solved);
   Count(solved, observer, summary);
+  // The summary of the batch solver has the lowest cost seen; here the cost belongs to the state.
   const bool cost_of_state = solved.IsSolutionUsable() && !solved.iterations.empty();
   summary->final_cost = cost_of_state ? observer.cost() : solved.final_cost;
   summary->ended_by_batch_rule = false;
@@ -141,6 +169,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     return {Termination::kFailure};
   }
   if (observer.ended_by_user()) {
+    // The user's word ends the Update: nothing is done incrementally after it.
     return {solved.termination, true};
   }
   if (observer.settled()) {
@@ -154,6 +183,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
   const bool held_back = IsHeldBack(solved, observer, batch, tuning);
+  // Without iterations nothing can move, which is a minimum.
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   const bool settled = observer.promises_little() && HasSettled(solved, options, tuning);
@@ -164,6 +194,8 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
 BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,
                            const std::atomic<bool>& stop, FactorGraph* graph,
                            const double** shown_state, UpdateTrace* trace) {
+  // Holds nothing for a next call: what an incremental solver keeps from one Update to the next is
+  // its own system.
   Solver solver(/*max_bytes=*/0);
   return RunPart(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
 }

@@ -7,11 +7,23 @@
 
 namespace inceres::internal {
 
+// Rows of the least-squares problem for marginalization (docs/algorithms.md, "Linearization" and
+// "Marginalization"), from what incremental mode has cached instead of an evaluation. Kept is √w (I
+// − α n nᵀ) J with the weight w and α of the linearization; wanted is √ρ' J and √ρ' f with the
+// weight ρ' of now and no second-order term, as a batch linearization of a loss with ρ'' ≤ 0 has
+// it. So J is scaled by √(ρ'/w), and the correction, of rank one, is undone. The residual is the
+// current one and exact; only the age of J is an error, which the caller bounds by `limit`.
+//
+// Buffers are used again from call to call: a result is valid until the next one.
+
+// The error is compared so that a NaN is not good.
 bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
   if (ref.factor >= family.num_places() || !family.linearized(ref.factor) || system_.IsDirty(ref) ||
       !(family.SquaredError(ref.factor) <= limit_)) {
     return false;
   }
+  // Zero: no weight now. Infinite or NaN: next to none at the linearization, of which nothing can
+  // be restored.
   const double ratio = family.WeightRatio(ref.factor);
   return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
 }
@@ -31,6 +43,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   const double scale = std::sqrt(family.WeightRatio(id.index));
   slots_.resize(family.num_slots());
   jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
+  // Slots that nobody wants keep their layout and have no data.
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId variable = family.variables(id.index)[s];
     const SlotJacobians& cached = family.slots()[s];
@@ -38,16 +51,20 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
     if (!wanted(variable)) {
       continue;
     }
+    // A variable that was constant when the factor was linearized has no Jacobian in the cache.
     if (schur.structure().FrameOfFactor(ref, s) < 0 &&
         (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
       return false;
     }
+    // A copy: the cached one stays part of S.
     const double* J = family.Jacobian(id.index, s);
     jacobians_[s].assign(J, J + cached.factor_stride);
     for (double& entry : jacobians_[s]) {
       entry *= scale;
     }
     if (family.IsCorrected(id.index)) {
+      // (I + β n nᵀ) times the kept one is the plain one: scalars commute with it, so the order is
+      // free.
       TakeBackCorrection(family.correction(id.index), family.residual_size(), cached,
                          jacobians_[s].data());
     }
@@ -55,6 +72,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   }
   f_.assign(family.residual(id.index), family.residual(id.index) + family.residual_size());
   for (double& entry : f_) {
+    // √ρ' f, not the q of the family: q has the correction of the old linearization in it.
     entry *= std::sqrt(family.weight(id.index));
   }
   *result = {family.residual_size(), f_.data(), slots_.data()};

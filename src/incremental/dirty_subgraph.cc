@@ -30,8 +30,13 @@ int DirtySubgraph::Count(const std::vector<IndexSet>& sets) {
 
 // By difference a dirty factor takes its old one's place, and with it its landmark; anew,
 // everything goes in once.
+// Both in block products. Adding costs 1 a contribution or block product, replacing replace_cost_
+// times that. A landmark's cost is shared out among its factors, so that dirty factors alone have
+// to be walked, not landmarks. A landmark that is dirty by itself, to be damped anew, does not
+// count.
 bool DirtySubgraph::RebuildIsCheaper(int num_factors) const {
   double difference = 0.0;
+  // All factors once, and all landmarks that are in S.
   const auto anew = static_cast<double>(num_factors + schur_.NumPairs());
   for (const IncrementalFamily& family : families_) {
     factors_[family.id()].ForEach([&](std::int32_t i) {
@@ -47,6 +52,8 @@ bool DirtySubgraph::RebuildIsCheaper(int num_factors) const {
   return difference > anew;
 }
 
+// ½ ηᵀ[(P + μD)⁻¹ − (P + λD)⁻¹]η, summed over landmarks with a pivot that is mostly damping
+// (docs/algorithms.md, "Stopping rule", trust rule 4). All or none: the sum is what is compared.
 bool DirtySubgraph::MarkHidden(double lambda, double gain) {
   double hidden = 0.0;
   list_.clear();
@@ -73,6 +80,7 @@ void DirtySubgraph::Recenter(const IncrementalFamily& family,
     return;
   }
   for (const std::int32_t i : factors) {
+    // Costs of before and after do not compare, and the factor's last step says nothing of it now.
     if (family.Recenter(i)) {
       ++num_recentered_;
       MarkChanged({family.id(), i});
@@ -80,6 +88,8 @@ void DirtySubgraph::Recenter(const IncrementalFamily& family,
   }
 }
 
+// Before anything is linearized: a factor that moves its expansion point is another function. The
+// counter has those of accepted steps since the last call, too.
 void DirtySubgraph::Begin(RelinearizeWork* work) {
   for (const IncrementalFamily& family : families_) {
     factors_[family.id()].CopyTo(&list_);
@@ -107,18 +117,23 @@ void DirtySubgraph::ReweighFamily(IncrementalFamily* family) {
   reweighed.Clear();
   for (const std::int32_t i : list_) {
     const FactorRef ref{family->id(), i};
-    // It is linearized anyway, under the loss that it has by now.
+    // It is evaluated anyway, and without a second-order term: under another loss its residual has
+    // not been seen to be steady.
     if (factors_[family->id()].Has(i)) {
       family->Unsettle(i);
       continue;
     }
+    // The rows as they are in S, before Reweigh writes over J and q.
     const std::ptrdiff_t kept = schur_.KeepFactor(ref);
     const double cost = family->Cost(i);
     if (family->Reweigh(i)) {
       schur_.ReplaceFactor(ref, kept);
+      // The change alone: the factor was and stays part of the sum.
       cost_.Add(family->Cost(i) - cost);
       const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
       if (landmark >= 0) {
+        // P and η are sums over the factor, so the landmark's contribution follows with the next
+        // elimination.
         MarkLandmark(landmark);
       }
       reweighed_list_.push_back(ref);
@@ -141,6 +156,9 @@ Status DirtySubgraph::Linearize(bool by_difference) {
   return Status::Ok();
 }
 
+// In three passes over the list: what is known of the old linearizations goes into kept_ and out of
+// the cost; the family is evaluated on threads; the new ones take their places in S. An evaluation
+// that fails leaves the cost of before.
 Status DirtySubgraph::LinearizeFamily(IncrementalFamily* family, bool by_difference) {
   const double cost = cost_.value();
   Status status = Keep(family, by_difference);
@@ -151,6 +169,7 @@ Status DirtySubgraph::LinearizeFamily(IncrementalFamily* family, bool by_differe
   }
   for (std::size_t k = 0; k < kept_.size(); ++k) {
     const FactorRef ref{family->id(), list_[k]};
+    // kept_ is empty where S is rebuilt: the sum over all factors comes later.
     if (kept_[k] >= 0) {
       schur_.ReplaceFactor(ref, kept_[k]);
     } else {
@@ -175,10 +194,12 @@ Status DirtySubgraph::Keep(IncrementalFamily* family, bool by_difference) {
       cost_.Add(-family->Cost(i));
     }
     if (by_difference) {
+      // A new factor has nothing to be replaced and is added.
       kept_.push_back(family->linearized(i) ? schur_.KeepFactor(ref) : -1);
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
+      // M = ∂(x ⊞ δ)/∂δ of each variable, at most once a move, before threads read it.
       if (!variables_.RefreshMap(graph_, id)) {
         return Status::Error(
             StatusCode::kEvaluationFailed,
@@ -199,6 +220,7 @@ Status DirtySubgraph::EvaluateFamily(IncrementalFamily* family) {
   for (const std::int32_t i : list_) {
     cost_.Add(family->Cost(i));
   }
+  // A cost that is not finite would spoil every difference from here on.
   return std::isfinite(cost_.value()) ? Status::Ok() : InfiniteCost(*family);
 }
 

@@ -5,9 +5,18 @@
 #include <cstddef>
 
 namespace inceres::internal {
+
+// What a covariance from the live factor leaves open (docs/algorithms.md, "From a live factor"):
+// the factor of S is that of old linearizations, with damped landmarks, at values that a pending
+// step would still move. All of it is known from caches: the error of an old linearization is ‖f −
+// f̂‖, and a pending step is what FrameStep has not applied yet. Only variables that are asked for
+// and their factors are looked at, of a frame also those of the landmarks that it sees.
+
 namespace {
 
 // Of one variable after the other.
+// It adds to a count that other variables have begun: maxima and sums, so that their order does not
+// matter. A factor of two of them is counted twice.
 class StalenessOf {
  public:
   StalenessOf(const IncrementalSystem& system, const std::vector<double>& frame_step,
@@ -16,12 +25,14 @@ class StalenessOf {
 
   void AddVariable(VariableId id) {
     const int frame = system_.FrameOf(id);
+    // A landmark's own step follows from those of its frames.
     if (frame < 0) {
       AddLandmark(system_.LandmarkOf(id));
       AddStep(schur_.landmarks()[system_.LandmarkOf(id)]);
       return;
     }
     AddFactors(schur_.frames()[frame].factors);
+    // Factors with a landmark are listed with the landmark only.
     for (const std::int32_t landmark : schur_.frames()[frame].landmarks) {
       AddLandmark(landmark);
     }
@@ -33,6 +44,7 @@ class StalenessOf {
  private:
   void AddLandmark(std::int32_t l) {
     AddFactors(schur_.landmarks()[l].factors);
+    // Outside S its last λ is of a contribution that is gone.
     if (schur_.IsInS(l)) {
       staleness_.landmark_damping =
           std::max(staleness_.landmark_damping, schur_.blocks().lambda(l));
@@ -42,6 +54,8 @@ class StalenessOf {
     for (const FactorRef& ref : factors) {
       const IncrementalFamily& family = system_.families()[ref.family];
       const double error = family.SquaredError(ref.factor);
+      // Any error counts as stale, however far below the limits of relinearization. A dirty factor
+      // is another function, of which the error says nothing.
       if (error > 0.0 || system_.IsDirty(ref)) {
         ++staleness_.num_stale_factors;
         staleness_.largest_residual_error =
@@ -53,11 +67,13 @@ class StalenessOf {
   void AddStep(const IncrementalSchur::Landmark& landmark) {
     std::vector<double> padded(std::size_t(system_.variables().num_quads()) * kQuad, 0.0);
     for (const std::int32_t frame : landmark.frames) {
+      // A held frame has no step, whatever is left in its entries.
       const int size = schur_.frames()[frame].held ? 0 : schur_.frames()[frame].size;
       std::copy_n(frame_step_.begin() + schur_.FrameOffset(frame), size,
                   padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
     }
     const auto l = static_cast<std::int32_t>(&landmark - schur_.landmarks().data());
+    // Zero outside S.
     schur_.blocks().BackSubstitute(l, padded.data());
     for (int k = 0; k < landmark.size; ++k) {
       AddStep(padded[std::ptrdiff_t{landmark.quad} * kQuad + k]);

@@ -5,13 +5,26 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// S and b by difference (docs/algorithms.md, "Incremental Schur complement"). The rule that keeps
+// the sums right is that a contribution goes out as the very numbers it went in with: a landmark's
+// Y and z are kept for that, and a factor's rows while its Jacobians are exchanged. What goes in
+// and out again leaves rounding of the size of the largest value that was ever there, so rows whose
+// values have fallen far below their peaks are summed anew.
+//
+// A landmark is either wholly in S (kInS), in some rows of it (kInRows), or outside. Its η and its
+// gain ½ ‖z‖² are kept beside S. Sums run in the order of the factors in their lists, on the
+// calling thread: the same edits give the same bits.
+
 namespace {
 
-// All rows are looked at when the cost has fallen by this.
+// All rows are looked at when the cost has fallen by this. b is at most √(2 F C_kk), F being the
+// cost: when that falls, entries that nobody has touched since may be rounding.
 constexpr double kCostDrop = 1e2;
 
 }  // namespace
 
+// Packed vectors have no holes: rows behind one that came or went are read anew.
 void IncrementalSchur::UpdateOffsets(std::int32_t first) {
   offsets_.resize(frames().size() + 1);
   for (std::size_t i = first; i < frames().size(); ++i) {
@@ -20,6 +33,8 @@ void IncrementalSchur::UpdateOffsets(std::int32_t first) {
   }
 }
 
+// The row of a removed frame may serve again; a new one goes to the end, where a resumed factor has
+// least to do.
 int IncrementalSchur::AddFrame(VariableId id, std::int32_t quad, int size) {
   const std::int32_t row = structure_.AddFrame(id, quad, size);
   if (row < sums_.S().num_rows()) {
@@ -41,6 +56,7 @@ void IncrementalSchur::RemoveFrame(std::int32_t row) {
   sums_.changes().Touch(row);
 }
 
+// Nothing of S changes, but the solver has another system to factor.
 void IncrementalSchur::HoldFrame(std::int32_t row, bool held) {
   structure_.HoldFrame(row, held);
   sums_.changes().Touch(row);
@@ -68,6 +84,7 @@ void IncrementalSchur::HoldLandmark(std::int32_t index, bool held) {
 void IncrementalSchur::Connect(FactorRef ref, const std::int32_t* frames, std::int32_t landmark) {
   structure_.Connect(ref, frames, landmark);
   if (landmark >= 0) {
+    // Its separator may have another frame: the blocks of Y will be placed anew.
     blocks_.Displace(landmark);
   }
   factors_.Connect(ref);
@@ -80,6 +97,7 @@ void IncrementalSchur::Disconnect(FactorRef ref) {
   }
 }
 
+// With the Y and z it has. While S is rebuilt nothing is subtracted: the sums are zeroed later.
 void IncrementalSchur::TakeOut(std::int32_t landmark) {
   if (IsInS(landmark)) {
     if (!rebuilding_) {
@@ -88,6 +106,7 @@ void IncrementalSchur::TakeOut(std::int32_t landmark) {
     num_pairs_ -= blocks_.NumPairs(landmark);
     blocks_.SetState(landmark, LandmarkState::kOutside);
   }
+  // Zero, for it is outside now.
   RenewGain(landmark);
 }
 
@@ -100,29 +119,38 @@ bool IncrementalSchur::Invert(std::int32_t landmark, double lambda) {
     sums_.vectors().DropChange(l.quad, l.size);
     blocks_.Sum(landmark, sums_.vectors().rhs(l.quad));
     if (bounds_ != nullptr) {
+      // With η just summed. A coordinate that is held leaves U_inv, so this comes before it is
+      // inverted.
       bounds_->Hold(l.id, l.quad, sums_.vectors().rhs(l.quad));
     }
   }
   return blocks_.Invert(landmark, lambda, HeldAtBounds(l.quad));
 }
 
+// An undetermined landmark waits there for another factor or linearization; it is counted, and a
+// held one is not.
 void IncrementalSchur::LeaveOutside(std::int32_t landmark) {
   blocks_.SetState(landmark, landmarks()[landmark].held ? LandmarkState::kOutside
                                                         : LandmarkState::kUndetermined);
 }
 
 void IncrementalSchur::Eliminate(std::int32_t landmark) {
+  // Blocks of S are found, or added, when the landmark's separator has changed, and not otherwise.
   blocks_.Place(landmark, [this](std::int32_t row, std::int32_t column) {
     return sums_.BlockOf(row, column);
   });
   blocks_.Eliminate(landmark, eta(landmark));
 }
 
+// The one verb by which a landmark comes, changes or turns out to have no information.
 void IncrementalSchur::PutIn(std::int32_t landmark, double lambda) {
   if (!Invert(landmark, lambda)) {
+    // P and U_inv are new by now, but Y and z are still those that are in S.
     TakeOut(landmark);
     return LeaveOutside(landmark);
   }
+  // It is there already, with blocks to exchange: one pass over S instead of two. Without frames
+  // there is nothing to exchange, and adding adds nothing.
   if (IsInS(landmark) && blocks_.SizeOfY(landmark) > 0) {
     contributions_.EliminateAnew(landmark, eta(landmark));
   } else {
@@ -134,6 +162,8 @@ void IncrementalSchur::PutIn(std::int32_t landmark, double lambda) {
   RenewGain(landmark);
 }
 
+// For the steps of new frames: the rows of all others are held there, and S is spared what the full
+// step replaces anyway. The gain is not renewed, for the landmark is not part of S.
 void IncrementalSchur::PutIntoRows(std::int32_t landmark, double lambda, const IndexSet& rows) {
   if (!Invert(landmark, lambda)) {
     return LeaveOutside(landmark);
@@ -143,6 +173,7 @@ void IncrementalSchur::PutIntoRows(std::int32_t landmark, double lambda, const I
   blocks_.SetState(landmark, LandmarkState::kInRows);
 }
 
+// Those that were held or undetermined have never been put in.
 void IncrementalSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows) {
   if (blocks_.state(landmark) == LandmarkState::kInRows) {
     contributions_.AddWithin(landmark, 1.0, rows);
@@ -151,8 +182,10 @@ void IncrementalSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows
 }
 
 void IncrementalSchur::RefreshResidual(std::int32_t landmark) {
+  // Also of a landmark outside S: its η stays right.
   sums_.vectors().TakeChange(landmarks()[landmark].quad, landmarks()[landmark].size);
   if (IsInS(landmark)) {
+    // P is unchanged, and with it Y and S: only z and b follow.
     blocks_.RenewZ(landmark, eta(landmark), sums_.vectors().rhs());
     RenewGain(landmark);
   }
@@ -160,9 +193,11 @@ void IncrementalSchur::RefreshResidual(std::int32_t landmark) {
 
 void IncrementalSchur::TakeChange(int frame) {
   sums_.vectors().TakeChange(frames()[frame].quad, frames()[frame].size);
+  // S is not touched: the factor stays, and the solver substitutes anew.
   sums_.changes().TouchB(frame);
 }
 
+// In the usual case only rows that were touched are looked at.
 int IncrementalSchur::ResumDrifted(double cost) {
   scratch_.clear();
   const auto look_at = [this, cost](std::int32_t row) {
@@ -174,18 +209,24 @@ int IncrementalSchur::ResumDrifted(double cost) {
     for (std::int32_t row = 0; row < static_cast<std::int32_t>(frames().size()); ++row) {
       look_at(row);
     }
+    // From here on the next fall is measured.
     drift_cost_ = cost;
   } else {
     sums_.changes().unchecked().ForEach(look_at);
+    // The largest cost since all rows were looked at.
     drift_cost_ = std::max(drift_cost_, cost);
   }
+  // Listed first: summing a row touches others, and the list is not to change under the walk.
   for (const std::int32_t row : scratch_) {
     ResumFrame(row);
   }
+  // Rows that were just summed anew need no look.
   sums_.changes().ClearUnchecked();
   return static_cast<int>(scratch_.size());
 }
 
+// One row and its column, of factors with frames only and of landmarks that see the frame. Factors
+// of a landmark are listed with the landmark.
 void IncrementalSchur::ResumFrame(std::int32_t frame) {
   const Frame& f = frames()[frame];
   sums_.ZeroRow(frame, f.quad, f.size);
@@ -204,10 +245,13 @@ void IncrementalSchur::ResumFrame(std::int32_t frame) {
   sums_.changes().Touch(frame);
 }
 
+// Families, then landmarks, each in the order of their places. Landmarks go in with the Y and z
+// that they have; those that were taken out come by PutIn.
 void IncrementalSchur::Rebuild() {
   rebuilding_ = false;
   sums_.S().Zero();
   for (std::int32_t row = 0; row < static_cast<std::int32_t>(frames().size()); ++row) {
+    // Free rows have no place in the padded vectors.
     if (frames()[row].id >= 0) {
       sums_.vectors().Zero(frames()[row].quad, frames()[row].size);
       sums_.changes().Touch(row);
@@ -227,6 +271,7 @@ void IncrementalSchur::Rebuild() {
   }
 }
 
+// ½ ‖z‖² = ½ ηᵀ (P + λD)⁻¹ η.
 void IncrementalSchur::RenewGain(std::int32_t landmark) {
   const double* z = blocks_.z(landmark);
   const int size = IsInS(landmark) ? landmarks()[landmark].size : 0;
@@ -237,6 +282,7 @@ void IncrementalSchur::RenewGain(std::int32_t landmark) {
   gains_.Set(landmark, gain);
 }
 
+// What cannot move has no gradient: held variables, coordinates at bounds, landmarks outside S.
 void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
   double largest = 0.0;
   double squared = 0.0;

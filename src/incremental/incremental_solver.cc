@@ -15,6 +15,18 @@
 
 namespace inceres {
 
+// The solver between its parts: the graph, the batch solver that works on the graph's state, and
+// the living system that has values of its own. Whoever moved last has the right values; TakeValues
+// brings the graph up to date before the batch solver works on it, and the living system takes them
+// back afterwards. The living system is made only when it is needed.
+//
+// Two kinds of dirty factors are told apart by num_waiting_: those that edits have changed, and
+// those that only wait to be linearized where the batch solver has left the values. The former
+// decide whether an Update goes to the batch solver again.
+//
+// After a failure, or when an observer takes an Update back, nothing that was cached survives: the
+// values are good, what was computed halfway is not.
+
 using internal::IncrementalMinimizer;
 using internal::IncrementalSystem;
 using internal::UpdateTrace;
@@ -22,6 +34,7 @@ using internal::UpdateTrace;
 namespace {
 
 // As if newly made, but for the memory it holds.
+// Strings and rows keep their capacity, so that a steady stream of Updates does not allocate.
 void Clear(UpdateSummary* summary) {
   UpdateSummary cleared;
   cleared.message.swap(summary->message);
@@ -43,6 +56,7 @@ bool OnlyAdds(const GraphEdit& edit) {
 }  // namespace
 
 // The graph's state follows the values held now.
+// No-op without a living system: the graph's values are then the ones held.
 void IncrementalSolver::Impl::TakeValues() {
   for (VariableId id = 0; live != nullptr && id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id)) {
@@ -54,6 +68,8 @@ void IncrementalSolver::Impl::TakeValues() {
 void IncrementalSolver::Impl::Form() {
   if (live == nullptr) {
     Restart();
+    // All factors are dirty in a system that was just made. They are nothing new if the batch
+    // solver has been there.
     num_waiting_ = in_batch_ ? live->NumDirtyFactors() : 0;
     in_batch_ = false;
   }
@@ -62,9 +78,12 @@ void IncrementalSolver::Impl::Form() {
 // A new system from the values held now: nothing cached survives.
 void IncrementalSolver::Impl::Restart() {
   TakeValues();
+  // It is a factor of the old system's S.
   undamped_ = nullptr;
   live = std::make_unique<IncrementalSystem>(graph, options_.num_threads, tuning_);
   minimizer_ = std::make_unique<IncrementalMinimizer>(options_, tuning_, live.get());
+  // Variables first, since factors look their rows up; then families in their order, so that rows
+  // and sums do not depend on how the graph came to be.
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     if (graph.HasVariable(id)) {
       live->AddVariable(id);
@@ -77,15 +96,18 @@ void IncrementalSolver::Impl::Restart() {
       }
     }
   }
+  // Everything is new here; steps of new frames are for those that come to others.
   live->ForgetNewFrames();
 }
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
+  // What has converged by stricter options has by looser ones.
   converged_ = converged_ && options.function_tolerance >= options_.function_tolerance &&
                options.gradient_tolerance >= options_.gradient_tolerance &&
                options.parameter_tolerance >= options_.parameter_tolerance &&
                options.fixed_cost <= options_.fixed_cost;
   IncrementalOptions taken = options;
+  // Threads and the reduced solver belong to what was built by the constructor.
   taken.num_threads = options_.num_threads;
   taken.reduced_solver = options_.reduced_solver;
   taken.reduced_solver_factory = options_.reduced_solver_factory;
@@ -95,6 +117,8 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   }
 }
 
+// Before the first Update only the graph follows: a problem that is solved once needs no more.
+// Later edits are followed by difference.
 Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   Status status = options_.Validate();
   if (status.ok() && (begun_ || live != nullptr)) {
@@ -104,6 +128,7 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
     status = internal::ActiveBounds::Check(edit);
     status = status.ok() ? graph.Apply(edit) : status;
   }
+  // An edit that was refused has changed nothing.
   if (!edit.empty() && status.ok()) {
     converged_ = false;
     edited_ = true;
@@ -112,6 +137,8 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   return status;
 }
 
+// Cached rows serve where their old linearizations err by less than the limit, which is the first
+// one of "Relinearization" with the smaller share: what marginalization keeps is final.
 MarginalizationSummary IncrementalSolver::Impl::Marginalize(const MarginalizationRequest& request,
                                                             const MarginalizationOptions& options) {
   MarginalizationSummary refused;
@@ -128,6 +155,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
                                          std::max(1, graph.num_factors()));
   internal::MarginalizationTarget target;
   target.graph = &graph;
+  // The values of the living system, for the graph's may be older.
   target.values = [this](VariableId id) { return live->variables().current(id); };
   target.cached = [&](FactorId id, const auto& wanted, internal::LinearizedFactor* rows) {
     return cached.Find(id, wanted, rows);
@@ -138,6 +166,8 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
 
 // The graph's state is where the batch solver works; the incremental system then starts from what
 // it found. True if nothing is left to do.
+// The values go both ways: into the graph before, and into the living system, if there is one,
+// after.
 bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
   const internal::BatchOutcome outcome =
@@ -151,6 +181,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
     in_batch_ = true;
     return outcome.finished;
   }
+  // Where all factors are dirty nothing cached is lost by new values; else the system is made anew.
   if (live->NumDirtyFactors() == graph.num_factors()) {
     live->TakeValues();
   } else {
@@ -164,6 +195,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
 
 // From the values an Update with an observer began with, as if nothing had ever been computed for
 // them.
+// start_state_ has the values of all variables; what was cached belongs to others.
 void IncrementalSolver::Impl::PutBackStart() {
   graph.mutable_state() = start_state_;
   undamped_ = nullptr;
@@ -181,6 +213,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     summary->message = valid.message;
     return;
   }
+  // Without an edit since, the same Update would find the same: it has one row and no work.
   if (converged_) {
     changed_rows_.clear();
     summary->termination = Termination::kConvergence;
@@ -194,12 +227,14 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
       live->schur().changes().TakeRowsOfS(&changed_rows_);
     }
     converged_ = summary->termination == Termination::kConvergence && !held_back_;
+    // S and b are incomplete after a failed linearization.
     if (summary->termination == Termination::kFailure && live != nullptr) {
       Restart();
     } else if (summary->termination == Termination::kUserFailure) {
       cost_ = summary->initial_cost;
       PutBackStart();
     }
+    // There is no factor to take covariances from.
     edited_ = summary->termination == Termination::kFailure ||
               summary->termination == Termination::kUserFailure;
     summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
@@ -217,6 +252,7 @@ void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
     Minimize(trace);
     return;
   }
+  // The copy to be put back, which only an Update that someone looks on needs.
   TakeValues();
   start_state_ = graph.state();
   const double start_cost = cost_;
@@ -235,12 +271,15 @@ void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearized where the batch solver left them are nothing new.
+  // Without a living system all are new, unless the batch solver has just left them.
   const double num_new = live != nullptr
                              ? live->NumDirtyFactors() - num_waiting_ + live->NumReweighedFactors()
                          : in_batch_ ? 0
                                      : graph.num_factors();
   begun_ = true;
   const bool batch_only = options_.batch_share == 0.0;
+  // A share of factors, not a count: the batch solver wins when most of the system would be
+  // replaced.
   const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) &&
                      internal::TakesBatchPhase(graph);
   bool finished = false;
@@ -257,8 +296,10 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     held_back_ = false;
     Form();
     const std::size_t rows_before = trace->summary().iterations.size();
+    // A batch phase has brought the values near the minimum, however new the factors are.
     minimizer_->Minimize(!batch && num_new > tuning_.rebuild.mostly_new * graph.num_factors(), stop,
                          trace);
+    // No row was written: not even the start has a cost.
     const bool failed_at_once = trace->summary().termination == Termination::kFailure &&
                                 trace->summary().iterations.size() == rows_before;
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
@@ -302,6 +343,7 @@ UpdateSummary IncrementalSolver::Update() {
   return summary;
 }
 
+// Readers of snapshots see an Update's outcome as a whole, also after a failure.
 void IncrementalSolver::Update(UpdateSummary* summary, UpdateObserver* observer) {
   impl_->Update(summary, observer);
   impl_->PublishSnapshot(summary->termination);

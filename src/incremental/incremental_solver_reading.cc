@@ -4,6 +4,10 @@
 
 namespace inceres {
 
+// What is told here is of the last Update; nothing of it moves a value. Covariances need a factor
+// of S, which an Update may not have left: then it is made here, by the same parts that an Update
+// uses. Snapshots are the one thing that other threads may read, and go through LatestValue.
+
 void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
   if (!options_.publish_snapshots) {
     return;
@@ -12,6 +16,8 @@ void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
   snapshot->number_ = ++num_snapshots_;
   snapshot->cost_ = cost_;
   snapshot->termination_ = termination;
+  // The buffer has served before: its memory is used again, and publishing allocates only where the
+  // problem has grown.
   snapshot->offsets_.clear();
   snapshot->values_.clear();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -31,6 +37,8 @@ bool IncrementalSolver::Impl::ReadSnapshot(ValueSnapshot* snapshot) {
 }
 
 // Where the batch solver was the last to move, or no step was asked for since S has other rows.
+// kSingular is an answer, of a free gauge, and leaves the system whole; any other failure leaves S
+// and b incomplete.
 Status IncrementalSolver::Impl::PrepareAnew(bool factorize) {
   Form();
   const Status status = factorize ? minimizer_->FactorizeAnew() : minimizer_->LinearizeAnew();
@@ -45,6 +53,8 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
                                            const LiveCovarianceOptions& options,
                                            LiveCovariance* covariance) {
   *covariance = LiveCovariance();
+  // Refusals in the order of their cost: options, a graph that was edited, a missing factor, values
+  // at bounds.
   Status status = options_.Validate();
   status = status.ok() ? options.Validate() : status;
   if (status.ok() && edited_) {
@@ -64,6 +74,7 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   if (!status.ok()) {
     return status;
   }
+  // With a coordinate held, S + μD is that of a smaller problem, with 10¹² S_kk on the diagonal.
   if (live->bounds().num_held() > 0) {
     return Status::Error(StatusCode::kUnavailable,
                          "values are held at their bounds; GraphCovariance, which leaves bounds "
@@ -78,6 +89,7 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() {
+  // The lower triangle without its diagonal, by rows of S; a free row has the id -1.
   ReducedStructure structure;
   if (!options_.Validate().ok()) {
     return structure;

@@ -1,18 +1,31 @@
 #include "incremental/incremental_system.h"
 
-// A living problem as a whole: an edit is followed by members, marks and values in one order, an
-// accepted step by residuals, b and values, and S and b are made current in Relinearize
-// (docs/algorithms.md, "Incremental Schur complement"; the thesis's algorithms 2 to 4).
-
 namespace inceres::internal {
 
-// Nothing changes before all of the edit was checked.
+// The caches of a living problem, brought up to date (docs/algorithms.md, "Incremental Schur
+// complement"; the thesis's algorithms 2 to 4). Edits and steps mark factors and landmarks;
+// Relinearize does for all of them what was put off: weights, expansion points, linearizations, S
+// and b, the landmarks' elimination, and at last who is held at a bound, which needs b.
+//
+// The order within it matters. A factor's contribution goes out with the rows that went in, so
+// those are kept before its Jacobian is written over. A landmark's contribution has its own Y and z
+// and may stay in S until all its factors are new. Constants, drift and the cost are looked at when
+// the sums are right again.
+//
+// The cost is kept by difference as well, and S and b are incomplete after a failure: the caller
+// makes a new system then.
+
+// The order is that in which each part finds what it needs: factors leave before their variables,
+// all of that before the graph forgets them; variables come before their factors, after the graph
+// knows them; new values, pins and bounds last, for what has just come may have them too.
+// Everything is checked first, since nothing below can be undone.
 Status IncrementalSystem::Apply(const GraphEdit& edit) {
   Status status = ActiveBounds::Check(edit);
   status = status.ok() ? graph_.Check(edit, &removed_) : status;
   if (!status.ok()) {
     return status;
   }
+  // What LittleHasCome rests on: H has only gained, and the gradient only by the new residuals.
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
                edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
@@ -21,7 +34,6 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   return Status::Ok();
 }
 
-// What goes is taken out while the graph still knows it, and what comes after it does.
 void IncrementalSystem::FollowVariablesAndFactors(const GraphEdit& edit) {
   for (const FactorId& id : removed_) {
     members_.RemoveFactor({id.family, id.index});
@@ -48,6 +60,7 @@ void IncrementalSystem::FollowFunctionsAndValues(const GraphEdit& edit) {
   toggled_.clear();
   for (const auto& [id, constant] : edit.constants()) {
     toggled_.push_back(id);
+    // A constant may lie outside its bounds; set free, it may not.
     Confine(id);
   }
   members_.FollowConstants(toggled_);
@@ -75,6 +88,7 @@ void IncrementalSystem::SetValues(VariableId id, const double* values) {
   if (!graph_.IsConstant(id)) {
     bounds_.Confine(id);
   }
+  // Of a constant too: its factors see other values.
   MarkMoved(id);
 }
 
@@ -89,6 +103,7 @@ void IncrementalSystem::MarkMoved(VariableId id) {
   });
 }
 
+// After the batch solver: no factor's last step has led here, so none is steady.
 void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
   only_grew_ = false;
@@ -125,14 +140,18 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
   if (!linearized.ok()) {
     return linearized;
   }
-  // Landmarks to be eliminated anyway are not summed with the Y and z they had.
   if (work->rebuilt) {
+    // While S is rebuilt TakeOut only forgets. The others go in with the Y and z they have, these
+    // follow with new ones.
     dirty_.TakeOutLandmarks();
     schur_.Rebuild();
   }
   work->num_landmarks = dirty_.Eliminate(lambda);
   cost_.Resum(families_, num_factors());
+  // After S and b have changed for the last time; what is summed anew there does not change what
+  // they are, but for rounding.
   work->num_drifted_frames = schur_.ResumDrifted(cost());
+  // By the b of now, so it comes last.
   HoldAtBounds();
   return Status::Ok();
 }
@@ -142,6 +161,7 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
 void IncrementalSystem::HoldAtBounds() {
   members_.bounded_frames().ForEach([this](std::int32_t row) {
     const IncrementalSchur::Frame& frame = schur_.frames()[row];
+    // A constant frame is not held at bounds; it is left out as a whole.
     const bool changed = frame.held ? bounds_.Release(frame.quad, frame.size)
                                     : bounds_.Hold(frame.id, frame.quad, schur_.b(row));
     if (changed) {
@@ -150,8 +170,8 @@ void IncrementalSystem::HoldAtBounds() {
   });
 }
 
-// The values last: the touched factors' shares of b follow from residuals at the candidate, which
-// is still beside the values.
+// Residuals first, for b follows from the products that the trial has left with the factors; then
+// the values. Jacobians stay: MarkStale looks at their errors afterwards.
 int IncrementalSystem::AcceptValues() {
   for (IncrementalFamily& family : families_) {
     cost_.Add(family.Accept(step_.Touched(family.id())));
@@ -159,6 +179,8 @@ int IncrementalSystem::AcceptValues() {
   const int num_updated = step_.UpdateRhs();
   step_.MoveValues();
   if (bounds_.any()) {
+    // A gradient that has turned at a bound frees a coordinate, or holds one. For a landmark that
+    // is part of its U_inv.
     step_.ForEachUpdated([this](std::int32_t l) {
       const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
       if (schur_.IsInS(l) && bounds_.IsDue(landmark.id, landmark.quad, schur_.eta(l))) {

@@ -5,6 +5,20 @@
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
+
+// The landmarks' blocks (docs/algorithms.md, "Schur complement"). With L Lᵀ = P + λ diag P,
+//
+//     U_inv = L⁻¹,   Y = W U_invᵀ,   z = U_inv η,   δ_l = U_invᵀ (z − Yᵀ δ_c).
+//
+// P is summed anew whenever a factor has another linearization, never updated, so it is always as
+// exact as its factors, and stays positive semidefinite. W is not kept: Y_lf = Σ J_fᵀ (J_l U_invᵀ)
+// comes from the cached Jacobians.
+//
+// P, U_inv and z have fixed places of four by four and four. Y lies in one array of quads, one run
+// a landmark with its frames in the order of rows of S; runs that were given back are used again
+// for the same number of quads. Y and z are those of the contribution that is in S until Eliminate
+// or RenewZ replaces them.
+
 namespace {
 
 // A landmark whose block is this singular against the scale of its coordinates carries no
@@ -15,6 +29,9 @@ constexpr double kNoInformation = 1e-12;
 constexpr double kHeld = 10.0;
 
 // As InvertCholeskyFactor, without what is held: rows and columns of zeros.
+// A held coordinate has a pivot of 1 in P's place, so that the others' Cholesky factor is that of
+// their own block; its diagonal entry of U_inv is then zeroed, and with it all of its row and
+// column, for the entries beside it are zero already.
 bool InvertWhatMoves(int size, const double* P, const double* damping, const char* held,
                      double* U_inv) {
   if (held == nullptr) {
@@ -24,6 +41,7 @@ bool InvertWhatMoves(int size, const double* P, const double* damping, const cha
   for (int i = 0; i < size; ++i) {
     for (int k = 0; k < size; ++k) {
       const bool out = held[i] != 0 || held[k] != 0;
+      // Off the diagonal a held row or column is zero.
       moving[i * kQuad + k] = !out ? P[i * kQuad + k] : i == k ? 1.0 : 0.0;
     }
   }
@@ -58,12 +76,15 @@ void LandmarkBlocks::Remove(std::int32_t l) {
   held_by_damping_.Remove(l);
 }
 
+// The counter follows every change of state.
 void LandmarkBlocks::SetState(std::int32_t l, LandmarkState state) {
   num_undetermined_ -= state_[l] == LandmarkState::kUndetermined ? 1 : 0;
   num_undetermined_ += state == LandmarkState::kUndetermined ? 1 : 0;
   state_[l] = state;
 }
 
+// One factor as the batch kernels take lists of them. Residuals are q, so that J_lᵀq is the exact
+// robust gradient.
 LandmarkFactors LandmarkBlocks::FactorsOf(const FactorRef& ref) const {
   IncrementalFamily& family = families_[ref.family];
   LandmarkFactors factors;
@@ -78,6 +99,7 @@ LandmarkFactors LandmarkBlocks::FactorsOf(const FactorRef& ref) const {
   return factors;
 }
 
+// In the order of the landmark's list, from cached Jacobians.
 void LandmarkBlocks::Sum(std::int32_t l, double* eta) {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   double* P = P_.data() + l * kBlock;
@@ -88,6 +110,7 @@ void LandmarkBlocks::Sum(std::int32_t l, double* eta) {
   }
 }
 
+// False of a landmark that is held, or that P does not determine; Y and z are not touched.
 bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   lambda_[l] = lambda;
   if (lambda > kMildDamping) {
@@ -103,10 +126,13 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   double damping[kQuad];
   double largest = 0.0;
   for (int k = 0; k < landmark.size; ++k) {
+    // λ diag P adds nothing where P has a zero, so damping cannot make up for information.
     damping[k] = lambda * P[k * kQuad + k];
     largest = std::max(largest, P[k * kQuad + k]);
   }
+  // Entered again below, if it still is.
   held_by_damping_.Remove(l);
+  // In this order: a P of zeros has no factor, and a factor may exist thanks to rounding alone.
   const bool inverted = largest > 0.0 &&
                         InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
                         HasInformation(l);
@@ -116,8 +142,11 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   return inverted;
 }
 
+// By the same pivots as HasInformation, against λ P_kk: nearly all of such a pivot is damping, and
+// with less of it the landmark would go further.
 bool LandmarkBlocks::IsHeldByDamping(std::int32_t l) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
+    // Zero of a coordinate that is held at a bound.
     const double inverse_root = UInv(l)[k * kQuad + k];
     if (inverse_root > 0.0 &&
         1.0 / (inverse_root * inverse_root) < kHeld * lambda_[l] * P(l)[k * kQuad + k]) {
@@ -140,6 +169,7 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
   if (!InvertWhatMoves(size, P(l), damping, held, inverse)) {
     return 0.0;
   }
+  // ½ ‖U_inv η‖² is ½ ηᵀ (P + λD)⁻¹ η.
   MultiplyLower(size, inverse, eta, freely);
   MultiplyLower(size, UInv(l), eta, now);
   double hidden = 0.0;
@@ -153,6 +183,8 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
 bool LandmarkBlocks::HasInformation(std::int32_t l) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
     const double inverse_root = UInv(l)[k * kQuad + k];
+    // Relative to the diagonal entry, which has the units of the coordinate: the test does not
+    // depend on them.
     if (inverse_root > 0.0 &&
         1.0 / (inverse_root * inverse_root) < kNoInformation * P(l)[k * kQuad + k]) {
       return false;
@@ -161,6 +193,7 @@ bool LandmarkBlocks::HasInformation(std::int32_t l) const {
   return true;
 }
 
+// The run of Y goes to the list of its length, the places in S are forgotten.
 void LandmarkBlocks::Release(std::int32_t l) {
   if (y_quads_[l] > 0) {
     free_y_.resize(std::max(free_y_.size(), static_cast<std::size_t>(y_quads_[l]) + 1));
@@ -178,11 +211,13 @@ std::int32_t LandmarkBlocks::AllocateY(std::int32_t quads) {
     free_y_[quads].pop_back();
     return offset;
   }
+  // Y may move by this: nobody holds pointers into it from one call to the next.
   const auto offset = static_cast<std::int32_t>(Y_.size() / kQuad);
   Y_.resize(Y_.size() + static_cast<std::size_t>(quads) * kQuad);
   return offset;
 }
 
+// Incidences count from the landmark's own run first, since its length is known at the end only.
 void LandmarkBlocks::PlaceY(std::int32_t l) {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   for (const std::int32_t row : landmark.frames) {
@@ -198,18 +233,22 @@ void LandmarkBlocks::PlaceY(std::int32_t l) {
 }
 
 // The first factor that reaches a block of Y sets it, later ones add to it: an odd target.
+// 2 y + 1 adds, 2 y sets: so Y needs no zeroing before Eliminate.
 void LandmarkBlocks::PointFactors(std::int32_t l) {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   begun_.assign(landmark.frames.size(), 0);
+  // In the very order in which Eliminate walks them, which is what makes the first one the first.
   for (const FactorRef& ref : landmark.factors) {
     IncrementalFamily& family = families_[ref.family];
     std::int32_t* targets =
         family.y_targets() + static_cast<std::ptrdiff_t>(ref.factor) * family.num_slots();
     for (int s = 0; s < family.num_slots(); ++s) {
       const std::int32_t frame = structure_.FrameOfFactor(ref, s);
+      // No frame: the landmark itself, or a constant that never took part.
       if (frame < 0) {
         continue;
       }
+      // A separator is short, and sorted by row.
       const auto at = std::find(landmark.frames.begin(), landmark.frames.end(), frame) -
                       landmark.frames.begin();
       targets[s] = 2 * incidences_[l][at].y + begun_[at];
@@ -218,6 +257,7 @@ void LandmarkBlocks::PointFactors(std::int32_t l) {
   }
 }
 
+// Writes over the Y and z that may be in S: whoever replaces a contribution copies them before.
 void LandmarkBlocks::Eliminate(std::int32_t l, const double* eta) {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   for (const FactorRef& ref : landmark.factors) {
@@ -226,6 +266,7 @@ void LandmarkBlocks::Eliminate(std::int32_t l, const double* eta) {
   MultiplyLower(landmark.size, UInv(l), eta, z_.data() + l * kQuad);
 }
 
+// P and the Jacobians stay, so Y stays: b −= Y (z − z_old).
 void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
   const int size = structure_.landmarks()[l].size;
   const std::vector<Incidence>& incidences = incidences_[l];
@@ -241,6 +282,7 @@ void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
                                Y_.data(), change, rhs);
 }
 
+// Frames that do not move have zeros in padded_step and contribute nothing.
 void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   const int size = landmark.size;
@@ -251,6 +293,7 @@ void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
   }
   const std::vector<Incidence>& incidences = incidences_[l];
   double y[kQuad];
+  // A copy: z stays that of the contribution in S.
   std::copy_n(z(l), kQuad, y);
   kernels_.back_substitute(size, incidences.data(), static_cast<int>(incidences.size()), Y_.data(),
                            padded_step, y);
@@ -270,6 +313,7 @@ Contribution LandmarkBlocks::Rows(std::int32_t l, std::vector<BlockRow>* rows) c
   return {rows->data(), static_cast<int>(rows->size()), landmark.size};
 }
 
+// The lower triangle of its blocks of S.
 std::int64_t LandmarkBlocks::NumPairs(std::int32_t l) const {
   const auto n = static_cast<std::int64_t>(incidences_[l].size());
   return n * (n + 1) / 2;

@@ -40,7 +40,10 @@ class LandmarkSearches {
       return false;
     }
     const double curvature = 2.0 * (search.slope + search.change);
+    // The minimum of the parabola, as a multiple of this step. A curvature that is small, or
+    // negative, where the cost falls faster than its slope, gives the bound.
     const double best = search.slope / std::max(curvature, search.slope / max_stretch_);
+    // Never below 1: a step that has gained is not shortened the next time.
     search.stretch = std::clamp(search.stretch * best, 1.0, max_stretch_);
     return true;
   }

@@ -25,9 +25,23 @@ Status LiveCovarianceOptions::Validate() const {
                              : Invalid("LiveCovarianceOptions::max_iterations must be at least 1");
 }
 
+// Covariances from the factor that an Update has left (docs/algorithms.md, "From a live factor").
+// With A = S + μD, D = diag(C), and V of few rows,
+//
+//     VᵀA⁻¹V = (L⁻¹V)ᵀ (L⁻¹V),   plus (P + λD)⁻¹ in the diagonal blocks of landmarks.
+//
+// Three sources: that factor as it is, a second one of S without damping, and conjugate gradients
+// at the values of now with the first as their preconditioner. A Cholesky factor exists of a
+// singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
+// means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together, and each variance
+// against the one that damping alone would leave. The smallest eigenvalue also bounds what the
+// damping hides: a share of at most μ / (λ + μ) of a variance.
+//
+// Nothing of the system changes. Constants have zeros in the result.
 namespace internal {
 namespace {
 
+// Each costs a solve with the factor.
 constexpr int kInverseIterations = 4;
 // By how much the graph may grow before the weakest direction is looked for again.
 constexpr double kGrowth = 1.1;
@@ -53,6 +67,8 @@ constexpr const char* kFree =
 
 constexpr const char* kFewViews = "the landmark is not determined by its factors";
 
+// Whether a covariance can be asked for: a constant's is zero, and of what no factor touches there
+// is none. Landmarks outside S are undetermined.
 Status CheckId(const LiveSource& source, VariableId id) {
   if (!source.graph.HasVariable(id)) {
     return Invalid(VariableName(id) + " does not exist");
@@ -89,6 +105,7 @@ void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, E
     for (int k = 0; k < frame.size && takes_part; ++k) {
       const int at = offsets[row] + k;
       (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kNoFactorHere);
+      // A linear congruential sequence, always the same: covariances have the same bits each time.
       bits = bits * 1664525u + 1013904223u;
       (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
     }
@@ -96,6 +113,8 @@ void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, E
 }
 
 // Inverse iteration with (S + μD)⁻¹ D.
+// θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
+// smallest eigenvalue is μ more than that of D^−½ S D^−½.
 Status FindWeakest(const LiveSource& source, const Inverse& inverse,
                    const std::vector<int>& offsets) {
   const IncrementalSchur& schur = source.system.schur();
@@ -104,6 +123,7 @@ Status FindWeakest(const LiveSource& source, const Inverse& inverse,
   MakeProbe(schur, offsets, &D, &x);
   double theta = HUGE_VAL;
   for (int i = 0; i < kInverseIterations && x.squaredNorm() > 0.0; ++i) {
+    // xᵀDx = 1.
     x /= std::sqrt(x.dot(D.cwiseProduct(x)));
     const Eigen::VectorXd b = D.cwiseProduct(x);
     const Status solved = inverse.factor.Solve(offsets, b.data(), y.data());
@@ -115,13 +135,17 @@ Status FindWeakest(const LiveSource& source, const Inverse& inverse,
   }
   Eigen::Index largest = 0;
   x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
+  // The row that has this scalar; offsets of free rows are those of the next one.
   const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
                    offsets.begin() - 1;
+  // θ ≥ μ but for rounding.
   *source.weakest = {std::max(0.0, theta - inverse.mu), schur.frames()[row].id,
                      schur.structure().num_frames(), true};
   return Status::Ok();
 }
 
+// The eigenvalue is remembered: looking for it takes solves, and it changes little from Update to
+// Update. What comes may be weaker, so it is looked for again once the graph has grown by a share.
 Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
                   double* damping_error) {
   const WeakestDirection& weakest = *source.weakest;
@@ -132,11 +156,14 @@ Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::v
       return found;
     }
   }
+  // 1/λ in place of 1/(λ + μ): the share that is missing of the largest variance.
   *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
   return weakest.eigenvalue > inverse.open ? Status::Ok() : NotDetermined(weakest.variable, kFree);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
+// λ P_ii times the variance of coordinate i, (P + λD)⁻¹_ii = Σ_k U_inv,ki²; 1 would be damping
+// only.
 double DampingShareOf(const IncrementalSchur& schur, int l) {
   const double *U_inv = schur.blocks().UInv(l), *P = schur.blocks().P(l);
   double share = 0.0;
@@ -162,6 +189,8 @@ Status CheckVariances(const LiveSource& source, const Inverse& inverse, const Li
     }
     for (int j = 0; frame >= 0 && j < schur.frames()[frame].size; ++j) {
       const int at = columns.offsets()[k] + j;
+      // v D_jj (μ + open) < 1: a variance that damping alone would leave is 1 / (μ D_jj). Also
+      // false of a NaN.
       if (!(joint(at, at) * schur.FrameDiagonal(frame)[j] * (inverse.mu + inverse.open) < 1.0)) {
         return NotDetermined(ids[k], kFree);
       }
@@ -170,12 +199,15 @@ Status CheckVariances(const LiveSource& source, const Inverse& inverse, const Li
   return Status::Ok();
 }
 
+// Variances are checked before the landmarks' own blocks are added, for those checks are of frames;
+// landmarks have one of their own.
 Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
                   const Inverse& inverse, FactorStaleness* staleness, Eigen::MatrixXd* joint) {
   const std::vector<int> offsets = OffsetsOfRows(source.system.schur());
   const LiveColumns columns(source.system, ids);
   Status status = Status::Ok();
   joint->setZero(columns.offsets().back(), columns.offsets().back());
+  // Landmarks that see no frame that moves have no columns: their own blocks are all there is.
   if (!columns.V().rows.empty()) {
     status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
     status = status.ok() ? inverse.factor.Product(columns.V(), offsets, joint) : status;
@@ -205,17 +237,22 @@ Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
                   const LiveCovarianceOptions& options, FactorStaleness* staleness,
                   Eigen::MatrixXd* joint) {
   const double mu = source.frames.factored_mu();
+  // Of the damped S; it is asked for products and forgets nothing of its own solves.
   const LiveFactor factor(source.frames.solver());
   if (!factor.exists() && source.system.schur().size() > 0) {
     return Status::Error(StatusCode::kUnavailable,
                          "there is no factor to take covariances from: the reduced solver is "
                          "conjugate gradients or the user's (CovarianceAccuracy::kUndamped)");
   }
+  // Rows of S that have changed since it was factored.
   staleness->num_changed_rows = source.system.schur().changes().num_unfactored();
   staleness->frame_damping = mu;
   if (options.accuracy == CovarianceAccuracy::kAsFactored) {
+    // A direction in which S has less than 1e-4 of the damping is lost in it.
     return FromFactor(source, ids, {factor, mu, kOpen * mu}, staleness, joint);
   }
+  // All factors linearized anew at the values of now: nothing is stale there, but it takes
+  // iterations.
   ExactCovariance exact(source.graph, source.system, factor);
   Status status = exact.Linearize();
   status =
@@ -225,6 +262,7 @@ Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
 }
 
 // Lays out the result, zeros so far, and lists what moves.
+// Each id once: with two, rows and columns of the result would be singular.
 Status Begin(const LiveSource& source, const std::vector<VariableId>& ids,
              LiveCovariance* covariance, std::vector<VariableId>* moving) {
   covariance->offsets.assign(1, 0);
@@ -246,6 +284,7 @@ Status Begin(const LiveSource& source, const std::vector<VariableId>& ids,
 }
 
 // The rows and columns of what moves.
+// From the matrix of what moves into that of all that were asked for, row by row.
 void Place(const LiveSource& source, const Eigen::MatrixXd& joint, LiveCovariance* covariance) {
   std::vector<int> places;
   for (std::size_t k = 0; k < covariance->variables.size(); ++k) {
@@ -273,6 +312,7 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
   if (status.ok() && !moving.empty()) {
     staleness.num_dirty_factors = source.system.NumDirtyFactors();
     for (const VariableId id : moving) {
+      // Also where the covariance fails afterwards: it may be why.
       CountStaleness(source.system, source.frames.values(), id, &staleness);
     }
     Eigen::MatrixXd joint;
@@ -284,6 +324,7 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
     }
   }
   if (!status.ok()) {
+    // Nothing but the staleness is left of a failure.
     *covariance = LiveCovariance();
   }
   covariance->staleness = staleness;

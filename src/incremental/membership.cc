@@ -9,6 +9,7 @@
 
 namespace inceres::internal {
 
+// A constant gets no place in S: a variable that never moves costs nothing there.
 void Membership::AddVariable(VariableId id) {
   if (id >= static_cast<VariableId>(frame_of_.size())) {
     frame_of_.resize(id + 1, -1);
@@ -21,6 +22,8 @@ void Membership::AddVariable(VariableId id) {
   }
 }
 
+// From here on it has a place in the padded vectors, and a row of S or a number among the
+// landmarks.
 void Membership::Enter(VariableId id) {
   variables_.Enter(graph_, id);
   if (graph_.role(id) == Role::kLandmark) {
@@ -35,12 +38,13 @@ void Membership::Enter(VariableId id) {
   }
   dirty_.GrowLandmarks();
   step_.GrowVariables();
-  // The number may be that of a landmark that is gone.
   if (landmark_of_[id] >= 0) {
+    // The number may have belonged to another landmark, whose line search this is none of.
     step_.ForgetLandmark(landmark_of_[id]);
   }
 }
 
+// Held flags go while the place is still the variable's.
 void Membership::RemoveVariable(VariableId id) {
   if (landmark_of_[id] >= 0 || frame_of_[id] >= 0) {
     bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
@@ -56,6 +60,7 @@ void Membership::RemoveVariable(VariableId id) {
   variables_.Remove(id);
 }
 
+// Families only come: their numbers are those of the graph.
 void Membership::AdmitFamilies() {
   for (auto id = static_cast<FamilyId>(families_.size()); id < graph_.num_families(); ++id) {
     families_.emplace_back(graph_, id);
@@ -76,6 +81,8 @@ void Membership::TakeOut(std::int32_t landmark) {
   schur_.TakeOut(landmark);
 }
 
+// The factor is connected and waits to be linearized; S does not change but for its landmark, which
+// leaves it.
 void Membership::Attach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   family.Connect(ref.factor, &variables_);
@@ -87,10 +94,12 @@ void Membership::Attach(FactorRef ref) {
     const VariableId variable = family.variables(ref.factor)[s];
     slots_.push_back(frame_of_[variable]);
     // Of two landmarks in a factor one is constant.
+    // The free one owns the factor. A constant landmark that never took part has no number at all.
     if (landmark_of_[variable] >= 0 && (landmark < 0 || !graph_.IsConstant(variable))) {
       landmark = landmark_of_[variable];
     }
   }
+  // The landmark's Y in S has the separator of before, so it goes out before that changes.
   if (landmark >= 0) {
     TakeOut(landmark);
   }
@@ -103,7 +112,8 @@ void Membership::RemoveFactor(FactorRef ref) {
   --num_factors_;
 }
 
-// With the Jacobians that are cached: they are what its contribution was made of.
+// In reverse: what the factor has put into S and the cost goes out while its rows and Jacobians are
+// still known.
 void Membership::Detach(FactorRef ref) {
   IncrementalFamily& family = families_[ref.family];
   const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
@@ -115,10 +125,13 @@ void Membership::Detach(FactorRef ref) {
     cost_.Add(-family.Cost(ref.factor));
   }
   schur_.Disconnect(ref);
+  // Another factor may come to this place, or the same one with other slots.
   family.Forget(ref.factor);
   dirty_.DropFactor(ref);
 }
 
+// Constancy is a mask where there is a place, and then no factor is evaluated. A variable without a
+// place gets one now, and its factors a Jacobian for it.
 void Membership::FollowConstants(const std::vector<VariableId>& ids) {
   entering_.clear();
   reattached_.clear();
@@ -140,6 +153,8 @@ void Membership::FollowConstants(const std::vector<VariableId>& ids) {
   }
 }
 
+// Of a variable that has its place: a frame's row stays in S, and the solver leaves it out; a
+// landmark's contribution leaves S.
 void Membership::Hold(VariableId id, bool constant) {
   if (frame_of_[id] >= 0) {
     if (schur_.frames()[frame_of_[id]].held != constant) {
@@ -152,6 +167,7 @@ void Membership::Hold(VariableId id, bool constant) {
     return;
   }
   schur_.HoldLandmark(landmark, constant);
+  // Set free, it is put in by the next Relinearize; held, it is only found to be outside.
   dirty_.MarkLandmark(landmark);
   if (constant) {
     return;
@@ -168,6 +184,7 @@ void Membership::Hold(VariableId id, bool constant) {
 void Membership::FollowPin(VariableId id) {
   entering_.clear();
   reattached_.clear();
+  // Its tangent map belongs to the pin.
   variables_.MarkMoved(id);
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) {
@@ -183,10 +200,14 @@ void Membership::Reattach() {
   const auto before = [](const FactorRef& a, const FactorRef& b) {
     return a.family != b.family ? a.family < b.family : a.factor < b.factor;
   };
+  // By family and place, each once: the order of the lists that S is summed from must not depend on
+  // that of the edit.
   std::sort(reattached_.begin(), reattached_.end(), before);
   reattached_.erase(std::unique(reattached_.begin(), reattached_.end()), reattached_.end());
   std::sort(entering_.begin(), entering_.end());
   entering_.erase(std::unique(entering_.begin(), entering_.end()), entering_.end());
+  // Detached with their old slots, attached with the new ones: a factor of two variables that enter
+  // is connected once.
   for (const FactorRef& ref : reattached_) {
     Detach(ref);
   }
@@ -198,6 +219,8 @@ void Membership::Reattach() {
   }
 }
 
+// Who was held was held by other bounds. A frame's row is read anew by its solver; a landmark is
+// eliminated anew, which decides who is held.
 void Membership::FollowBounds(VariableId id) {
   const std::int32_t row = frame_of_[id];
   const std::int32_t landmark = landmark_of_[id];
@@ -216,6 +239,7 @@ void Membership::FollowBounds(VariableId id) {
   }
 }
 
+// A frame that came and went, or was made constant since, is none.
 void Membership::TakeNewFrames(IndexSet* frames) {
   frames->Grow(schur_.frames().size());
   frames->Clear();

@@ -8,6 +8,17 @@
 #include "incremental/batch_part.h"
 
 namespace inceres::internal {
+
+// A graph that nobody will remember, solved by the batch solver from beginning to end
+// (docs/algorithms.md, "One-time solves and exact windows"). It has at most two parts: the strategy
+// that was asked for, with a limit on its iterations, and Marquardt's rule, which tries all lengths
+// of steps, from where that one has come. A second part is taken only if the first has proven
+// nothing: out of patience, held back by a shrunk trust region, or ended by Ceres's rule while its
+// model still promised more.
+//
+// Iterations, time and rows of the trace go on counting through both parts. The state is never
+// worse than what the first part has reached.
+
 namespace {
 
 // A solve from beginning to end. What the user's strategy does not bring to an end within a while,
@@ -17,6 +28,7 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
                          const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
                          const double** shown_state, UpdateTrace* trace) {
   UpdateSummary* summary = &trace->summary();
+  // With batch_share 0 the iterates are Ceres's to the end.
   const bool in_parts =
       options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
   IncrementalOptions part = options;
@@ -24,11 +36,15 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
       in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
   const BatchOutcome first =
       RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  // The part's limit, not the user's: that one is looked at below.
   const bool out_of_patience = first.termination == Termination::kNoConvergence &&
                                summary->num_iterations >= part.max_num_iterations;
+  // The second part has what is left of the time and of the iterations.
   const double seconds_left =
       options.max_solver_time_in_seconds - (NowInSeconds() - trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
+  // What ended by the observer's rule has its proof. Ceres's rule looks at one step and needs a
+  // model that promises nothing either.
   const bool proven = !first.held_back &&
                       (summary->ended_by_batch_rule ? first.promises_nothing : !out_of_patience);
   if (!in_parts || proven || first.termination == Termination::kFailure ||
@@ -36,10 +52,13 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
     return first;
   }
   part.max_solver_time_in_seconds = seconds_left;
+  // It goes on with the damping that the first part has found, where that was not shrunk by
+  // refusals.
   if (IsDamped(part.batch_strategy) && !first.held_back) {
     part.initial_damping = std::min(part.initial_damping, summary->iterations.back().damping);
   }
   part.batch_strategy = TrustRegionStrategyKind::kMarquardt;
+  // A copy: the batch solver works on the graph's state.
   const std::vector<double> reached = graph->state();
   const UpdateSummary before = *summary;
   BatchOutcome second =
@@ -64,6 +83,7 @@ SolverOptions OneTimeOptions(const IncrementalOptions& options) {
 
 void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* graph,
                UpdateSummary* summary, UpdateObserver* observer, const double** best_state) {
+  // Nobody else can ask for a stop; the observer can.
   const std::atomic<bool> stop{false};
   const double* unseen = nullptr;
   *summary = UpdateSummary();
@@ -71,6 +91,7 @@ void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* g
   const Status valid = options.Validate();
   if (valid.ok()) {
     const double** shown = best_state != nullptr ? best_state : &unseen;
+    // Only an observer can ask for it back.
     const std::vector<double> start = observer != nullptr ? graph->state() : std::vector<double>();
     summary->termination =
         RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace)

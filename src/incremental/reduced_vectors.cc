@@ -3,6 +3,16 @@
 #include <algorithm>
 
 namespace inceres::internal {
+
+// What a solver of S x = b gets beside S: b, diag(C), the damping and who is constant, packed by
+// rows without padding. Rows are read when they have changed or have another offset; a change of μ
+// or of its form touches the damping of all.
+//
+// Damping is μ diag C and not μ diag S, although S is what is damped (docs/algorithms.md, "Damping
+// and trust region of incremental mode"): S_ii is a difference and may come out zero or negative.
+//
+// The pull of a frame, Σ_k b_k² / S'_kk, is kept for the active set, which grows from the largest.
+
 namespace {
 
 // Damps an entry that no factor touches, so that S has a factor.
@@ -13,6 +23,8 @@ constexpr double kHoldingDamping = 1e12;
 
 }  // namespace
 
+// Sizes first, then b and the diagonals of the rows that have changed, and then their damping,
+// which is made of the diagonals.
 bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schur) {
   const auto num_rows = static_cast<std::int32_t>(schur->frames().size());
   for (std::vector<double>* packed : {&weights_, &diagonal_, &damping_, &b_}) {
@@ -24,6 +36,7 @@ bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schu
   for (const std::int32_t row : changed_) {
     Read(*schur, row);
   }
+  // The solver has another matrix then, and is told so by the result.
   if (mu != mu_ || form != form_) {
     mu_ = mu;
     form_ = form;
@@ -41,6 +54,7 @@ bool ReducedVectors::Refresh(DampingForm form, double mu, IncrementalSchur* schu
 void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
   const IncrementalSchur::Frame& frame = schur.frames()[row];
   constant_[row] = frame.held ? 1 : 0;
+  // A free row has no entries.
   if (frame.size == 0) {
     return;
   }
@@ -51,10 +65,12 @@ void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
   } else {
     std::copy_n(schur.b(row), frame.size, b_.begin() + offset);
   }
+  // Its gradient points out of the box: it is no part of what the step can gain.
   const char* held = schur.HeldAtBounds(frame.quad);
   for (int k = 0; held != nullptr && k < frame.size; ++k) {
     b_[offset + k] = held[k] != 0 ? 0.0 : b_[offset + k];
   }
+  // The diagonal block is the last one of its row, with rows padded to quads.
   const double* S = schur.S().values(schur.S().row(row).back().offset);
   for (int k = 0; k < frame.size; ++k) {
     diagonal_[offset + k] = S[k * (PadToQuad(frame.size) + 1)];
@@ -62,10 +78,13 @@ void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
 }
 
 void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
+  // The thesis's form is there for comparison.
   const std::vector<double>& scale = form_ == DampingForm::kThesis ? diagonal_ : weights_;
   const int offset = schur.FrameOffset(row);
   const char* held = schur.HeldAtBounds(schur.frames()[row].quad);
   for (int k = offset; k < schur.FrameOffset(row + 1); ++k) {
+    // A held coordinate stays in the matrix, so that its pattern does not change: with b of zero
+    // and so much damping the step is zero but for rounding, and CutOff zeroes the rest.
     damping_[k] = constant_[row] != 0 ? 1.0
                   : held != nullptr && held[k - offset] != 0
                       ? kHoldingDamping * std::max(diagonal_[k], kTinyDiagonal)
@@ -74,6 +93,7 @@ void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
   pulls_[row] = Pull(schur, row, b_.data() + offset);
 }
 
+// Twice the gain of each scalar by itself, with all others where they are.
 double ReducedVectors::Pull(const IncrementalSchur& schur, std::int32_t row,
                             const double* rhs) const {
   double pull = 0.0;

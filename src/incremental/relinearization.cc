@@ -6,6 +6,17 @@
 
 namespace inceres::internal {
 
+// When an old Jacobian is renewed (docs/algorithms.md, "Relinearization"). The error of an old
+// linearization is known for nothing, e = ‖f − f̂‖, and is held against shares of the tolerance T:
+//
+//     w e² > θ_r · 2T / m      or      (w ‖f‖ e)² > (κ θ_r T)² / m,      m factors.
+//
+// Three times: after a step, of the factors it touched; before success, of those that have aged;
+// and before a retreat, of those that the refused step rests on. To find the second without a pass
+// over all factors, a step also remembers those that err by more than a quarter of what success
+// would allow. all_are_in_ are the limits for which that memory is complete: it is complete for all
+// larger ones, and where T has fallen below them every factor is looked at.
+
 namespace {
 
 // Of the tolerance: factors that would be too old with so little of it are followed, so that all of
@@ -14,6 +25,7 @@ constexpr double kAhead = 0.25;
 
 }  // namespace
 
+// The memory of aged factors stays: it is of the factors, not of the Update.
 void Relinearization::Begin(const IncrementalOptions& options, double share) {
   share_ = share;
   rule_ = options.relinearization;
@@ -31,14 +43,19 @@ Relinearization::ErrorLimits Relinearization::LimitsOf(double share, double tole
   return {share * 2.0 * tolerance / count, gradient * gradient / count};
 }
 
+// After the residuals of the step were accepted, and before the step ends: it names the factors.
 void Relinearization::MarkStale(double tolerance) {
   const ErrorLimits stale = LimitsOf(share_, tolerance);
   const ErrorLimits aged = AgedLimits(kAhead * tolerance);
+  // A step with a larger T remembers less: from here on the memory is complete for those limits
+  // only.
   all_are_in_.RaiseTo(aged);
   aged_.resize(system_.families().size());
   for (const IncrementalFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
     for (const std::int32_t i : system_.step().Touched(family.id())) {
+      // Steps do not age a constant Jacobian, however long they are; its error is zero by
+      // definition, so that the other rule says what it should.
       const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
                             ? system_.step().Largest({family.id(), i}) >= step_
                             : stale.ExceededBy(family, i);
@@ -52,6 +69,8 @@ void Relinearization::MarkStale(double tolerance) {
   }
 }
 
+// The weight has changed and not the Jacobian, so there is no step to judge: by error, whatever the
+// rule.
 void Relinearization::LookAt(const std::vector<FactorRef>& factors, double tolerance) {
   const ErrorLimits stale = LimitsOf(share_, tolerance);
   const ErrorLimits aged = AgedLimits(kAhead * tolerance);
@@ -81,9 +100,12 @@ void Relinearization::FindAged() {
   }
 }
 
+// Factors leave the memory when they are marked, when they err by less than a quarter again, or
+// when they are gone.
 bool Relinearization::RefreshAged(double tolerance) {
   const ErrorLimits limits = AgedLimits(tolerance);
   const ErrorLimits ahead = AgedLimits(kAhead * tolerance);
+  // T has fallen by more than kAhead since, or m has risen.
   if (limits.IsBelow(all_are_in_)) {
     FindAged();
     all_are_in_ = ahead;
@@ -107,6 +129,7 @@ bool Relinearization::RefreshAged(double tolerance) {
 }
 
 bool Relinearization::RefreshTouched(bool evaluated) {
+  // Only what errs by more than rounding is old.
   const auto for_each_old = [this](auto&& visit) {
     for (const IncrementalFamily& family : system_.families()) {
       for (const std::int32_t i : system_.step().Touched(family.id())) {
@@ -119,6 +142,8 @@ bool Relinearization::RefreshTouched(bool evaluated) {
   const auto unforeseen = [this](FactorRef ref) {
     return system_.families()[ref.family].UnforeseenCost(ref.factor);
   };
+  // Few are renewed first, for a Jacobian costs more than a residual; if the step after that fails
+  // as well, the choice was wrong. A step that was not evaluated blames nobody.
   const bool all = std::exchange(blamed_few_, true) || !evaluated;
   double worst = 0.0;
   if (!all) {

@@ -6,7 +6,8 @@
 namespace inceres::internal {
 namespace {
 
-// A cost that has fallen by this factor since it was summed has lost as many of its digits.
+// Fall of the cost below its peak at which it is summed anew: rounding of the peak would be a share
+// of what is left.
 constexpr double kResumFall = 1e4;
 
 // Operations on numbers of full size that a residual is taken to come of.
@@ -21,6 +22,7 @@ void RunningCost::Resum(const std::vector<IncrementalFamily>& families, int num_
   num_changes_ = 0;
   value_ = 0.0;
   for (const IncrementalFamily& family : families) {
+    // By family and place: the same order whenever it is summed, so the same bits.
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
       value_ += family.linearized(i) ? family.Cost(i) : 0.0;
     }
@@ -28,8 +30,7 @@ void RunningCost::Resum(const std::vector<IncrementalFamily>& families, int num_
   peak_ = value_;
 }
 
-// F_ε of the stopping rule (docs/algorithms.md, "Stopping rule"): C is what S would be with all
-// landmarks held, so that its trace is Σ ‖J_v‖² of what can move.
+// F_ε = ½ (16 ε)² Σ_v ‖x_v‖_∞² tr C_vv (docs/algorithms.md, "Stopping rule").
 double RoundingOfCost(const FactorGraph& graph, const VariableStore& variables,
                       const IncrementalSchur& schur) {
   const auto share = [&](VariableId id, int size, const auto& diagonal) {
@@ -51,7 +52,7 @@ double RoundingOfCost(const FactorGraph& graph, const VariableStore& variables,
       sum += share(frame.id, frame.size, [C](int k) { return C[k]; });
     }
   }
-  // Landmarks count only where no frame does: their residuals are the same ones.
+  // No frame can move, and the landmarks' own factors are all that blurs the cost.
   const bool landmarks_only = sum == 0.0;
   for (int l = 0; landmarks_only && l < static_cast<int>(schur.landmarks().size()); ++l) {
     const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];

@@ -9,14 +9,24 @@
 #include "linearize/tangent.h"
 
 namespace inceres::internal {
+
+// gradient_tolerance and parameter_tolerance of an Update, in Ceres's words and meaning
+// (docs/ceres_contract.md, "Termination and messages"). Both are off by default; each costs a pass
+// over all variables an iteration.
+//
+// A gradient is believed at the values held only: old Jacobians are renewed before it is summed,
+// and then from all factors, since b has the landmarks at their minimum.
+
 namespace {
 
 // max |x − (x ⊞ −g)| of one variable, in its ambient space, clamped to its bounds.
+// Ceres's projected gradient: a gradient that points out of a bound counts for nothing.
 double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x, const double* g) {
   const int tangent = graph.TangentSize(id), ambient = graph.AmbientSize(id);
   double largest = 0.0;
   const Manifold* manifold = graph.manifold(id);
   const VariableBounds* bounds = graph.HasBounds() ? graph.bounds(id) : nullptr;
+  // x − (x − g) without its rounding.
   if (manifold == nullptr && bounds == nullptr) {
     for (int k = 0; k < tangent; ++k) {
       largest = std::max(largest, std::fabs(g[k]));
@@ -25,6 +35,7 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
   }
   std::vector<double> downhill(tangent), moved(ambient);
   std::transform(g, g + tangent, downhill.begin(), [](double entry) { return -entry; });
+  // Where ⊞ fails nothing is known of the gradient, and no tolerance is met.
   if (!MoveVariable(graph, id, x, downhill.data(), moved.data())) {
     return HUGE_VAL;
   }
@@ -37,6 +48,8 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
   return largest;
 }
 
+// Frames and landmarks that are not constant, also those outside S: undetermined ones have a
+// gradient too.
 template <typename Visit>
 void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
   for (const IncrementalSchur::Frame& frame : system.schur().frames()) {
@@ -54,6 +67,7 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 }  // namespace
 
 IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
+  // The step first: it costs norms only.
   if (options_.parameter_tolerance > 0.0 && IsLastStepShort()) {
     return Verdict::kConverged;
   }
@@ -61,16 +75,20 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
 }
 
 bool IncrementalMinimizer::IsLastStepShort() {
+  // No step yet, or it was shortened: short for another reason.
   if (state_.whole_step < 0.0) {
     return false;
   }
   double squared = 0.0;
+  // ‖x‖ in the ambient spaces, as in Ceres.
   ForEachMoving(system_, [&](VariableId id, std::int32_t /*quad*/) {
     const double* x = system_.variables().current(id);
     squared += std::inner_product(x, x + system_.graph().AmbientSize(id), x, 0.0);
   });
   const double tolerance = options_.parameter_tolerance;
+  // The tolerance is added to ‖x‖ so that an x of zero divides.
   const double relative = state_.whole_step / (std::sqrt(squared) + tolerance);
+  // Written so that a NaN is no convergence.
   if (!(relative <= tolerance)) {
     return false;
   }
@@ -89,6 +107,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeGradient() {
   if (largest > options_.gradient_tolerance) {
     return Verdict::kGoOn;
   }
+  // Any error at all, which the rules of relinearization would allow.
   if (MarkOld() && !Relinearize()) {
     return Verdict::kFailed;
   }
@@ -133,6 +152,7 @@ double IncrementalMinimizer::GradientMaxNorm() const {
   double largest = 0.0;
   ForEachMoving(system_, [&](VariableId id, std::int32_t quad) {
     double* g = minus_gradient.data() + std::ptrdiff_t{quad} * kQuad;
+    // SubtractGradient leaves η, and ProjectedMaxNorm wants g.
     std::transform(g, g + system_.graph().TangentSize(id), g, [](double entry) { return -entry; });
     largest = std::max(largest,
                        ProjectedMaxNorm(system_.graph(), id, system_.variables().current(id), g));

@@ -3,12 +3,20 @@
 #include <algorithm>
 #include <cmath>
 
-// A step and what it touches. All is found from the variables that move: their factors, whose
-// residuals change, and the rows of b and landmarks' η that these factors are part of. What a try
-// writes for those is kept beside them until it is known whether the step is taken.
-
 namespace inceres::internal {
 
+// A step under trial, with all that follows from it, and with nothing changed until it is accepted.
+// Candidates have their own values, factors their own residuals and q, and what the step does to
+// the right-hand sides is summed beside them:
+//
+//     predicted = −Σ (Jδ)ᵀ(q + ½ Jδ),   change of b and η = −Σ Jᵀ(q_candidate − q),
+//
+// over the factors that the step touches, in one pass over their Jacobians. The sets below say who
+// moves (active_), what is evaluated (touched_), and whose right-hand side changes (reached_, the
+// active landmarks, stale_landmarks_). All of them are walked in ascending order, so that sums do
+// not depend on the order in which the step was set.
+
+// step_ never shrinks and is zero where nothing moves: End zeroes just what was set.
 void TrialStep::GrowVariables() {
   active_.Grow(variables_.num_quads());
   stale_landmarks_.Grow(schur_.landmarks().size());
@@ -29,6 +37,7 @@ void TrialStep::CutOff(const Variable& moved) {
   is_cut_off_ |= bounds_.CutOff(moved.id, moved.quad, active_.step(moved.quad));
 }
 
+// Frames first: a landmark is substituted back from the steps that are set, as they were cut off.
 void TrialStep::SetFrame(std::int32_t frame, const double* step) {
   const IncrementalSchur::Frame& moved = schur_.frames()[frame];
   Begin();
@@ -50,6 +59,7 @@ void TrialStep::Move(const Variable& moved) {
   const double* step = active_.step(moved.quad);
   double* candidate = variables_.candidate(moved.id);
   if (!MoveVariable(graph_, moved.id, variables_.current(moved.id), step, candidate)) {
+    // A manifold whose ⊞ fails leaves no candidate.
     candidate[0] = std::nan("");  // the factors will refuse it
   }
   bounds_.Land(moved.id, step);
@@ -69,6 +79,8 @@ void TrialStep::ReachFromFrame(std::int32_t i) {
   for (const FactorRef& ref : frame.factors) {
     schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
   }
+  // A landmark that stays, although a frame that sees it moves: only the factors between the two
+  // are touched, and its η changes.
   for (const std::int32_t l : frame.landmarks) {
     if (!Visited(l)) {
       schur_.structure().ForEachFactorBetween(
@@ -84,6 +96,7 @@ void TrialStep::NameTouched() {
   }
   touched_named_ = true;
   active_.frames().ForEach([this](std::int32_t i) { ReachFromFrame(i); });
+  // Through z: b follows the landmark's η in all rows of its separator.
   const auto reach_frames = [this](std::int32_t l) {
     if (reached_.count() == schur_.structure().num_frames()) {
       return;  // all there are, as late in an Update
@@ -102,6 +115,8 @@ void TrialStep::NameTouched() {
   }
 }
 
+// May be called again after Shorten: the lists stay, since the same variables move. The decrease is
+// by the linearizations there are, however old.
 Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   NameTouched();
   DropChanges();
@@ -128,11 +143,13 @@ void TrialStep::DropChanges() {
   ForEachUpdated([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
 }
 
+// For RelinearizationRule::kStepSize.
 double TrialStep::Largest(FactorRef ref) const {
   const IncrementalFamily& family = families_[ref.family];
   double largest = 0.0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId id = family.variables(ref.factor)[s];
+    // A variable outside the system has no place.
     for (int k = 0; variables_.quad(id) >= 0 && k < variables_.map(id).tangent_size; ++k) {
       largest = std::max(largest, std::fabs(active_.step(variables_.quad(id))[k]));
     }
@@ -140,26 +157,32 @@ double TrialStep::Largest(FactorRef ref) const {
   return largest;
 }
 
-// To be evaluated anew: bounds are looked at along the path, too.
 void TrialStep::Shorten(double scaled_norm) {
   if (!path_.is_prepared()) {
+    // A step that Evaluate was not asked of, because it is longer than the radius, has no list.
     NameTouched();
     path_.Prepare(active_, bounds_, touched_lists_, &families_);
   }
   path_.Take(scaled_norm, &active_);
+  // δ_gn was cut off at bounds, but a point between two points of the box plus rounding, or a
+  // Cauchy point, may leave it. Frames and landmarks are cut off alike, coordinate by coordinate.
   active_.ForEach([this](const auto& moved) { CutOff(moved); });
 }
 
+// Frames take over what their own factors say, then landmarks pass theirs on to b by b −= Y (z −
+// z_old).
 int TrialStep::UpdateRhs() {
   reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
   ForEachUpdated([this](std::int32_t l) { schur_.RefreshResidual(l); });
   return active_.landmarks().count() + stale_landmarks_.count();
 }
 
+// Landmarks that stay have candidates equal to their values.
 void TrialStep::MoveValues() {
   active_.ForEach([this](const auto& moved) { variables_.Accept(moved.id); });
 }
 
+// Candidates become equal to the current values again, which evaluations of other steps rely on.
 void TrialStep::Reject() {
   DropChanges();
   active_.ForEach([this](const auto& moved) { variables_.Reject(moved.id); });
@@ -178,7 +201,15 @@ void TrialStep::End() {
   path_.Drop();
 }
 
-// The step of a landmark alone, as long as its line search wants it.
+// Given the frames, landmarks are independent of each other (docs/algorithms.md, "Landmark
+// refinement"), so each steps and is judged by the change of its own factors' costs. All of them
+// are evaluated in one pass, family by family, and those that lose are left out of what is then
+// accepted as a step like any other.
+//
+// The step is t U_invᵀ z. What a landmark's last step has shown of its cost is kept as the stretch
+// t of its next one, until its values are set or another landmark takes its number.
+
+// The step that Visit has found, t times; longer, it may leave bounds that it was within.
 void TrialStep::Stretch(std::int32_t landmark) {
   const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
   double* step = active_.step(l.quad);
@@ -194,12 +225,16 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
     Stretch(landmark);
     Move(schur_.landmarks()[landmark]);
     Touch(schur_.landmarks()[landmark].factors);
+    // Summed below over the landmark's factors.
     searches_.Begin(landmark);
   }
   for (IncrementalFamily& family : families_) {
     std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    // Ascending, as evaluation and sums want them. No frame moves, so these are all factors of the
+    // landmarks and no others.
     touched_[family.id()].CopyTo(&touched);
     *num_evaluated += static_cast<int>(touched.size());
+    // One refusal takes back the whole pass.
     if (family.EvaluateCandidate(touched, executor_).failed()) {
       return false;
     }
@@ -208,6 +243,7 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
       double slope = 0.0;
       double curvature = 0.0;
       family.Slope(i, &slope, &curvature);
+      // −qᵀJδ is the decrease that the gradient promises along this step.
       searches_.Add(schur_.structure().LandmarkOfFactor({family.id(), i}),
                     family.CandidateCost(i) - family.Cost(i), slope);
     }
@@ -215,10 +251,12 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
   return true;
 }
 
+// As if it had never been visited.
 void TrialStep::LeaveOut(std::int32_t landmark) {
   variables_.Reject(schur_.landmarks()[landmark].id);
   active_.LeaveOut(landmark);
   for (const FactorRef& ref : schur_.landmarks()[landmark].factors) {
+    // A factor has at most one landmark that moves, so nobody else needs it.
     touched_[ref.family].Remove(ref.factor);
   }
 }
@@ -236,12 +274,15 @@ bool TrialStep::TryLandmarks(const std::vector<std::int32_t>& landmarks, int* nu
       LeaveOut(landmark);
     }
   }
+  // No step: nothing was written to the right-hand sides yet.
   if (active_.landmarks().empty()) {
     End();
     return false;
   }
+  // The lists again, of those that are left, and the frames whose b follows.
   NameTouched();
   for (IncrementalFamily& family : families_) {
+    // What accepting does to the right-hand sides; costs were compared above.
     family.TryStep(touched_lists_[family.id()], active_.step().data(), schur_.padded_change());
   }
   return true;

@@ -9,6 +9,8 @@ using internal::JsonObject;
 
 namespace {
 
+// Keys are read by scripts and stay what they are when a field is renamed: some keep an older
+// spelling or word.
 std::string ToJson(const UpdateIteration& row) {
   return JsonObject()
       .Add("iteration", row.iteration)
@@ -38,6 +40,7 @@ std::string ToJson(const UpdateIteration& row) {
 
 }  // namespace
 
+// Without a default, so that the compiler names a step that is missing here.
 const char* ToString(UpdateStep step) {
   switch (step) {
     case UpdateStep::kNone:
@@ -52,6 +55,7 @@ const char* ToString(UpdateStep step) {
   return "unknown";
 }
 
+// Every field of the summary, then the rows of the trace.
 std::string UpdateSummary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))

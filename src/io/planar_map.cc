@@ -16,9 +16,24 @@
 
 namespace inceres {
 namespace internal {
+
+// Planar maps in the text form that GTSAM has Victoria Park in, and the factor graphs that they
+// become; inceres/io/planar_map.h has the grammar.
+//
+// A line refers to poses and landmarks by the numbers of the file, in any order. So lines are read
+// as they come and only afterwards numbered densely, when all numbers are known; edges and
+// sightings are in the order of their lines, which is how each finds its own again. Poses then get
+// a place along the odometry, and landmarks one from the pose that sees them first.
+//
+// Covariances of odometry are inverted as they are read, for an edge holds an information matrix;
+// those of sightings are kept as they are, and their inverse is tried only, so that a message can
+// name the line.
+
 namespace {
 
 // The inverse of a covariance, by columns that are rows; false if that is not positive definite.
+// The factor shows whether it is positive definite. The mean with the transpose makes the result
+// symmetric to the bit; rounding leaves it otherwise so to a few digits less.
 template <int size>
 bool InvertCovariance(const double* covariance, double* information) {
   using Matrix = Eigen::Matrix<double, size, size, Eigen::RowMajor>;
@@ -29,10 +44,13 @@ bool InvertCovariance(const double* covariance, double* information) {
   Eigen::Map<Matrix> inverse(information);
   inverse = cholesky.solve(Matrix::Identity());
   inverse = (0.5 * (inverse + inverse.transpose())).eval();
+  // A matrix of NaN has a factor for Eigen, and one that is nearly singular an inverse that
+  // overflows.
   return inverse.allFinite();
 }
 
 // Numbers of the file as dense indices, ascending.
+// Add any, then Close, then look up: a sorted list, without duplicates, searched by bisection.
 class DenseIds {
  public:
   void Add(std::int64_t id) { ids_.push_back(id); }
@@ -50,6 +68,8 @@ class DenseIds {
   std::vector<std::int64_t> ids_;
 };
 
+// Calls follow each other in one direction: Read, ReadFields for each line, NumberAll,
+// PlaceLandmarks. A failure ends all of it; ReadFile hands over the map only if there was none.
 class PlanarMapReader : RecordReader {
  public:
   PlanarMapReader(const std::string& path, std::unique_ptr<ByteSource> source)
@@ -66,6 +86,7 @@ class PlanarMapReader : RecordReader {
     if (!status.ok()) {
       return status;
     }
+    // All poses hang on the first one by odometry, or the map has no common frame of reference.
     const int lost = PlaceAlongEdges(&map_->poses);
     if (lost < map_->poses.NumVertices()) {
       return scanner_.FailureAt(
@@ -84,6 +105,7 @@ class PlanarMapReader : RecordReader {
     bool is_odometry;
   };
 
+  // The kind of the line decides what the second number is and which fields follow.
   Status ReadFields() {
     Line line{0, 0, scanner_.line(), tag_ == "ODOMETRY"};
     if (!line.is_odometry && tag_ != "LANDMARK" && tag_ != "BR") {
@@ -100,6 +122,8 @@ class PlanarMapReader : RecordReader {
     if (status.ok()) {
       lines_.push_back(line);
       poses_.Add(pose);
+      // The first number is a pose in all three; one that is seen from but that odometry does not
+      // reach is found by PlaceAlongEdges.
       (line.is_odometry ? poses_ : landmarks_).Add(other);
       status = line.is_odometry ? ReadOdometry() : tag_ == "BR" ? ReadBearing() : ReadPlace();
     }
@@ -111,6 +135,7 @@ class PlanarMapReader : RecordReader {
     double upper[6] = {};
     Status status = ReadNumbers("motion", 3, edge.measurement.data());
     status = status.ok() ? ReadNumbers("covariance", 6, upper) : status;
+    // The upper triangle row by row, as the file has it.
     const double covariance[9] = {upper[0], upper[1], upper[2], upper[1], upper[3],
                                   upper[4], upper[2], upper[4], upper[5]};
     if (status.ok() && !InvertCovariance<3>(covariance, edge.information.data())) {
@@ -120,6 +145,7 @@ class PlanarMapReader : RecordReader {
     return status;
   }
 
+  // A position in the pose's axes.
   Status ReadPlace() {
     PlanarMapSighting sighting;
     double upper[3] = {};
@@ -135,6 +161,8 @@ class PlanarMapReader : RecordReader {
     return status;
   }
 
+  // z is distance, angle, as the factor has it; the file has the angle first, with standard
+  // deviations that are taken to be independent.
   Status ReadBearing() {
     PlanarMapSighting sighting;
     sighting.kind = PlanarSighting::kRangeBearing;
@@ -143,11 +171,14 @@ class PlanarMapReader : RecordReader {
     status = status.ok() ? ReadNumbers("range", 1, sighting.z) : status;
     status = status.ok() ? ReadNumbers("bearing_std", 1, deviations + 1) : status;
     status = status.ok() ? ReadNumbers("range_std", 1, deviations) : status;
+    // At distance 0 the angle means nothing, and its derivative is infinite.
     if (status.ok() && !(sighting.z[0] > 0.0)) {
       status = Fail("range", "not positive");
     }
     const char* const names[] = {"range_std", "bearing_std"};
     for (int k = 0; k < 2 && status.ok(); ++k) {
+      // Entries 0 and 3 are the diagonal of 2 × 2. The square of a deviation may underflow or
+      // overflow where the deviation itself does not.
       sighting.covariance[3 * k] = deviations[k] * deviations[k];
       if (!(deviations[k] > 0.0 && std::isnormal(sighting.covariance[3 * k]))) {
         status = Fail(names[k], "not positive");
@@ -167,6 +198,7 @@ class PlanarMapReader : RecordReader {
         map_->poses.edges[edge++].to = poses_.IndexOf(line.other);
         continue;
       }
+      // Poses and landmarks share their numbers, so one cannot be both.
       if (poses_.Has(line.other)) {
         return scanner_.FailureAt(
             line.line, "landmark: " + std::to_string(line.other) + " is a pose on another line");
@@ -179,6 +211,7 @@ class PlanarMapReader : RecordReader {
     return Status::Ok();
   }
 
+  // p + R(θ) z of the first sighting in the order of the file; later ones do not move it.
   void PlaceLandmarks() {
     map_->landmarks.assign(2 * map_->landmark_ids.size(), 0.0);
     std::vector<bool> placed(map_->landmark_ids.size(), false);
@@ -205,6 +238,8 @@ class PlanarMapReader : RecordReader {
 };
 
 // A position as a distance and an angle: the covariance is J C Jᵀ.
+// J is the derivative of (√(x² + y²), atan2(y, x)). At the origin it is infinite, and
+// MakeMeasurement refuses the covariance.
 PlanarMapSighting AsRangeAndBearing(const PlanarMapSighting& position) {
   PlanarMapSighting polar = position;
   const double x = position.z[0], y = position.z[1], range = std::hypot(x, y);
@@ -213,11 +248,14 @@ PlanarMapSighting AsRangeAndBearing(const PlanarMapSighting& position) {
   polar.z[1] = std::atan2(y, x);
   Eigen::Matrix2d J;
   J << x / range, y / range, -y / (range * range), x / (range * range);
+  // By rows or by columns: it is symmetric.
   Eigen::Map<Eigen::Matrix2d> covariance(polar.covariance);
   covariance = (J * covariance * J.transpose()).eval();
   return polar;
 }
 
+// What a map from elsewhere than a file may have wrong: indices and covariances. U with UᵀU = C⁻¹
+// whitens.
 Status MakeMeasurement(const PlanarMap& map, const PlanarMapSighting& sighting, std::size_t number,
                        PlanarLandmarkFamily::Measurement* measurement) {
   const std::string name = "sighting " + std::to_string(number) + ": ";
@@ -243,6 +281,8 @@ Status ReadPlanarMap(const std::string& path, PlanarMap* map, const ReadOptions&
   return internal::ReadFile<internal::PlanarMapReader>(path, map, options);
 }
 
+// Everything that can fail comes before anything is added: measurements are made first, then poses
+// are added as a whole or not at all, and the rest cannot fail.
 Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options, FactorGraph* graph,
                     PlanarMapGraph* ids) {
   std::vector<PlanarMapSighting> sightings = map.sightings;
@@ -265,6 +305,7 @@ Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options, Facto
     added.landmarks.push_back(
         graph->AddVariable(map.landmarks.data() + 2 * i, 2, options.landmark_role));
   }
+  // Both families are there even if one has no factors, so that the handles are good.
   added.positions =
       graph->AddFamily(std::make_shared<PlanarLandmarkFamily>(PlanarSighting::kPosition));
   added.bearings =
@@ -284,6 +325,7 @@ Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options, Facto
   return Status::Ok();
 }
 
+// The message of AddPlanarMap names a sighting but not the file.
 Status ReadPlanarMap(const std::string& path, FactorGraph* graph, PlanarMapGraph* ids,
                      const PlanarMapOptions& options) {
   PlanarMap map;

@@ -7,14 +7,30 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// Coarse columns V of a two-level preconditioner (docs/algorithms.md, "Reduced linear systems", two
+// levels; Mandel 1993): products with V and A V, the Gram–Schmidt process, and the Galerkin product
+// VᵀA V. coarse_columns_setup.cc says where the blocks are; others write V and A V.
+//
+// V has one block a row of A, in the columns of the row's aggregate, so products with V cost one
+// pass over the rows. A V has a block where the columns of an aggregate reach a row, and is kept,
+// so that the preconditioner takes no product with A.
+//
+// Each sum has one task and one order: by members or coupled rows of an aggregate where the result
+// is by columns (Vᵀ r, (A V)ᵀ z), by aggregates of a row where it is by rows (A V q, V q). So the
+// bits do not depend on the number of threads.
+
 namespace {
 
+// Aggregates, and rows, that are worth a task.
 constexpr int kAggregateGrain = 4;
 constexpr int kCoarseRowGrain = 64;
 // A column that keeps less than this share of its length is one that the others hold.
 constexpr double kDependent = 1e-7;
 
 // x += Bᵀ r of a block of `rows` × `stride`, the first `width` columns.
+// Rows of B are padded with zeros to whole quads, so a quad of sums may be taken past the width;
+// only what is within it is added.
 void AddTransposed(const double* B, int rows, int stride, int width, const double* r, double* x) {
   for (int first = 0; first < width; first += kQuad) {
     double sum[kQuad] = {};
@@ -45,6 +61,7 @@ int CoarseColumns::stride(int aggregate) const {
   return PadToQuad(shape_.widths[aggregate]);
 }
 
+// By bisection: the aggregates of a row are ascending.
 int CoarseColumns::PlaceOf(int row, int aggregate) const {
   const auto first = rows_.begin() + rows_begin_[row];
   const auto last = rows_.begin() + rows_begin_[row + 1];
@@ -62,6 +79,7 @@ void CoarseColumns::Orthonormalize(const std::vector<const double*>& blocks) {
 }
 
 // v_aᵀ N v_b.
+// N is block diagonal by rows of A, so the product takes the blocks of the aggregate's own rows.
 double CoarseColumns::Product(int aggregate, int a, int b,
                               const std::vector<const double*>& blocks) const {
   const int stride = this->stride(aggregate);
@@ -83,9 +101,14 @@ double CoarseColumns::Product(int aggregate, int a, int b,
 }
 
 // Gram and Schmidt, modified, twice.
+// In the norm of N, aggregate by aggregate: columns of different aggregates share no row and are
+// orthogonal already. A second pass removes what cancellation in the first leaves. A column that
+// loses all but 1e-7 of its length is rounding of what it depended on; zeros keep its place, so
+// that the shape stays, and CoarseFactor gives it a pivot of 1.
 void CoarseColumns::OrthonormalizeAggregate(int aggregate,
                                             const std::vector<const double*>& blocks) {
   const int stride = this->stride(aggregate);
+  // v_to := keep v_to + scale v_from, over the aggregate's rows.
   const auto add = [&](double scale, int from, double keep, int to) {
     for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
       double* v = V(members_[m]);
@@ -95,6 +118,7 @@ void CoarseColumns::OrthonormalizeAggregate(int aggregate,
     }
   };
   for (int k = 0; k < shape_.widths[aggregate]; ++k) {
+    // A length of rounding alone may be the root of a negative number.
     const double length = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
     for (int pass = 0; pass < 2; ++pass) {
       for (int earlier = 0; earlier < k; ++earlier) {
@@ -102,11 +126,13 @@ void CoarseColumns::OrthonormalizeAggregate(int aggregate,
       }
     }
     const double left = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
+    // The inverse may be infinite where the length is not zero.
     const bool independent = left > kDependent * length && std::isfinite(1.0 / left);
     add(0.0, k, independent ? 1.0 / left : 0.0, k);
   }
 }
 
+// VᵀA V from V and A V. A task writes the blocks of its own columns, whatever their row.
 void CoarseColumns::FormGalerkin(const BlockPattern& pattern, double* values) const {
   std::fill_n(values, pattern.value_begin.back(), 0.0);
   executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
@@ -117,6 +143,8 @@ void CoarseColumns::FormGalerkin(const BlockPattern& pattern, double* values) co
 }
 
 // The blocks of VᵀA V in one column of aggregates.
+// Block (a', a) = Σ V_iᵀ (A V)_ia over the rows i of a' that the columns of a reach. The lower
+// triangle is enough: a' ≥ a. Of the diagonal block all is summed, as a BlockPattern has it.
 void CoarseColumns::FormColumn(int aggregate, const BlockPattern& pattern, double* values) const {
   const int width = shape_.widths[aggregate];
   for (int place = shape_.coupled_begin[aggregate]; place < shape_.coupled_begin[aggregate + 1];
@@ -126,6 +154,7 @@ void CoarseColumns::FormColumn(int aggregate, const BlockPattern& pattern, doubl
     if (other < aggregate) {
       continue;
     }
+    // The pattern has the block, as GalerkinPattern lists all that are reached.
     const auto first = pattern.columns.begin() + pattern.row_begin[other];
     const auto last = pattern.columns.begin() + pattern.row_begin[other + 1];
     const auto block = std::lower_bound(first, last, aggregate) - pattern.columns.begin();
@@ -143,6 +172,7 @@ void CoarseColumns::FormColumn(int aggregate, const BlockPattern& pattern, doubl
   }
 }
 
+// By aggregates: the members of each are listed.
 void CoarseColumns::Restrict(const double* r, double* x) const {
   std::fill_n(x, column_offsets_.back(), 0.0);
   executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
@@ -156,6 +186,7 @@ void CoarseColumns::Restrict(const double* r, double* x) const {
   });
 }
 
+// By aggregates, whose blocks of A V follow each other.
 void CoarseColumns::RestrictProducts(const double* z, double* x) const {
   std::fill_n(x, column_offsets_.back(), 0.0);
   executor_.For(shape_.num_aggregates(), kAggregateGrain, [&](int begin, int end) {
@@ -169,6 +200,7 @@ void CoarseColumns::RestrictProducts(const double* z, double* x) const {
   });
 }
 
+// By rows, through rows_: by aggregates several tasks would add to one row.
 void CoarseColumns::SubtractProducts(const double* q, const double* r, double* y) const {
   executor_.For(num_rows(), kCoarseRowGrain, [&](int begin, int end) {
     for (int row = begin; row < end; ++row) {
@@ -182,6 +214,7 @@ void CoarseColumns::SubtractProducts(const double* q, const double* r, double* y
   });
 }
 
+// A row has one aggregate, so each entry of z is written once.
 void CoarseColumns::Prolong(const double* q, double* z) const {
   executor_.For(num_rows(), kCoarseRowGrain, [&](int begin, int end) {
     for (int row = begin; row < end; ++row) {
@@ -192,6 +225,7 @@ void CoarseColumns::Prolong(const double* q, double* z) const {
   });
 }
 
+// Six arrays are about as long as the offsets.
 std::int64_t CoarseColumns::Bytes() const {
   return static_cast<std::int64_t>((V_.size() + A_V_.size()) * sizeof(double) +
                                    rows_.size() * sizeof(RowPlace) +

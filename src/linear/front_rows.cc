@@ -4,6 +4,14 @@
 
 namespace inceres::internal {
 
+// Which scalar of S stands in which row of a front, for who reads a factor entry by entry
+// (SelectedInverse, FrontQr); docs/algorithms.md, "Covariance".
+//
+// Pivots of fronts are consecutive positions of the order, front after front, so a pivot's row is a
+// difference of positions. The other rows of a front are listed by their positions, which ascend,
+// and are found by bisection. No list of them is kept in the tree, which has runs into the parent
+// only, so they are followed from the roots down, once.
+
 FrontRows::FrontRows(const FrontTree& tree, const BlockPattern& pattern) : tree_(tree) {
   const auto num_blocks = static_cast<std::size_t>(pattern.num_blocks());
   position_.resize(num_blocks);
@@ -11,6 +19,7 @@ FrontRows::FrontRows(const FrontTree& tree, const BlockPattern& pattern) : tree_
   front_of_.resize(num_blocks);
   int scalar = 0;
   others_begin_ = {0};
+  // Fronts are in the order of elimination, and so are the blocks within each.
   for (std::size_t f = 0; f < tree_.fronts.size(); ++f) {
     const Front& front = tree_.fronts[f];
     first_pivot_.push_back(scalar);
@@ -24,6 +33,7 @@ FrontRows::FrontRows(const FrontTree& tree, const BlockPattern& pattern) : tree_
     others_begin_.push_back(others_begin_.back() + static_cast<std::size_t>(front.height));
   }
   others_.resize(others_begin_.back());
+  // Parents come behind their children.
   for (int f = static_cast<int>(tree_.fronts.size()) - 1; f >= 0; --f) {
     ListOthers(f);
   }
@@ -36,6 +46,7 @@ void FrontRows::ListOthers(int f) {
     const Front& parent = tree_.fronts[front.parent];
     for (int k = 0; k < tree_.runs[run].length; ++k) {
       const int to = tree_.runs[run].to + k;
+      // A row of the parent is one of its pivots, or one of its other rows behind their padding.
       others_[others_begin_[f] + tree_.runs[run].from + k] =
           to < parent.width ? first_pivot_[front.parent] + to
                             : others_[others_begin_[front.parent] + to - parent.below()];
@@ -43,6 +54,8 @@ void FrontRows::ListOthers(int f) {
   }
 }
 
+// The position must not lie ahead of the front's pivots. Cost: a bisection, for rows that are not
+// pivots.
 int FrontRows::RowIn(int front, int position) const {
   const int pivot = position - first_pivot_[front];
   if (pivot < tree_.fronts[front].width) {

@@ -7,6 +7,20 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// Entries of A⁻¹ from L alone, front by front, parents first (docs/algorithms.md, "Covariance";
+// Takahashi, Fagan & Chen 1973; Erisman & Tinney 1975). From A⁻¹ L = L⁻ᵀ, by blocks of a front,
+//
+//     Σ₂₁ = −Σ₂₂ M,    Σ₁₁ = (L₁ L₁ᵀ)⁻¹ − Mᵀ Σ₂₁,    M = L₂ L₁⁻¹,
+//
+// and Σ₂₂ has no entries that the parent lacks, because the rows of a front beyond its pivots are
+// rows of its parent.
+//
+// What is kept of a front is [Σ₁₁ Σ₂₁ᵀ], pivots by rows, in one array for all fronts. Σ₂₂ is in the
+// parent's array or in the parent's own Σ₂₂; it is gathered into an array of its own, in both
+// triangles, so that the product with it is one kernel call, and lives until the last child has
+// asked. Σ₁₁ is stored whole; its halves agree up to rounding, and children read one of them.
+
 namespace {
 
 using Eigen::MatrixXd;
@@ -16,10 +30,13 @@ using ConstStrided = Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>>;
 // Columns a task: a multiple of what the kernels take at a time, so that tasks do not change the
 // arithmetic.
 constexpr int kStrip = 48;
+// Below this a front's strips are one task.
 constexpr double kParallelFlops = 2e6;
 
 }  // namespace
 
+// All memory for the result is taken at once and is zero: the products are subtracted into it, and
+// padding stays zero.
 SelectedInverse::SelectedInverse(const SparseCholesky& factor, const BlockPattern& pattern,
                                  const Executor& executor)
     : tree_(factor.tree()), rows_(factor.tree(), pattern) {
@@ -32,11 +49,14 @@ SelectedInverse::SelectedInverse(const SparseCholesky& factor, const BlockPatter
   }
   values_ = ZeroedArray(begin_.back());
   waiting_.resize(static_cast<std::size_t>(num_fronts));
+  // Every subtree is a range of fronts and parents come behind it, so descending order meets
+  // parents first.
   for (int f = num_fronts - 1; f >= 0; --f) {
     Invert(factor, f, executor);
   }
 }
 
+// Per front: the inverse of the triangle and its square, T, and the two products.
 double SelectedInverse::PredictedFlops(const FrontTree& tree) {
   double flops = 0.0;
   for (const Front& front : tree.fronts) {
@@ -51,6 +71,7 @@ void SelectedInverse::Invert(const SparseCholesky& factor, int f, const Executor
   InvertPivots(factor, f);
   Eliminate(f, executor);
   const Front& front = tree_.fronts[f];
+  // Nobody asks a leaf for its Σ₂₂.
   if (front.child_begin == front.child_end) {
     waiting_[f] = Waiting();
   }
@@ -61,6 +82,8 @@ void SelectedInverse::Invert(const SparseCholesky& factor, int f, const Executor
 }
 
 // Entry of A⁻¹ at two rows of the front, row ≥ column.
+// Where both are beyond the pivots it is in Σ₂₂; otherwise the earlier one is a pivot, and the
+// entry is in its row of [Σ₁₁ Σ₂₁ᵀ].
 double SelectedInverse::FromParent(int parent, int row, int column) const {
   const Front& front = tree_.fronts[parent];
   if (column >= front.below()) {
@@ -68,10 +91,13 @@ double SelectedInverse::FromParent(int parent, int row, int column) const {
     return rest.values[static_cast<std::size_t>(column - front.below()) * rest.stride + row -
                        front.below()];
   }
+  // Columns of [Σ₁₁ Σ₂₁ᵀ] are the front's rows without the padding behind the pivots.
   const int at = row < front.below() ? row : front.width + row - front.below();
   return Transposed(parent)[static_cast<std::ptrdiff_t>(at) * front.below() + column];
 }
 
+// Run by run on both sides. Runs ascend in the parent as well, so that row ≥ column holds there,
+// too. A root has no runs and no Σ₂₂.
 void SelectedInverse::GatherRest(int f) {
   const Front& front = tree_.fronts[f];
   Waiting& rest = waiting_[f];
@@ -95,6 +121,8 @@ void SelectedInverse::GatherRest(int f) {
 }
 
 // Σ₁₁ = (L₁ L₁ᵀ)⁻¹ for now, and T = Mᵀ = L₁⁻ᵀ L₂ᵀ.
+// L₁⁻¹ is formed, since its square is wanted; both halves of Σ₁₁ are written. T overwrites a copy
+// of L₂ᵀ.
 void SelectedInverse::InvertPivots(const SparseCholesky& factor, int f) {
   const Front& front = tree_.fronts[f];
   const ConstStrided L(factor.Column(f, 0), front.num_rows(), front.width,
@@ -111,6 +139,8 @@ void SelectedInverse::InvertPivots(const SparseCholesky& factor, int f) {
 }
 
 // Σ₂₁ᵀ = −T Σ₂₂, Σ₁₁ −= T Σ₂₁.
+// The columns of Σ₂₁ᵀ are cut into strips and are independent; Σ₁₁ takes all of them and follows on
+// one thread.
 void SelectedInverse::Eliminate(int f, const Executor& executor) {
   const Front& front = tree_.fronts[f];
   const Waiting& rest = waiting_[f];
@@ -120,6 +150,7 @@ void SelectedInverse::Eliminate(int f, const Executor& executor) {
   executor.For(count, front.flops() > kParallelFlops ? 1 : count, [&](int first, int end) {
     for (int k = first; k < end; ++k) {
       const int column = k * kStrip;
+      // The kernel takes rows of its second operand; those of Σ₂₂ are its columns.
       BestKernels().subtract_outer(below, std::min(kStrip, front.height - column), front.height,
                                    T_.data(), below, rest.values.data() + column, rest.stride,
                                    others + static_cast<std::ptrdiff_t>(column) * below, below);
@@ -129,11 +160,14 @@ void SelectedInverse::Eliminate(int f, const Executor& executor) {
                                Transposed(f), below);
 }
 
+// The later of the two has to be a row of the front that eliminates the earlier one.
 bool SelectedInverse::Has(int i, int j) const {
   const int first = rows_.position(i) < rows_.position(j) ? i : j;
+  // i + j − first is the other of the two.
   return rows_.RowIn(rows_.front_of(first), rows_.position(i + j - first)) >= 0;
 }
 
+// A pivot and any row of its front.
 double SelectedInverse::Entry(int front, int pivot, int position) const {
   return Transposed(front)[static_cast<std::ptrdiff_t>(rows_.RowIn(front, position)) *
                                tree_.fronts[front].below() +
@@ -146,6 +180,8 @@ double SelectedInverse::Diagonal(int block, int k) const {
   return Entry(front, position - rows_.first_pivot(front), position);
 }
 
+// What is stored has rows of the block that is eliminated first; the caller wants those of i.
+// Scalars of one block are consecutive in a front, whether pivots or not.
 void SelectedInverse::Block(int i, int j, double* block) const {
   const bool turned = rows_.position(j) < rows_.position(i);  // the block of Σ₂₁ᵀ is that of (j, i)
   const int first = turned ? j : i, second = turned ? i : j;

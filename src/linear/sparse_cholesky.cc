@@ -9,6 +9,21 @@
 
 namespace inceres::internal {
 
+// The multifrontal factor L Lᵀ = S + diag of a batch solve (docs/algorithms.md, "Reduced linear
+// systems"; Duff & Reid 1983; Liu 1992). BuildFrontTree has planned all that depends on the
+// pattern: order, fronts, tasks, and where each front and update matrix is kept. Here the plan is
+// carried out: assemble a front, add the update matrices of its children, eliminate its pivots
+// (front_elimination.cc), pass U on.
+//
+// Tasks are segments of the tree. A segment begins when those before it are done, and takes its
+// fronts in order; large fronts are cut into strips besides. Sums have the order that the plan
+// gives them, whichever thread carries them out, so the bits do not depend on the number of
+// threads.
+//
+// No copy of S is kept; A's blocks are read at each factorization. The factor, the update matrices
+// and the fronts' parts of vectors stay allocated between calls. A failure is that of the first
+// segment in the plan's order, and within it of the first front, whichever task met it first.
+
 const char* SparseCholesky::Name() const {
   return tree_.dissected ? "sparse Cholesky, dissected" : "sparse Cholesky, AMD";
 }
@@ -17,6 +32,8 @@ std::size_t SparseCholesky::Bytes() const {
   return tree_.Bytes() + (L_.size() + updates_.size() + vectors_.capacity()) * sizeof(double);
 }
 
+// Arrays only grow: a solve whose pattern changes little takes no new memory. Their contents need
+// no zeros, since ZeroFront writes what is read.
 Status SparseCholesky::Analyze(const ReducedMatrix& A) {
   pattern_ = &A.pattern();
   const Status built = BuildFrontTree(*pattern_, &tree_);
@@ -34,12 +51,15 @@ Status SparseCholesky::Analyze(const ReducedMatrix& A) {
   return built;
 }
 
+// As Analyze would take it, if nothing were there.
 double SparseCholesky::PredictedBytes() const {
   return static_cast<double>(tree_.Bytes() +
                              (tree_.factor_size + tree_.updates_size + tree_.vectors_size) *
                                  sizeof(double));
 }
 
+// Segment 0 is the one that all others come before. Everything is factored anew, whatever has
+// changed.
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = tree_.flops;
   return End(FactorSegment(0, A));
@@ -55,6 +75,8 @@ Status SparseCholesky::End(int failed) {
   return factored_;
 }
 
+// One task a segment. Segments before a segment are independent of each other, and tasks may open
+// further ones.
 template <typename Body>
 void SparseCholesky::ForSegmentsBefore(const FrontSegment& segment, const Body& body) const {
   executor_.For(static_cast<int>(segment.before.size()), 1, [&](int begin, int end) {
@@ -62,9 +84,13 @@ void SparseCholesky::ForSegmentsBefore(const FrontSegment& segment, const Body& 
   });
 }
 
+// Children of another segment wait until their parent is opened. Those of the same segment may be
+// added as they come, where the plan says that keeping them would take more memory than the parent
+// itself.
 int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
   const FrontSegment& segment = tree_.segments[index];
   ForSegmentsBefore(segment, [&](int before) { FactorSegment(before, A); });
+  // Each segment writes its own entry only; what came before is asked in the plan's order.
   int& failed = failed_[index];
   failed = FrontTree::kNone;
   for (const int before : segment.before) {
@@ -72,6 +98,7 @@ int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
   }
   for (auto f = segment.fronts.begin(); f != segment.fronts.end() && failed == FrontTree::kNone;
        ++f) {
+    // A parent that takes updates as they come was opened by its first child.
     if (tree_.opened_by[*f] == FrontTree::kNone) {
       Open(*f, A);
     }
@@ -88,6 +115,7 @@ int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
 }
 
 // With the update matrices of all children that are not added as they come.
+// Their order is that of the fronts.
 void SparseCholesky::Open(int f, const ReducedMatrix& A) {
   Assemble(f, A);
   const Front& front = tree_.fronts[f];
@@ -98,17 +126,21 @@ void SparseCholesky::Open(int f, const ReducedMatrix& A) {
   }
 }
 
+// The blocks of S whose earlier row is a pivot here, each at the place that the plan has for it,
+// then the diagonal.
 void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
   const Front& front = tree_.fronts[f];
   ZeroFront(front, Column(f, 0), Update(f));
   for (int k = front.piece_begin; k < front.piece_end; ++k) {
     const FrontPiece& piece = tree_.pieces[k];
+    // Null: the block is left out, and its place keeps its zeros.
     if (const double* block = A.Block(piece.i, piece.block)) {
       const int j = pattern_->columns[piece.block];
       PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i),
                  pattern_->block_size(j), piece.row, piece.column, Column(f, 0), front.stride());
     }
   }
+  // Pivots of a front are blocks one behind the other.
   int pivot = 0;
   for (int at = front.position_begin; at < front.position_end; ++at) {
     const int block = tree_.order[at];
@@ -129,6 +161,7 @@ int SparseCholesky::Eliminate(int f) {
   return failed < 0 ? FrontTree::kNone : BlockAtPivot(tree_.fronts[f], failed);
 }
 
+// From a scalar pivot to the block of S that has it: what a message can name.
 int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
   int at = front.position_begin;
   while (pivot >= pattern_->block_size(tree_.order[at])) {
@@ -137,6 +170,8 @@ int SparseCholesky::BlockAtPivot(const Front& front, int pivot) const {
   return tree_.order[at];
 }
 
+// Forwards children first, backwards parents first, with the same segments: y = L⁻¹ b, then
+// x = L⁻ᵀ y. All of b and x is done.
 Status SparseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
                              const Truncation& /*truncation*/, double* x) {
   if (!factored_.ok()) {
@@ -154,6 +189,8 @@ void SparseCholesky::SolveForward(const FrontSegment& segment, const double* b) 
   }
 }
 
+// The other way round: this segment's fronts, last one first, then the segments before it, side by
+// side.
 void SparseCholesky::SolveBackward(const FrontSegment& segment, double* x) {
   for (auto f = segment.fronts.rbegin(); f != segment.fronts.rend(); ++f) {
     SolveBackward(*f, x);
@@ -161,6 +198,8 @@ void SparseCholesky::SolveBackward(const FrontSegment& segment, double* x) {
   ForSegmentsBefore(segment, [&](int before) { SolveBackward(tree_.segments[before], x); });
 }
 
+// A front's part of the vector has a place for each of its rows: the pivots take b, the others
+// begin with zero and collect what the parent is to add. No two fronts write to the same place.
 void SparseCholesky::SolveForward(int f, const double* b) {
   const Front& front = tree_.fronts[f];
   double* y = Vector(f);
@@ -172,6 +211,7 @@ void SparseCholesky::SolveForward(int f, const double* b) {
   std::fill(pivot, y + front.num_rows(), 0.0);
   for (int k = front.child_begin; k < front.child_end; ++k) {
     const Front& child = tree_.fronts[tree_.children[k]];
+    // What the child's rows beyond its pivots have collected.
     const double* update = Vector(tree_.children[k]) + child.below();
     for (int run = child.run_begin; run < child.run_end; ++run) {
       const auto [from, to, length] = tree_.runs[run];
@@ -181,6 +221,8 @@ void SparseCholesky::SolveForward(int f, const double* b) {
   SolveFrontForward(front, Column(f, 0), y);
 }
 
+// The rows beyond the pivots take x from the parent, whose part is complete by then; the padding
+// stays zero from the way forwards.
 void SparseCholesky::SolveBackward(int f, double* x) {
   const Front& front = tree_.fronts[f];
   double* y = Vector(f);

@@ -14,6 +14,22 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// The order of the block rows of S and the fronts of its factor (docs/algorithms.md, "Reduced
+// linear systems"). Everything is counted in blocks, which are taken to be of the mean size: the
+// graph is smaller by the square of that, and blocks of frames are of few sizes.
+//
+// Four steps: an order with little fill (AMD, or AMD on both sides of a separator); the elimination
+// tree and the counts of the columns, by walking the row subtrees (Liu 1990); a postorder, in which
+// columns that may share a front are neighbors; fronts, first those of exactly equal structure,
+// then joined where the zeros that this brings cost less than the smaller front would.
+//
+// parents_ and counts_ are those of the exact factor throughout. A joined front is a range of
+// positions whose last column has the rows of all: it holds the others' rows because in a chain of
+// parents each column's rows, but for the next one, are among those of its parent.
+//
+// All of it is a function of the pattern. METIS draws random numbers and gets a seed for each call.
+
 namespace {
 
 // Cutting the graph takes milliseconds where AMD takes one: only a factor this expensive may win
@@ -37,6 +53,7 @@ constexpr double kPriceOfFront = 2000.0;
 constexpr double kPriceOfEntry = 4.0;
 
 // The graph of S: per block its neighbors, in one array.
+// Both directions of each edge, without loops, which is what METIS takes.
 struct Graph {
   explicit Graph(const BlockPattern& pattern) {
     const auto for_each_neighbor = [&pattern](const auto& add) {
@@ -50,6 +67,7 @@ struct Graph {
 
   template <typename Visit>
   static void ForEachEdge(const BlockPattern& pattern, const Visit& visit) {
+    // Of the lower triangle; blocks of a row come before its diagonal one, which ends the loop.
     for (int i = 0; i < pattern.num_blocks(); ++i) {
       for (int k = pattern.row_begin[i]; pattern.columns[k] < i; ++k) {
         visit(i, pattern.columns[k]);
@@ -98,6 +116,8 @@ bool OrderByHalves(const BlockPattern& pattern, std::vector<int>* order) {
 }
 
 // The elimination tree of S in an order, and how many entries each column of the factor has.
+// Cost of the construction: the entries of the factor in blocks, since each is met once in a row
+// subtree.
 class EliminationTree {
  public:
   EliminationTree(const BlockPattern& pattern, std::vector<int> order)
@@ -108,6 +128,8 @@ class EliminationTree {
   }
 
   // Of a factorization by blocks of the mean size.
+  // A column of c entries updates half of c² blocks, each by size³ multiplications and as many
+  // additions.
   double Flops() const {
     const double mean_size = MeanSize();
     double flops = 0.0;
@@ -119,6 +141,7 @@ class EliminationTree {
 
   void FindFronts(SymbolicFactor* factor) {
     factor->order = order_;
+    // Before joining: zeros do not count, so that two orders are compared by their fill alone.
     factor->flops = Flops();
     FindFundamentalFronts();
     JoinFronts();
@@ -146,6 +169,9 @@ class EliminationTree {
 
   // A row of the factor has entries in the columns on the paths of the tree from those of S up to
   // the diagonal.
+  // last_row tells where this row has been already: the path from there on was walked for an
+  // earlier entry. A column whose parent is not known gets it now, as rows come in ascending order
+  // and the first one below the diagonal is the parent.
   void FindParents() {
     parents_.assign(size(), -1);
     counts_.assign(size(), 1);
@@ -171,6 +197,7 @@ class EliminationTree {
                      [this](int a, int b) { return counts_[a] < counts_[b]; });
     std::vector<int> first_child(size(), -1), next(size(), -1);
     std::vector<int> waiting;  // top last
+    // Each child goes to the head of its list, largest first, so that the lists ascend.
     for (auto child = by_count.rbegin(); child != by_count.rend(); ++child) {
       if (parents_[*child] >= 0) {
         next[*child] = first_child[parents_[*child]];
@@ -178,6 +205,7 @@ class EliminationTree {
       }
     }
     std::vector<int> postorder;
+    // By a stack of our own: a chain of thousands of poses is a tree as deep.
     for (int root = 0; root < size(); ++root) {
       if (parents_[root] >= 0) {
         continue;
@@ -186,6 +214,7 @@ class EliminationTree {
         const int top = waiting.back();
         if (first_child[top] >= 0) {
           waiting.push_back(first_child[top]);
+          // The child leaves the list as it is pushed; a node without children left is done.
           first_child[top] = next[first_child[top]];
         } else {
           postorder.push_back(top);
@@ -196,6 +225,8 @@ class EliminationTree {
     Permute(postorder);
   }
 
+  // A postorder is an equivalent order: fill, counts and the tree are the same, renumbered; only
+  // neighbors have to be listed anew.
   void Permute(const std::vector<int>& postorder) {
     std::vector<int> position(size());
     for (int at = 0; at < size(); ++at) {
@@ -212,6 +243,7 @@ class EliminationTree {
   }
 
   // A column and the next that has the same rows but its own, and no other child.
+  // With one child and one entry less the structures are equal, which needs no comparison of rows.
   void FindFundamentalFronts() {
     std::vector<int> num_children(size(), 0);
     for (const int parent : parents_) {
@@ -230,6 +262,9 @@ class EliminationTree {
   }
 
   // From the end: a front may join the one behind it, as it is by then, if that is its parent.
+  // Its last column is the parent's child that comes right before it, so that what is joined stays
+  // a range. zeros are those of the joined front so far; where columns are few they are not counted
+  // at all.
   void JoinFronts() {
     std::vector<int> begin{size(),
                            begin_[begin_.size() - 2]};  // of the fronts that stay, from the end
@@ -238,6 +273,7 @@ class EliminationTree {
       const int next = begin.back(), end = begin[begin.size() - 2];
       const int parent = parents_[next - 1];
       const double new_zeros = NewZeros(begin_[f], next, end);
+      // The root's parent is −1, and a front may be followed by one that is no relative.
       if (parent >= next && parent < end &&
           IsWorthJoining(begin_[f], end, new_zeros, zeros + new_zeros) &&
           !IsDearer(begin_[f], next, end)) {
@@ -251,11 +287,13 @@ class EliminationTree {
     begin_.assign(begin.rbegin(), begin.rend());
   }
   // Those of a front [begin, next) that joins the one behind it, up to `end`, as far as they count.
+  // The front is fundamental, so all of its columns lack the same rows of the joined one.
   double NewZeros(int begin, int next, int end) const {
     return IsNarrow(end - begin, 0)
                ? 0.0
                : static_cast<double>(next - begin) * (RowsOf(begin, end) - counts_[begin]);
   }
+  // The share is of the entries of the joined front, a trapezoid.
   bool IsWorthJoining(int begin, int end, double new_zeros, double zeros) const {
     const int columns = end - begin;
     const double share = zeros / (columns * (0.5 * (columns + 1) + RowsOf(begin, end) - columns));
@@ -266,6 +304,8 @@ class EliminationTree {
   bool IsDearer(int begin, int next, int end) const {
     return MeanSize() <= kSmallBlock && Price(begin, end) > Price(begin, next) + Price(next, end);
   }
+  // In scalars and padded, as front_elimination.cc will do it: flops of the elimination, entries
+  // that are zeroed, added and read, and a price for the front itself.
   double Price(int begin, int end) const {
     const int columns = end - begin;
     const double w = PadToQuad(static_cast<int>(std::ceil(MeanSize() * columns)));
@@ -281,6 +321,7 @@ class EliminationTree {
   int RowsOf(int begin, int end) const { return end - begin + counts_[end - 1] - 1; }
 
   // Below its pivots a front has the rows of S there and those of its children.
+  // A row that crosses a front anywhere is a row of all of it.
   void ListRows(SymbolicFactor* factor) const {
     const auto num_fronts = static_cast<int>(begin_.size()) - 1;
     factor->front_begin = begin_;
@@ -302,6 +343,7 @@ class EliminationTree {
         factor->rows[next[f]++] = row;
       };
       list(front_of[row]);
+      // The parent of a front is that of its last column.
       for (int k = neighbors_begin_[row]; k < neighbors_begin_[row + 1]; ++k) {
         for (int f = front_of[neighbors_[k]]; last_row[f] != row;
              f = front_of[parents_[begin_[f + 1] - 1]]) {
@@ -323,6 +365,8 @@ class EliminationTree {
 
 }  // namespace
 
+// AMD's order is always made: it is the fallback, and tells whether the factor is dear enough for
+// METIS to be asked.
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor) {
   *factor = SymbolicFactor();
   std::vector<int> order;
@@ -333,6 +377,7 @@ Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, Symboli
   EliminationTree tree(pattern, order);
   if (may_dissect && tree.Flops() >= kMinFlopsForDissection && OrderByHalves(pattern, &order)) {
     EliminationTree halves(pattern, order);
+    // Slightly more flops are taken, since halves are factored at the same time.
     factor->dissected = halves.Flops() < kWorthOfHalves * tree.Flops();
     if (factor->dissected) {
       halves.FindFronts(factor);

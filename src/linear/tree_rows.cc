@@ -4,8 +4,23 @@
 #include <numeric>
 
 namespace inceres::internal {
+
+// What the Bayes tree knows of the structure of S (docs/algorithms.md, "Reduced linear systems",
+// Bayes tree). Changes of S are told as rows; which block is new, or has gone, is found by
+// comparing a row's neighbors with those that it had when it was last looked at. Three cases:
+//
+// - A row or a block that has gone: the row leaves the tree, all cliques that know it dissolve, and
+//   it comes back as a new one if it is still there.
+// - A block where the factor has a place (fill-in): the clique that assembles it is stale, and the
+//   tree stays.
+// - Any other block, or a row that is new: the cliques of its rows and those above dissolve.
+//
+// Neighbors are known from both ends, so that a change that is told of one row only is known of the
+// other. Pending rows stay pending until TakePending: what fails halfway is done again.
+
 namespace {
 
+// Rows ahead of it, then rows behind it: ascending, since each part is.
 void ListNeighbors(const SymmetricBlockRows& S, int row, std::vector<int>* neighbors) {
   neighbors->clear();
   for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
@@ -32,6 +47,7 @@ void TakeFrom(std::vector<int>* list, int value) {
 
 }  // namespace
 
+// A row is pending once, however often it is told. Without a list all rows from first_row on are.
 void TreeRows::Follow(const SymmetricBlockRows& S, const ReducedSolver::Rows& changed) {
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(S.num_rows())));
   const auto add = [this](int row) {
@@ -49,12 +65,15 @@ void TreeRows::Follow(const SymmetricBlockRows& S, const ReducedSolver::Rows& ch
   }
 }
 
+// What has gone first, so that a row that left and came back as another is new when new blocks are
+// looked at.
 void TreeRows::FollowPattern(const SymmetricBlockRows& S, std::vector<int>* stale) {
   touched_.clear();
   ForgetLostRows(S);
   TakeUpNewBlocks(S, stale);
 }
 
+// The neighbors forget the row as well: otherwise they would look for a block that nobody has.
 void TreeRows::Forget(int row) {
   for (const int neighbor : rows_[row].neighbors) {
     TakeFrom(&rows_[neighbor].neighbors, row);
@@ -64,6 +83,7 @@ void TreeRows::Forget(int row) {
 }
 
 // A row that has gone, or has come back as another, or without a block that it had.
+// The comparison of values would not show it: it visits the blocks that S has.
 void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
   for (const int row : pending_) {
     if (!tree_.Has(row)) {
@@ -71,6 +91,7 @@ void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
     }
     ListNeighbors(S, row, &neighbors_);
     const std::vector<int>& known = rows_[row].neighbors;
+    // Both lists ascend.
     if (S.size_of(row) != tree_.SizeOf(row) ||
         !std::includes(neighbors_.begin(), neighbors_.end(), known.begin(), known.end())) {
       Forget(row);
@@ -78,6 +99,7 @@ void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
   }
 }
 
+// Only edges that are not known are taken up, each from the first of its rows that is looked at.
 void TreeRows::TakeUpNewBlocks(const SymmetricBlockRows& S, std::vector<int>* stale) {
   for (const int row : pending_) {
     if (S.size_of(row) == 0) {
@@ -91,6 +113,8 @@ void TreeRows::TakeUpNewBlocks(const SymmetricBlockRows& S, std::vector<int>* st
       continue;
     }
     for (const int other : neighbors_) {
+      // Looked up anew each time: where the other row was taken up before, it has entered itself
+      // here.
       const std::vector<int>& known = rows_[row].neighbors;
       if (!std::binary_search(known.begin(), known.end(), other)) {
         TakeUpNeighbor(row, other, stale);
@@ -107,10 +131,12 @@ void TreeRows::TakeUpNeighbor(int row, int other, std::vector<int>* stale) {
   touched_.push_back(other);
   const bool both = tree_.Has(row) && tree_.Has(other);
   if (both && tree_.AreCoupled(row, other)) {
+    // A block is assembled with the row that is eliminated first.
     tree_.ClearUpwards(tree_.CliqueOf(tree_.IsBefore(row, other) ? row : other),
                        &Clique::is_factored, stale);
     return;
   }
+  // A row that is new has no clique; it is ordered with what its neighbors' cliques leave.
   for (const int end : {row, other}) {
     if (tree_.Has(end)) {
       tree_.Dissolve(end);
@@ -118,6 +144,8 @@ void TreeRows::TakeUpNeighbor(int row, int other, std::vector<int>* stale) {
   }
 }
 
+// New rows come last in the order, or, where none is new, the rows with a new block. If memory runs
+// out, new_rows_ stay for the next try.
 Status TreeRows::Rebuild(const SymmetricBlockRows& S, std::vector<int>* made) {
   Status rebuilt = tree_.Rebuild(S, new_rows_, new_rows_.empty() ? touched_ : new_rows_, made);
   if (rebuilt.ok()) {

@@ -10,7 +10,23 @@
 
 namespace inceres::internal {
 
+// Substitution in the Bayes tree, as far as a change reaches (docs/algorithms.md, "Reduced linear
+// systems", Bayes tree; Kaess et al. 2012, algorithm 7). Per clique, with L₁ the triangle of its
+// pivots and L₂ its other rows,
+//
+//     y₁ = L₁⁻¹ (b₁ + Σ_children y₂),    y₂ = Σ_children y₂ − L₂ y₁        forwards
+//     x₁ = L₁⁻ᵀ (y₁ − L₂ᵀ x₂)                                            backwards.
+//
+// Forwards a change of b or L reaches the cliques above it, backwards a change of y or x those
+// below. is_fresh_ carries from one to the other which y have changed since the last x.
+//
+// Wildfire: a clique below is solved again only if an x of its separator has moved since the x that
+// it was solved with, which passed_on_ keeps, by more than the threshold. The comparison is with
+// what was passed on, not with the last x: changes that are each too small add up until they are
+// passed on. passed_on_ begins as NaN, unlike any x.
+
 // Where a row has gone or come back, x of the rows behind it is no longer where it was.
+// The old offsets are compared before they are overwritten, and new rows at the end move nothing.
 void TreeSubstitution::FollowPacking(const SymmetricBlockRows& S) {
   const std::size_t known = offsets_.size();
   offsets_.resize(static_cast<std::size_t>(S.num_rows()) + 1);
@@ -25,14 +41,17 @@ void TreeSubstitution::FollowPacking(const SymmetricBlockRows& S) {
   passed_on_.resize(offset, std::numeric_limits<double>::quiet_NaN());  // unlike any x
 }
 
+// Their numbers may be given to other cliques.
 void TreeSubstitution::ForgetDissolved() {
   tree_.EraseUnused(&unsubstituted_);
 }
 
+// New cliques have is_substituted cleared, as have those above, which are new as well.
 void TreeSubstitution::Take(const std::vector<int>& made) {
   unsubstituted_.insert(unsubstituted_.end(), made.begin(), made.end());
 }
 
+// A row that S has but the tree does not is new, and its clique will be marked by Take.
 void TreeSubstitution::MarkChangedB(const ReducedSolver::Rows& changed_b) {
   const auto mark = [this](int row) {
     if (tree_.Has(row)) {
@@ -48,6 +67,8 @@ void TreeSubstitution::MarkChangedB(const ReducedSolver::Rows& changed_b) {
   }
 }
 
+// Children first, by stamp. A clique that is not marked keeps its y, and what it has collected for
+// its parent.
 int TreeSubstitution::Forward(const double* b) {
   tree_.SortByStamp(&unsubstituted_);
   is_fresh_.resize(tree_.cliques().size(), 0);
@@ -57,6 +78,7 @@ int TreeSubstitution::Forward(const double* b) {
     clique.is_substituted = true;
     is_fresh_[c] = 1;
     num_rows += clique.num_pivots;
+    // The padding too, which the kernels read.
     std::fill(clique.y.begin(), clique.y.end(), 0.0);
     for (int k = 0; k < clique.num_pivots; ++k) {
       const int row = clique.rows[k];
@@ -64,6 +86,7 @@ int TreeSubstitution::Forward(const double* b) {
     }
     for (const int child : clique.children) {
       const Clique& below = tree_.clique(child);
+      // What the child's L₂ y₁ leaves to rows of this clique.
       const double* update = below.y.data() + below.front.below();
       for (const FrontRun& run : below.runs) {
         std::transform(update + run.from, update + run.from + run.length, clique.y.begin() + run.to,
@@ -76,6 +99,8 @@ int TreeSubstitution::Forward(const double* b) {
   return num_rows;
 }
 
+// bᵀA⁻¹b = yᵀy. The padding behind the pivots is zero. In the order of the cliques' numbers, which
+// follows from the edits.
 double TreeSubstitution::Gain() const {
   double gain = 0.0;
   for (const Clique& clique : tree_.cliques()) {
@@ -87,6 +112,7 @@ double TreeSubstitution::Gain() const {
   return gain;
 }
 
+// Each call has a number, by which moved_ tells what has moved in this one, without being cleared.
 const std::vector<int>& TreeSubstitution::Backward(const Truncation& truncation, double* x) {
   ++num_solves_;
   solved_.clear();
@@ -96,11 +122,15 @@ const std::vector<int>& TreeSubstitution::Backward(const Truncation& truncation,
                is_root_to_solve);
   while (!waiting_.empty()) {
     const int c = waiting_.back();
+    // Depth first: whichever child comes first, an x depends on its separator alone, so the order
+    // does not change the bits.
     waiting_.pop_back();
     SolveClique(c, truncation, x);
     PushChildren(c);
   }
   solution_is_lost_ = false;
+  // A fresh y below one that is not is not possible: y above it changed with it. So all fresh
+  // cliques were reached.
   std::fill(is_fresh_.begin(), is_fresh_.end(), 0);
   std::sort(solved_.begin(), solved_.end());
   return solved_;
@@ -117,6 +147,8 @@ void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* 
     std::copy(x_.begin() + offsets_[row], x_.begin() + offsets_[row + 1],
               workspace_.begin() + clique.places[k]);
   }
+  // Products with the padding of L are with zeros, but what an earlier clique left here may be
+  // infinite.
   std::fill(workspace_.begin() + front.below() + front.height,
             workspace_.begin() + front.num_rows(), 0.0);
   SolveFrontBackward(front, clique.L.data(), workspace_.data());
@@ -125,6 +157,8 @@ void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* 
     std::copy_n(workspace_.begin() + clique.places[k], end - begin, x_.begin() + begin);
     std::copy(x_.begin() + begin, x_.begin() + end, x + begin);
     solved_.push_back(row);
+    // A solution that was lost is passed on whole. x_ itself takes each new value, whether it is
+    // passed on or not.
     if (solution_is_lost_ || HasChanged(begin, end, truncation)) {
       std::copy(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
       moved_[row] = num_solves_;
@@ -145,6 +179,8 @@ void TreeSubstitution::PushChildren(int c) {
   }
 }
 
+// Σ w_k change_k² of a row against the threshold. Negated, so that NaN counts as a change; without
+// a threshold any other value does.
 bool TreeSubstitution::HasChanged(int begin, int end, const Truncation& truncation) const {
   if (truncation.threshold <= 0.0) {
     return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);

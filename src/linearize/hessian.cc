@@ -3,11 +3,26 @@
 #include <algorithm>
 
 namespace inceres::internal {
+
+// H = Σ JᵀJ and η = −Σ Jᵀf of a batch solve (docs/algorithms.md, "Schur complement"): C, P and η
+// are summed from the evaluator's Jacobians, which are corrected for losses already. W is never
+// formed; undamped and unscaled, one H serves every radius.
+//
+// FramePlans lists the products of each block of C once for a structure, as offsets into the
+// families' Jacobians, so that a sum is a run of one kernel over a list. Each block and each
+// landmark has one task, and its sum the order of the plan: the bits do not depend on the number of
+// threads.
+//
+// The gradient is taken in the same pass, and is Jᵀf, not −Jᵀf: gradient_ = −η. The diagonal of H,
+// which damping and scaling read, is copied out of C and P.
+
 namespace {
 
+// Blocks, and landmarks, that are worth a task.
 constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
+// All P have room for the largest one, so that P of a landmark is found by multiplication.
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -36,6 +51,8 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   }
 }
 
+// A block of the pattern without products is zero, such as one of frames that share landmarks only,
+// and has no memory. A frame without factors keeps its diagonal block: damping is added to it.
 void Hessian::PlaceFrameBlocks() {
   const BlockPattern& pattern = plans_.pattern;
   C_begin_.assign(pattern.columns.size(), -1);
@@ -52,6 +69,7 @@ void Hessian::PlaceFrameBlocks() {
 
 void Hessian::BuildGradientTerms() {
   // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
+  // Each comes once because no factor repeats a variable (FactorGraph::Validate).
   const BlockPattern& pattern = plans_.pattern;
   gradient_segments_begin_.push_back(0);
   for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
@@ -61,6 +79,8 @@ void Hessian::BuildGradientTerms() {
       const ProductPlan::Segment& segment = plans_.hessian.segments[k];
       const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
       const Linearization& cache = evaluator_.families()[source.family];
+      // Quads of a factor's block of Jacobian: an offset over this is the factor's number, and that
+      // times its residual's size is where its residual is.
       const auto quads =
           static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
       gradient_segments_.push_back({source.family, source.row_slot,
@@ -74,6 +94,7 @@ void Hessian::BuildGradientTerms() {
   }
 }
 
+// Frames and landmarks write to entries of their own, also of gradient_ and diagonal_.
 void Hessian::Accumulate() {
   const Executor& executor = evaluator_.executor();
   kept_.Observe();
@@ -94,11 +115,15 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     }
     const int rows = pattern.block_size(plans_.block_row[k]);
     const int columns = pattern.block_size(pattern.columns[k]);
+    // The kernels sum into blocks whose rows are padded to quads; in C rows follow each other
+    // without a gap.
     double* sum = scratch.Zeroed(rows, columns);
+    // One segment per family and pair of slots, in the order of the plan.
     for (int s = plans_.hessian.segments_begin[k]; s < plans_.hessian.segments_begin[k + 1]; ++s) {
       AddSegment(s, rows, columns, sum);
     }
     const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
+    // Of products that are symmetric the kernels may leave out what is above the diagonal.
     if (is_diagonal) {
       MirrorLowerTriangle(rows, PadToQuad(columns), sum);
     }
@@ -118,6 +143,7 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   double* const kept = kept_.Find(s);
   if (kept == nullptr || kept_.IsStale(source.family)) {
     BlockProducts products;
+    // The kernel's C has the rows of b and the columns of a.
     products.a = cache.slots[source.column_slot].data;
     products.b = cache.slots[source.row_slot].data;
     products.terms = plans_.hessian.terms.data() + segment.first_term;
@@ -125,6 +151,7 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
     products.depth = cache.residual_size;
     products.a_size = columns;
     products.b_size = rows;
+    // The same slot for row and column: every term is a Jacobian with itself.
     products.symmetric = source.row_slot == source.column_slot;
     if (kept != nullptr) {
       std::fill(kept, kept + size, 0.0);
@@ -143,12 +170,14 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   double* sum = scratch->Zeroed(1, size);
   AddTransposed(residuals_, frame, sum);
   std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
+  // The diagonal block is the last one of its row.
   const double* C_ii = FrameBlock(pattern.row_begin[i + 1] - 1);
   for (int k = 0; k < size; ++k) {
     diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
   }
 }
 
+// Also for right-hand sides other than f; a family whose r is zero is left out by a null pointer.
 void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const {
   for (int s = gradient_segments_begin_[frame]; s < gradient_segments_begin_[frame + 1]; ++s) {
     const GradientSegment& segment = gradient_segments_[s];
@@ -167,6 +196,8 @@ void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, d
   }
 }
 
+// P and η_l of one landmark, from its factors alone, family after family. Rows of P are a quad
+// apart whatever its size; entries beyond it stay zero, as the padding of J is.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
   for (int l = begin; l < end; ++l) {
@@ -179,6 +210,7 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
       kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
     }
+    // Landmarks come behind the frames in packed vectors.
     const int offset = layout.packed_offset[layout.num_frames + l];
     for (int c = 0; c < size; ++c) {
       gradient_[offset + c] = -eta[c];

@@ -6,6 +6,27 @@
 #include "linearize/robustify.h"
 
 namespace inceres::internal {
+
+// The cached linearizations of one family in incremental mode (docs/algorithms.md, "Linearization"
+// and "Robust losses"). Per factor there are the corrected Jacobian J := √w (I − α n nᵀ) J, the
+// residual f now, the residual f̂ that the cached J predicts, and q, with which Jᵀq is the robust
+// gradient at the present f:
+//
+//     q = w' (I + β n nᵀ) f / √w,    β = α / (1 − α),    (I − α n nᵀ)⁻¹ = I + β n nᵀ,
+//
+// where w, n and α are those of the linearization and w' = ρ' now. The correction is kept as
+// m = √β n, so that I + m mᵀ undoes it for q and for predictions.
+//
+// A step goes through EvaluateCandidate (f, cost, w' and q at the candidate), TryStep (J δ is kept)
+// and Accept (the candidate becomes the present, and f̂ follows by (I + m mᵀ) J δ / √w). A step
+// that is refused leaves only values of the candidate behind, which the next one overwrites.
+//
+// Where √w is next to zero, J and q say nothing of f any more; inverse_sqrt_w is 0 then, which
+// keeps divisions out of all formulas.
+//
+// Each factor writes its own places, so evaluation may run on threads; sums over factors are taken
+// by the calling thread, in the order of the list.
+
 namespace {
 
 // A residual that changes by less than this share of itself is steady enough for the curvature of
@@ -28,6 +49,8 @@ IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
       constant_jacobian_(factors_.family->HasConstantJacobian()) {
 }
 
+// Capacity doubles, so that a factor costs constant time on average; all arrays by place grow
+// together.
 void IncrementalFamily::Grow(int num_places) {
   const int capacity = num_places > factors_.capacity
                            ? 2 * num_places
@@ -47,6 +70,8 @@ void IncrementalFamily::Grow(int num_places) {
   y_targets_.resize(factors_.parameters.size(), -1);
 }
 
+// A place that is used again begins like a new one: no linearization, no steadiness, no blocks of
+// Y. Pointers into the variable store are looked up here, once.
 void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
   if (factor >= num_places()) {
     Grow(factor + 1);
@@ -58,6 +83,7 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
     const VariableId id = variables(factor)[s];
     const TangentMap& map = variable_store->map(id);
     const auto at = static_cast<std::size_t>(factors_.Entry(factor)) + s;
+    // A variable that is constant is not linearized and needs no pin.
     factors_.Connect(at, variable_store->current(id),
                      graph.HasPins() && map.wanted() ? graph.PinnedValues(id) : nullptr, map);
     factors_.candidate_parameters[at] = variable_store->candidate(id);
@@ -72,6 +98,7 @@ EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::in
   if (unprepared.failed()) {
     return unprepared;
   }
+  // Weights are taken run by run, while the residuals are in the cache.
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.EvaluateCandidate(begin, end);
     if (!failure.failed()) {
@@ -87,6 +114,7 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
   if (unprepared.failed()) {
     return unprepared;
   }
+  // Before the threads start: the parked Jacobians are one table for all factors.
   for (const std::int32_t factor : factors) {
     parked_.Drop(factor);
   }
@@ -100,8 +128,10 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
 }
 
 // q at the candidate, with the w, n and β of the Jacobian.
+// The gradient of the candidate in the coordinates of the old J: J is not evaluated for it.
 template <int kSize>
 void IncrementalFamily::WeighCandidatesSized(int begin, int end) {
+  // Most residuals are of size 1 or 2, known at compile time there: no loop.
   const int size = kSize > 0 ? kSize : residual_size();
   const FactorGraph& graph = *factors_.graph;
   const bool has_losses = graph.HasLosses(id());
@@ -138,9 +168,12 @@ void IncrementalFamily::WeighCandidates(int begin, int end) {
 }
 
 // w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
+// f / (1 − α) is (I + β n nᵀ) f, since f is along n. f̂ begins as f, so all errors are zero.
 void IncrementalFamily::Weigh(int factor) {
   const double* f = residual(factor);
   const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
+  // The second-order term is taken only for factors whose last step changed f little: elsewhere the
+  // curvature at one point misleads.
   const RobustScale scale(value,
                           steady_[factor] != 0 ? LossCurvature::kNegative : LossCurvature::kNone);
   const bool corrected = scale.is_corrected();
@@ -155,6 +188,7 @@ void IncrementalFamily::Weigh(int factor) {
   for (int r = 0; r < residual_size(); ++r) {
     predicted_f_[First(factor) + r] = f[r];
     q_[First(factor) + r] = residual_scale * f[r];
+    // α < 0 does not occur here, for kNegative makes 1 − α at most 1; so β has a root.
     if (corrected) {
       correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(value.s);
     }
@@ -165,6 +199,8 @@ void IncrementalFamily::Weigh(int factor) {
   }
 }
 
+// −Σ (Jδ)ᵀ (q + ½ Jδ), the model decrease. ηᵀδ − ½ δᵀHδ would be a difference of numbers that
+// become equal near the minimum.
 double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors,
                                           const double* padded_step) {
   kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()),
@@ -186,6 +222,7 @@ void IncrementalFamily::Slope(int factor, double* slope, double* curvature) cons
   }
 }
 
+// Actual change less the predicted change qᵀJδ + ½ ‖Jδ‖².
 double IncrementalFamily::UnforeseenCost(int factor) const {
   double slope = 0.0;
   double curvature = 0.0;
@@ -212,6 +249,8 @@ bool IncrementalFamily::HasCurvedLoss(int factor) const {
          0.0;
 }
 
+// One pass over the Jacobians for both products. If the step is refused, padded_rhs is the caller's
+// to throw away.
 double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors,
                                   const double* padded_step, double* padded_rhs) {
   FactorRows rows = factors_.Rows(0, 0);
@@ -220,6 +259,8 @@ double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors,
                             candidate_q_.data(), J_step_.data(), padded_rhs);
 }
 
+// f := candidate, f̂ := f̂ + (I + m mᵀ) J δ / √w. Then ‖f − f̂‖ is how far the cached J has been
+// wrong along all steps since it was made.
 template <int kSize>
 double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) {
   const int size = kSize > 0 ? kSize : residual_size();
@@ -239,6 +280,7 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
       const double f = candidate_f[k];
       const double foreseen =
           state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
+      // A constant J makes no error; what rounding would leave of f − f̂ must not add up.
       const double predicted = constant_jacobian_ ? f : predicted_f_[k] + foreseen;
       predicted_f_[k] = predicted;
       f_now[k] = f;
@@ -247,12 +289,15 @@ double IncrementalFamily::AcceptSized(const std::vector<std::int32_t>& factors) 
       squared_norm += f * f;
       squared_change += foreseen * foreseen;
     }
+    // Whether the curvature of the loss counts in the next linearization: the predicted change is
+    // compared with f, and a factor that has not moved at all is not steady but unknown.
     steady_[factor] =
         squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * squared_norm ? 1
                                                                                              : 0;
     change += state.candidate_cost - state.cost;
     state.cost = state.candidate_cost;
     state.w = state.candidate_w;
+    // With the weight of now, in units of the cost.
     state.error = state.w * error;
     state.squared_gradient_error = state.w * state.error * squared_norm;
   }
@@ -270,6 +315,7 @@ double IncrementalFamily::Accept(const std::vector<std::int32_t>& factors) {
   }
 }
 
+// Five arrays are as long as q; per entry there are three pointers and two offsets.
 std::int64_t IncrementalFamily::Bytes() const {
   const std::size_t doubles = factors_.residuals.size() + factors_.candidate_residuals.size() +
                               factors_.jacobian_values.size() + 5 * q_.capacity() +

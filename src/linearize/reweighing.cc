@@ -1,5 +1,14 @@
 // Another loss for a factor that is the same function otherwise: what is cached takes the new
 // weight, and nothing is evaluated.
+//
+// See docs/algorithms.md, "Incremental Schur complement" (other weights). The cached J is
+// √w (I − α n nᵀ) J_plain, so the plain one comes back by the inverses, I + β n nᵀ and 1/√w, and
+// takes √w' of the new loss: J := √w' J_plain. What is lost is rounding. f and f̂ do not depend on
+// the loss; cost, w, q and the errors follow from them.
+//
+// 1/√w does not exist where w is zero. Such a Jacobian is parked without its weight, and fetched
+// when a weight comes back; a factor that was linearized with weight zero was never parked, and
+// CanReweigh says no. So a loss may turn a factor off and on without its being evaluated.
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +18,8 @@
 
 namespace inceres::internal {
 
+// All of a block, padding included. Slots without a tangent, of constant variables, have nothing to
+// scale.
 void IncrementalFamily::ScaleJacobian(int factor, double scale) {
   for (int s = 0; s < num_slots(); ++s) {
     if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] < 0) {
@@ -23,10 +34,13 @@ void IncrementalFamily::ScaleJacobian(int factor, double scale) {
 // Brings back the plain J, up to a factor that is returned: of w and α at the linearization, or of
 // what was parked.
 double IncrementalFamily::TakeBackWeight(int factor) {
+  // What stands in the slots then is next to zero and is overwritten.
   if (states_[factor].inverse_sqrt_w == 0.0) {
     parked_.Fetch(factor, slots(), num_slots());
     return 1.0;
   }
+  // The rank-one part first; the scalar part is left to the caller, who has another one to apply,
+  // in one pass.
   for (int s = 0; s < num_slots() && IsCorrected(factor); ++s) {
     if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] >= 0) {
       TakeBackCorrection(correction(factor), residual_size(), slots()[s],
@@ -38,14 +52,18 @@ double IncrementalFamily::TakeBackWeight(int factor) {
 
 // As linearized where it was, with the new w: J := √w J_plain, q := √w f; f̂ stays, so that the
 // error of the old linearization is known at the new weight, too.
+// α is 0 from here on: n and the curvature belong to another residual.
 bool IncrementalFamily::Reweigh(int factor) {
   const double* f = residual(factor);
   const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
   const double sqrt_w = std::sqrt(value.weight());
+  // The root of a negative weight is NaN. Nothing has been written so far.
   if (!std::isfinite(sqrt_w) || !std::isfinite(value.cost())) {
     return false;
   }
   double scale = TakeBackWeight(factor);
+  // Parked first, as it is without any weight; then the slots become next to zero, so that the
+  // factor drops out of H and η.
   if (sqrt_w <= kNoWeight) {
     ScaleJacobian(factor, scale);
     scale = 1.0;
@@ -62,9 +80,11 @@ bool IncrementalFamily::Reweigh(int factor) {
     error += difference * difference;
     q_[First(factor) + r] = sqrt_w * f[r];
   }
+  // As Accept would have set them, with the new w.
   state.error = state.w * error;
   state.squared_gradient_error = state.w * state.error * value.s;
   linearized_[factor] = Linearized::kPlainly;
+  // The next linearization takes no second-order term: the last step was one under another loss.
   Unsettle(factor);
   return true;
 }

@@ -4,9 +4,24 @@
 #include <cmath>
 
 namespace inceres::internal {
+
+// Triggs's correction of a factor for its loss (docs/algorithms.md, "Robust losses"; Triggs et al.
+// 1999, section 4.3; Ceres's Corrector for ρ'' > 0). With s = ‖f‖² and n = f/‖f‖,
+//
+//     J := √ρ' (I − α n nᵀ) J,    f := √ρ' / (1 − α) f,    (1 − α)² = 1 + 2 s ρ''/ρ',
+//
+// makes JᵀJ the robust Gauss–Newton Hessian, and Jᵀf the robust gradient whatever α is, for
+// (I − α n nᵀ) f = (1 − α) f. Which sign of ρ'' counts is the caller's choice: Ceres takes ρ'' > 0
+// alone; ρ'' < 0 is bounded so that half of the curvature along n stays.
+//
+// J is projected to the tangent space before and corrected here, which is Ceres's order and decides
+// the last bits. f is needed as it was evaluated, so J comes first.
+
 namespace {
 
 // The padding is left alone.
+// Entry by entry, for scales that are not finite: 0 · NaN in the padding would stay there after the
+// loss has become ordinary again.
 void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows,
                      const SlotJacobians& slot, int factor) {
   double* J = slot.data + factor * slot.factor_stride;
@@ -26,6 +41,8 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows,
 
 // With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the
 // Hessian.
+// root > 1, α < 0 where ρ'' > 0: the Hessian gains curvature along f. At f = 0 there is no
+// direction n, and no term.
 RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
     : sqrt_weight(std::sqrt(loss.rho[1])) {
   const double s = loss.s;
@@ -35,11 +52,13 @@ RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
       curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
   const bool takes_negative =
       curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
+  // Here ρ' is not asked to be positive: a zero makes root infinite and J NaN.
   if (s > 0.0 && rho2 > 0.0 && takes_positive) {
     root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
   } else if (s > 0.0 && rho1 > 0.0 && rho2 < 0.0 && takes_negative) {
     root = std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho2 / rho1));
   }
+  // α n nᵀ = (α / s) f fᵀ: without the root of s.
   alpha_over_s = root != 1.0 ? (1.0 - root) / s : 0.0;
 }
 
@@ -59,6 +78,8 @@ void RobustScale::Apply(const double* f, int residual_size, int num_slots,
   }
 }
 
+// (I − α n nᵀ)⁻¹ = I + β n nᵀ with β = α/(1 − α), column by column. The padding is zero and is not
+// touched.
 void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians& slot, double* J) {
   for (int c = 0; c < slot.columns; ++c) {
     double along = 0.0;
@@ -71,6 +92,8 @@ void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians&
   }
 }
 
+// Four sums side by side hide the latency of an addition; their order is fixed, so the bits depend
+// on the count alone.
 double PlainCost(const double* f, std::ptrdiff_t count) {
   constexpr std::ptrdiff_t kLanes = 4;
   double sums[kLanes] = {};
@@ -90,6 +113,8 @@ double RobustCost(const Loss* loss, const double* f, int residual_size) {
   return LossValue(loss, f, residual_size).cost();
 }
 
+// A factor without a loss, or whose loss is ρ(s) = s at this residual, keeps its bits. The cost is
+// that of f as evaluated.
 double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
                        const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
                        LossCurvature curvature, double* f) {

@@ -14,6 +14,14 @@ namespace inceres {
 
 using internal::Invalid;
 
+// Blocks of H⁻¹ without damping (docs/algorithms.md, "Covariance"): what a caller may ask for is
+// checked here, one of three algorithms computes it, and the blocks are kept by pair. A pair is
+// kept in the order in which it was asked for and found in either; all others of an earlier Compute
+// are gone.
+//
+// The rank is not a matter of a pivot: a variance too large to be true to its digits is a status,
+// and what is open is in deficiency_.
+
 Status CovarianceOptions::Validate() const {
   if (num_threads < 1) {
     return Invalid("CovarianceOptions::num_threads must be at least 1");
@@ -21,16 +29,19 @@ Status CovarianceOptions::Validate() const {
   if (null_space_rank < -1) {
     return Invalid("CovarianceOptions::null_space_rank must be at least -1");
   }
+  // Written so that a NaN is refused.
   if (!(min_reciprocal_condition_number >= 0.0 && min_reciprocal_condition_number < 1.0)) {
     return Invalid("CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
   }
   if (!(min_column_remainder >= 0.0 && min_column_remainder < 1.0)) {
     return Invalid("CovarianceOptions::min_column_remainder must be in [0, 1)");
   }
+  // 1 is that of a variable that has nothing to do with others.
   return max_inflation > 1.0 ? Status::Ok()
                              : Invalid("CovarianceOptions::max_inflation must exceed 1");
 }
 
+// Empty where none was looked for or found: landmarks alone may be open.
 std::string RankDeficiency::CountDirections() const {
   return directions.empty()
              ? ""
@@ -38,6 +49,8 @@ std::string RankDeficiency::CountDirections() const {
                    (has_more ? " directions or more are open" : " directions are open");
 }
 
+// Landmarks first, then each direction with the frames that move along it: frames of one direction
+// apart by commas, directions by semicolons.
 std::string RankDeficiency::ToString() const {
   std::string text;
   if (!landmarks.empty()) {
@@ -47,6 +60,7 @@ std::string RankDeficiency::ToString() const {
   }
   const char* separator = ": ";
   if (!directions.empty()) {
+    // The first separator is the colon behind this count.
     text += (text.empty() ? "" : "; ") + CountDirections();
   }
   for (const Direction& direction : directions) {
@@ -63,6 +77,8 @@ Status GraphCovariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
   return ComputeAt(graph, graph.state(), pairs);
 }
 
+// The solver holds values of its own, which stand in for those of the graph. Constants that are
+// borrowed have no place in the state and are read where they lie.
 Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
   const FactorGraph& graph = solver.graph();
   std::vector<double> state = graph.state();
@@ -75,27 +91,33 @@ Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pa
 }
 
 // Blocks of what moves from the system, once it is factored; of constants zeros.
+// A template over the system, for kSchur and kQr have one and kDenseSvd another. Everything that
+// may fail comes before the first block is written.
 template <typename Factorize, typename System>
 Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
                              const Factorize& factorize, const System& system) {
   Pairs moving;
   for (const auto& [a, b] : pairs) {
     for (const VariableId id : {a, b}) {
+      // Without a factor it has no place in the layout, and nothing in H.
       if (!graph.IsConstant(id) && !system.Has(id)) {
         return Invalid("variable " + std::to_string(id) +
                        " has no covariance: no factor touches it");
       }
     }
+    // A constant has no row in H; its covariances are zeros.
     if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
       moving.emplace_back(a, b);
     }
   }
+  // Of constants alone nothing is factored: a singular problem is no error then.
   const Status status = moving.empty() ? Status::Ok() : factorize(moving);
   for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
     const auto [a, b] = pairs[k];
     Block& block = blocks_[{a, b}];
     block.rows = graph.TangentSize(a);
     block.columns = graph.TangentSize(b);
+    // Zeros, which they remain where one of the two is constant.
     block.values.assign(
         static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
     if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
@@ -106,15 +128,18 @@ Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
   return status;
 }
 
+// What was computed before is forgotten first: after an error there are no blocks.
 Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
                                   const Pairs& pairs) {
   blocks_.clear();
   deficiency_ = RankDeficiency();
+  // The graph is looked at as before a solve: whatever evaluates it may rely on its rules.
   Status status = options_.Validate();
   status = status.ok() ? graph.Validate() : status;
   if (!status.ok()) {
     return status;
   }
+  // Ids before anything else asks the graph for them.
   for (const auto& pair : pairs) {
     for (const VariableId id : {pair.first, pair.second}) {
       if (!graph.HasVariable(id)) {
@@ -124,6 +149,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
   }
   try {
     if (options_.algorithm == CovarianceAlgorithm::kDenseSvd) {
+      // Has all blocks of what it has, so the pairs do not matter to it.
       internal::DenseSvdCovariance system(graph, state, options_);
       const auto factorize = [&system](const Pairs& /*pairs*/) { return system.Compute(); };
       status = Fill(graph, pairs, factorize, system);
@@ -134,6 +160,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
         return factored.ok() ? system.Prepare(moving) : factored;
       };
       status = Fill(graph, pairs, factorize, system);
+      // Also after an error, which it explains.
       deficiency_ = system.deficiency();
     }
   } catch (const std::bad_alloc&) {
@@ -143,6 +170,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
   return status;
 }
 
+// Asked for in the order of Compute a block is copied, in the other one transposed.
 bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const {
   auto found = blocks_.find({a, b});
   if (found != blocks_.end()) {
@@ -156,6 +184,7 @@ bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const 
   const Block& block = found->second;
   for (int r = 0; r < block.columns; ++r) {
     for (int c = 0; c < block.rows; ++c) {
+      // cov(a, b) is the transpose of cov(b, a).
       covariance[r * block.rows + c] =
           block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
     }

@@ -6,6 +6,12 @@
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
+
+// Covariances in three steps (docs/algorithms.md, "Covariance"): the undamped system is factored,
+// and refused if it leaves anything open (FactoredNormals); what pairs need of S⁻¹ is found, entry
+// by entry or by solves, whichever is cheaper; and a block is put together from it,
+//     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹.
+
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -28,6 +34,7 @@ void CovarianceSystem::MakeColumn(VariableId id) {
   if (landmark < 0) {
     column.frames = {layout_.FrameOf(id)};
   } else {
+    // In the order of the incidences; rows of V follow it.
     column.frames.assign(
         normals_.incidences().frames.begin() + normals_.incidences().begin[landmark],
         normals_.incidences().frames.begin() + normals_.incidences().begin[landmark + 1]);
@@ -51,13 +58,17 @@ void CovarianceSystem::MakeColumn(VariableId id) {
 }
 
 // V −= W P⁻¹ of the landmarks there are columns of, W = Σ J_cᵀ J_l, in one pass over the factors.
+// One pass for all landmarks that are asked for, rather than one for each: factors are not listed
+// by landmark here.
 void CovarianceSystem::SubtractW() {
   for (const Linearization& cache : normals_.evaluator().families()) {
     const int num_slots = cache.num_slots;
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = normals_.graph().Variables(cache.id, i);
+      // A factor has at most one that moves.
       const VariableId* landmark = std::find_if(
           ids, ids + num_slots, [this](VariableId id) { return layout_.LandmarkOf(id) >= 0; });
+      // Most factors are of landmarks that nobody asks for.
       const auto wanted = landmark == ids + num_slots ? columns_.end() : columns_.find(*landmark);
       if (wanted == columns_.end()) {
         continue;
@@ -69,7 +80,10 @@ void CovarianceSystem::SubtractW() {
             Eigen::OuterStride<>(slot.row_stride));
       };
       Column& column = wanted->second;
+      // P⁻¹ on the landmark's side first: a product of its few columns, for all frames of the
+      // factor.
       const Eigen::MatrixXd J_l = jacobian(landmark - ids) * column.P_inv;
+      // A factor of a landmark and several frames adds to the rows of each.
       for (int s = 0; s < num_slots; ++s) {
         const int frame = layout_.FrameOf(ids[s]);
         if (frame >= 0) {
@@ -85,8 +99,10 @@ void CovarianceSystem::SubtractW() {
 // V = −W P⁻¹ = −Tᵀ R⁻ᵀ, and P⁻¹ = R⁻¹ R⁻ᵀ.
 void CovarianceSystem::MakeColumnByRows(int landmark, Column* column) {
   OrthogonalElimination::Landmark eliminated = normals_.by_rows()->Eliminate(landmark);
+  // P = RᵀR and W = TᵀR, since Q drops out of J_cᵀJ_l.
   const Eigen::MatrixXd R_inv = eliminated.InverseOfR();
   column->frames = std::move(eliminated.rest.blocks);
+  // The frames are those of its factors, ascending, as T has its columns.
   int rows = 0;
   for (const int frame : column->frames) {
     column->rows.push_back(rows);
@@ -98,6 +114,7 @@ void CovarianceSystem::MakeColumnByRows(int landmark, Column* column) {
 
 Status CovarianceSystem::SolveFor(VariableId id) {
   Column& column = columns_.at(id);
+  // V as dense columns, of all frames.
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(layout_.frame_size(), column.V.cols());
   for (std::size_t i = 0; i < column.frames.size(); ++i) {
     const int frame = column.frames[i];
@@ -106,12 +123,15 @@ Status CovarianceSystem::SolveFor(VariableId id) {
   }
   Status status = normals_.Solve(right, &column.X);
   const int frame = layout_.FrameOf(id);
+  // V of a frame is the unit matrix, so that the diagonal of X has its variances. A landmark was
+  // tested for known frames, and its frames by the gauge.
   for (int k = 0; frame >= 0 && status.ok() && k < normals_.graph().TangentSize(id); ++k) {
     status = normals_.CheckVariance(frame, k, column.X(layout_.packed_offset[frame] + k, k));
   }
   return status;
 }
 
+// Takes the entries of S⁻¹ where L has any; then all variances are at hand, and each is tested.
 Status CovarianceSystem::InvertFactor() {
   inverse_ =
       std::make_unique<SelectedInverse>(normals_.factor(), normals_.pattern(), normals_.executor());
@@ -124,6 +144,8 @@ Status CovarianceSystem::InvertFactor() {
   return status;
 }
 
+// Every frame of one with every frame of the other: frames that share nothing are mostly not among
+// the entries.
 bool CovarianceSystem::IsSelected(const Column& a, const Column& b) const {
   return inverse_ != nullptr && std::all_of(a.frames.begin(), a.frames.end(), [&](int i) {
            return std::all_of(b.frames.begin(), b.frames.end(),
@@ -144,6 +166,7 @@ Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
   }
   Status status;
   for (const auto& [a, b] : open) {
+    // A solution that an earlier pair needed serves this one as well.
     if (status.ok() && columns_.at(a).X.size() == 0 && columns_.at(b).X.size() == 0) {
       status = SolveFor(count[a] > count[b] ? a : b);
     }
@@ -151,6 +174,7 @@ Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
   return status;
 }
 
+// Columns V of all variables first, whose sizes tell what solves would cost.
 Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
   double wanted_columns = 0.0;
   bool wants_landmarks = false;
@@ -163,13 +187,16 @@ Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
       }
     }
   }
+  // By rows MakeColumn has all of V already.
   if (wants_landmarks && normals_.by_rows() == nullptr) {
     SubtractW();
   }
+  // Landmarks alone: their covariances are P⁻¹.
   if (layout_.num_frames == 0) {
     return Status::Ok();
   }
   Status status;
+  // A solve goes through the entries of L twice, forwards and backwards.
   if (SelectedInverse::PredictedFlops(normals_.factor().tree()) <
       2.0 * normals_.factor().PredictedEntries() * wanted_columns) {
     status = InvertFactor();
@@ -177,6 +204,7 @@ Status CovarianceSystem::Prepare(const GraphCovariance::Pairs& pairs) {
   return status.ok() ? SolveForPairs(pairs) : status;
 }
 
+// V_aᵀ X_b: only the rows of frames that V_a touches.
 Eigen::MatrixXd CovarianceSystem::FromSolution(const Column& a, const Column& b) const {
   Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.V.cols(), b.V.cols());
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
@@ -187,8 +215,10 @@ Eigen::MatrixXd CovarianceSystem::FromSolution(const Column& a, const Column& b)
   return product;
 }
 
+// Σ_ij V_aiᵀ (S⁻¹)_ij V_bj: as many products as pairs of frames.
 Eigen::MatrixXd CovarianceSystem::FromInverse(const Column& a, const Column& b) const {
   Eigen::MatrixXd product = Eigen::MatrixXd::Zero(a.V.cols(), b.V.cols());
+  // Blocks of S⁻¹ come row by row, of any two frames in either order.
   RowMajor block;
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
     for (std::size_t j = 0; j < b.frames.size(); ++j) {
@@ -205,6 +235,7 @@ Eigen::MatrixXd CovarianceSystem::Product(VariableId a, VariableId b) const {
   const Column& left = columns_.at(a);
   const Column& right = columns_.at(b);
   Eigen::MatrixXd covariance;
+  // A solution goes before the entries of the inverse: it is there for pairs that have no others.
   if (right.X.size() > 0) {
     covariance = FromSolution(left, right);
   } else if (left.X.size() > 0) {

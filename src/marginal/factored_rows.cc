@@ -11,9 +11,20 @@
 
 namespace inceres::internal {
 
+// From S on everything goes as by normal equations, since both have a triangle L with L Lᵀ = S:
+// here L = Rᵀ, of the QR factors of a root of S that was never multiplied out (docs/algorithms.md,
+// "Covariance"). Rows of landmarks go through two reductions: first J_l is eliminated from a
+// landmark's own rows, then what is left, with rows of other factors, is gathered in the fronts of
+// the same tree that a Cholesky factorization would have used.
+//
+// What is lost: S itself. So directions that are open are not looked for, and diag(S) is summed
+// from the rows.
+
 // Diagonal of S, from the rows of a root of it.
 void FactoredNormals::AddSquares(const RowsOfBlocks& rows) {
   Eigen::Index column = 0;
+  // Before the rows are moved into a front. Sums of squares: an entry of this diagonal has no
+  // cancellation, where C − Y Yᵀ may.
   for (const int frame : rows.blocks) {
     for (int k = 0; k < layout_.TangentSize(frame); ++k, ++column) {
       diagonal_[layout_.packed_offset[frame] + k] += rows.values.col(column).squaredNorm();
@@ -24,16 +35,23 @@ void FactoredNormals::AddSquares(const RowsOfBlocks& rows) {
 // The rows that all landmarks and the other factors leave for the frames. A landmark that its own
 // rows do not determine is an error.
 Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
+  // From now on FindDirections finds nothing, and columns are made by rows.
   by_rows_ = std::make_unique<OrthogonalElimination>(graph_, layout_, evaluator_);
   const auto num_landmarks = static_cast<std::size_t>(layout_.num_landmarks());
   rows->resize(num_landmarks);
+  // One byte a landmark: each task writes its own, and the first open one in the problem's order is
+  // named, whichever task met it.
   std::vector<char> open(num_landmarks, 0);
   executor_.For(layout_.num_landmarks(), 16, [&](int begin, int end) {
     for (int l = begin; l < end; ++l) {
       OrthogonalElimination::Landmark landmark = by_rows_->Eliminate(l);
+      // By two rules: ours, which does not depend on units, and SuiteSparseQR's, if `least` is set.
+      // Negated, so that NaN is open.
       const bool is_open = landmark.Inflation() > options_.max_inflation ||
                            !(landmark.R.diagonal().cwiseAbs().minCoeff() > least);
       open[static_cast<std::size_t>(l)] = is_open ? 1 : 0;
+      // R and T are dropped: few of many landmarks are asked for, and those are eliminated once
+      // more.
       (*rows)[static_cast<std::size_t>(l)] = std::move(landmark.rest);
     }
   });
@@ -46,13 +64,17 @@ Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>*
     return NotDetermined(deficiency_.landmarks.front(),
                          "the landmark is not determined by its factors");
   }
+  // Behind the landmarks' rows: the order of rows has its part in the bits of the result.
   for (RowsOfBlocks& others : by_rows_->OtherRows()) {
     rows->push_back(std::move(others));
   }
   return Status::Ok();
 }
 
+// Landmarks, fronts, gauge. L is in factor_ afterwards, as after a Cholesky factorization, so that
+// solves and the selected inverse do not know the difference.
 Status FactoredNormals::FactorizeRows() {
+  // For its diagonal alone: the squared norms of the columns of J.
   hessian_.Accumulate();
   const std::vector<double>& squares = hessian_.diagonal();
   const double least =
@@ -64,6 +86,7 @@ Status FactoredNormals::FactorizeRows() {
   }
   diagonal_.setZero(plans_.pattern.size());
   const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
+  // By the pattern alone: S has no values here.
   status = factor_.Analyze(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()));
   if (!status.ok()) {
     return status;
@@ -73,6 +96,8 @@ Status FactoredNormals::FactorizeRows() {
     AddSquares(each);
     qr.Add(std::move(each));
   }
+  // Front by front, children first, each written in place of what a Cholesky factorization would
+  // have written.
   status = factor_.FactorizeBy([&qr](int f, double* L) { return qr.Eliminate(f, L); });
   return status.ok() ? CheckGauge()
                      : Status::Error(status.code,

@@ -8,6 +8,17 @@
 #include <Eigen/Dense>
 
 namespace inceres::internal {
+
+// Elimination of landmarks without normal equations (docs/algorithms.md, "Covariance"):
+//     Qᵀ [J_l J_c] = [R T; 0 J*]
+//
+// One dense QR factorization of a landmark's few columns over all of its rows, by Householder
+// reflections. Rows are sorted by size, so that those of a weak factor keep their digits beside
+// those of a stiff one (Cox & Higham 1998). Q is applied to the frames' columns and forgotten.
+//
+// Nothing is kept between calls but which factors touch which landmark: Eliminate computes anew
+// each time, on any thread.
+
 namespace {
 
 using Eigen::Index;
@@ -15,6 +26,7 @@ using Eigen::MatrixXd;
 
 // Largest first, so that a row keeps its digits beside a much larger one; ties keep their order.
 MatrixXd SortedBySize(const MatrixXd& A) {
+  // By the largest entry, over all columns: Q mixes whole rows.
   const Eigen::VectorXd sizes = A.cwiseAbs().rowwise().maxCoeff();
   std::vector<Index> order(static_cast<std::size_t>(A.rows()));
   std::iota(order.begin(), order.end(), Index{0});
@@ -29,14 +41,17 @@ MatrixXd SortedBySize(const MatrixXd& A) {
 
 }  // namespace
 
+// A triangle of at most four rows. Only of an R that Inflation has found regular.
 MatrixXd OrthogonalElimination::Landmark::InverseOfR() const {
   return R.triangularView<Eigen::Upper>().solve(MatrixXd::Identity(R.rows(), R.cols()));
 }
 
 double OrthogonalElimination::Landmark::Inflation() const {
+  // A zero or a NaN on the diagonal, or anything that is not finite.
   if (!(R.diagonal().cwiseAbs().minCoeff() > 0.0) || !R.allFinite()) {
     return HUGE_VAL;
   }
+  // (P⁻¹)_ii = ‖row i of R⁻¹‖², over 1 / P_ii, P_ii = ‖column i of J_l‖².
   const double inflation =
       (InverseOfR().rowwise().squaredNorm().array() * squares.array()).maxCoeff();
   return std::isfinite(inflation) ? inflation : HUGE_VAL;
@@ -53,6 +68,7 @@ OrthogonalElimination::OrthogonalElimination(const FactorGraph& graph, const Lay
     for (int i = 0; i < family.num_factors; ++i) {
       const VariableId* ids = graph.Variables(family.id, i);
       const VariableId* end = ids + family.num_slots;
+      // At most one of a factor's variables is a landmark that moves.
       const VariableId* landmark =
           std::find_if(ids, end, [&](VariableId id) { return layout.LandmarkOf(id) >= 0; });
       std::vector<Ref>& list =
@@ -69,6 +85,7 @@ RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) cons
   Index count = 0;
   for (const Ref& ref : factors) {
     const Linearization& family = evaluator_.families()[static_cast<std::size_t>(ref.family)];
+    // All residuals of all of these factors are rows.
     count += family.residual_size;
     const VariableId* ids = graph_.Variables(family.id, ref.factor);
     for (int s = 0; s < family.num_slots; ++s) {
@@ -78,6 +95,7 @@ RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) cons
     }
   }
   std::sort(rows.blocks.begin(), rows.blocks.end());
+  // Ascending, each once: columns of T and J* are in this order.
   rows.blocks.erase(std::unique(rows.blocks.begin(), rows.blocks.end()), rows.blocks.end());
   const Index columns =
       std::accumulate(rows.blocks.begin(), rows.blocks.end(), Index{0},
@@ -87,6 +105,7 @@ RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) cons
 }
 
 // The Jacobians, of the landmark's into J_l.
+// Jacobians as the linearization has them: in the tangent space, corrected for the loss.
 void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, RowsOfBlocks* rows,
                                  MatrixXd* J_l) const {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -101,6 +120,7 @@ void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, 
     for (int s = 0; s < family.num_slots; ++s) {
       const int frame = layout_.FrameOf(ids[s]);
       const bool of_landmark = landmark >= 0 && layout_.LandmarkOf(ids[s]) == landmark;
+      // A constant has no columns.
       if (frame < 0 && !of_landmark) {
         continue;
       }
@@ -111,6 +131,7 @@ void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, 
       if (of_landmark) {
         J_l->middleRows(row, family.residual_size) += J;
       } else {
+        // rows->blocks ascends.
         const auto at = std::lower_bound(rows->blocks.begin(), rows->blocks.end(), frame);
         rows->values.block(row, column[static_cast<std::size_t>(at - rows->blocks.begin())],
                            family.residual_size, slot.columns) += J;
@@ -120,6 +141,7 @@ void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, 
   }
 }
 
+// Cost: some 4 m d n flops, of m rows, d columns of the landmark and n of its frames.
 OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) const {
   const std::vector<Ref>& factors = factors_of_[static_cast<std::size_t>(landmark)];
   const Index size = layout_.TangentSize(layout_.num_frames + landmark);
@@ -128,7 +150,10 @@ OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) c
   const Index num_rows = result.rest.values.rows();
   MatrixXd J_l = MatrixXd::Zero(num_rows, size);
   Fill(factors, landmark, &result.rest, &J_l);
+  // Before Q, which would leave them as they are only up to rounding.
   result.squares = J_l.colwise().squaredNorm();
+  // Rows of zeros where there are fewer residuals than degrees of freedom: R has its size, and a
+  // zero on its diagonal tells.
   MatrixXd A(std::max(num_rows, size), size + result.rest.values.cols());
   A.setZero();
   A.topLeftCorner(num_rows, size) = J_l;
@@ -139,10 +164,12 @@ OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) c
   turned.applyOnTheLeft(qr.householderQ().adjoint());
   result.R = qr.matrixQR().topRows(size).triangularView<Eigen::Upper>().toDenseMatrix();
   result.T = turned.topRows(size);
+  // What the landmark's rows say of the frames once it is gone.
   result.rest.values = turned.bottomRows(A.rows() - size);
   return result;
 }
 
+// They are rows of a root of S as they stand: there is nothing to eliminate.
 std::vector<RowsOfBlocks> OrthogonalElimination::OtherRows() const {
   std::vector<RowsOfBlocks> all;
   for (const Ref& ref : others_) {

@@ -10,24 +10,39 @@
 
 namespace inceres {
 
+// An edit is refused as a whole or carried out as a whole, so that everything that may go wrong
+// must be known before anything is changed: Check finds it, and makes room, and Commit
+// (edit_commit.cc) changes the graph. Between the two IncrementalSystem takes what goes out of its
+// own arrays, while the graph still has it; nothing else may happen to the graph there.
+//
+// The edit is drawn into marks first (edit_marks.cc), and every rule is then looked at with the
+// marks over the graph. A rule sees the graph as it would be, and the rules of variables and
+// factors are the same ones that Validate uses (find_fault.h). Cost: what the edit names, not the
+// size of the graph; only the first look for the factors of a variable goes over all of them.
+
 Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed) {
   removed->clear();
   if (&edit.graph() != this) {
     return internal::Invalid("the edit was begun on another graph");
   }
+  // Ids were given out in view of what was free at that revision.
   if (edit.revision() != revision_) {
     return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
                              " of the graph, which is now at revision " +
                              std::to_string(revision_) + ": begin it anew");
   }
+  // A handle of another graph: what the edit was told cannot be carried out.
   if (!edit.misuse().ok()) {
     return edit.misuse();
   }
+  // From now on a family may hold more measurements than factors: AddFactor has placed them, also
+  // where the edit is refused.
   edits_->edited = true;
   Status status;
   try {
     status = internal::EditCheck(this, edit, removed).Run();
   } catch (const std::bad_alloc&) {
+    // Marks are wiped by then, and of the graph nothing has changed but the room that vectors have.
     status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
   }
   if (!status.ok()) {
@@ -39,6 +54,7 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
 namespace internal {
 namespace {
 
+// The message has the value and its place in the variable.
 Status CheckFinite(const char* call, VariableId id, const double* values, int size) {
   for (int k = 0; k < size; ++k) {
     if (!std::isfinite(values[k])) {
@@ -51,6 +67,8 @@ Status CheckFinite(const char* call, VariableId id, const double* values, int si
 
 }  // namespace
 
+// Marks before rules. The order of the rules is that of the edit, and the first one that is broken
+// is told; room is made last, once nothing else may fail.
 Status EditCheck::Run() {
   MarkComers();
   Status status = MarkGoingFactors();
@@ -79,10 +97,12 @@ Status EditCheck::CheckComingVariables() const {
   Status status;
   for (std::size_t i = 0; status.ok() && i < edits_.comers.size(); ++i) {
     const GraphEdit::NewVariable& variable = edit_.new_variables()[i];
+    // comers has the records that Commit would make, in the order of the edit.
     status = ValidateVariable(variable.id, edits_.comers[i], See(variable.id).constant);
     if (status.ok() && !variable.has_values) {
       status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
     }
+    // Values that are borrowed may change until they are read.
     if (status.ok() && !variable.is_borrowed) {
       status = CheckFinite("AddVariable", variable.id, edit_.values().data() + variable.values,
                            variable.ambient_size);
@@ -93,6 +113,7 @@ Status EditCheck::CheckComingVariables() const {
 
 Status EditCheck::CheckComingFactors() const {
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+    // Connect could give out no place: there is no such family.
     if (factor.id.index < 0) {
       return Invalid(NoFamily("Connect", graph_, factor.id.family));
     }
@@ -105,6 +126,8 @@ Status EditCheck::CheckComingFactors() const {
       return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) +
                      " variables but has " + std::to_string(family.num_slots()) + " slots");
     }
+    // The measurement is placed before the edit is applied: by AddFactor, or by the caller of
+    // Connect.
     if (family.size() <= factor.id.index) {
       return Invalid(FactorName(factor.id) + " has no measurement: the family holds " +
                      std::to_string(family.size()));
@@ -117,6 +140,7 @@ Status EditCheck::CheckComingFactors() const {
   return Status::Ok();
 }
 
+// FindFault sees variables as the edit leaves them; the text looks up the culprit in the same way.
 Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
   const FactorFault fault = FindFault(graph_.family(id.family), ids,
                                       [this](VariableId variable) { return See(variable); });
@@ -130,13 +154,18 @@ Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
 Status EditCheck::CheckFreedVariables() {
   for (const auto& [id, constant] : edit_.constants()) {
     VariableMark& mark = edits_.marks[Graph::Index(id)];
+    // Each variable once, and only where the edit's last word sets it free; one that comes is
+    // checked with what it comes with.
     if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 ||
         graph_.IsConstant(id) == See(id).constant) {
       continue;
     }
+    // The same edit may set it free more than once.
     mark.checked = true;
+    // The lists of factors by variable; made the first time that they are needed.
     graph_.TrackFactors();
     Status status = ValidateVariable(id, graph_.variables_[Graph::Index(id)], /*constant=*/false);
+    // A wrong tangent size, or a second landmark in a factor, is no fault of a constant.
     status = status.ok() ? CheckFreedFactors(id) : status;
     if (!status.ok()) {
       return Invalid("SetConstant(" + std::to_string(id) + ", false): " + status.message);
@@ -148,6 +177,8 @@ Status EditCheck::CheckFreedVariables() {
 Status EditCheck::CheckFreedFactors(VariableId id) const {
   Status status;
   graph_.ForEachFactorOf(id, [&](FactorId factor) {
+    // Factors that go need no rules, and those that come were checked with the variable as it will
+    // be.
     if (status.ok() && PlaceOf(factor) == Place::kIncremental) {
       status = CheckFactor(factor, graph_.Variables(factor.family, factor.index));
     }
@@ -155,6 +186,7 @@ Status EditCheck::CheckFreedFactors(VariableId id) const {
   return status;
 }
 
+// Only that the factors are there: a loss may be anything, and a measurement is its family's.
 Status EditCheck::CheckFactorSettings() const {
   Status status;
   for (std::size_t i = 0; status.ok() && i < edit_.losses().size(); ++i) {
@@ -171,10 +203,12 @@ Status EditCheck::CheckNewValues() const {
     Status status = CheckVariableId("SetValues", id, /*may_come=*/true);
     if (status.ok()) {
       const VariableRecord& variable = *See(id).record;
+      // No room in the state to write to.
       if (variable.offset < 0) {
         status = Invalid("SetValues: " + VariableName(id) +
                          " is a borrowed constant: its values are their owner's to change");
       } else if (offset == GraphEdit::kNoValues) {
+        // Here null is a mistake; for pins and bounds it has a meaning.
         status = Invalid("SetValues: " + VariableName(id) + " is given a null pointer");
       } else {
         status =
@@ -193,6 +227,7 @@ Status EditCheck::CheckPins() const {
   for (std::size_t i = 0; status.ok() && i < edit_.pins().size(); ++i) {
     const auto& [id, offset] = edit_.pins()[i];
     status = CheckVariableId("PinLinearization", id, /*may_come=*/true);
+    // Without values the variable is let go of.
     if (status.ok() && offset != GraphEdit::kNoValues) {
       status = CheckFinite("PinLinearization", id, edit_.values().data() + offset,
                            See(id).record->ambient_size);
@@ -201,6 +236,8 @@ Status EditCheck::CheckPins() const {
   return status;
 }
 
+// Pairs of bounds, entry by entry; the side that was not given is infinite. Whether the values lie
+// between them is not asked here.
 Status EditCheck::CheckBounds() const {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
@@ -215,6 +252,7 @@ Status EditCheck::CheckBounds() const {
     for (int k = 0; k < See(bounds.id).record->ambient_size; ++k) {
       const double lower = entry(bounds.lower, k, -kNone);
       const double upper = entry(bounds.upper, k, kNone);
+      // Equal ones hold the value, which is what a constant is for; NaN fails as well.
       if (!(lower < upper)) {
         return Invalid("SetBounds: value " + std::to_string(k) + " of " + VariableName(bounds.id) +
                        " has the lower bound " + std::to_string(lower) +

@@ -5,6 +5,12 @@
 #include "problem/edit_check.h"
 
 namespace inceres {
+
+// The second half of a transaction. Check has found nothing wrong, and has made room in every
+// vector that grows here, by as much as it grows: push_back and insert do not allocate, so nothing
+// is left half done for want of memory in them. Ids and places were given out by GraphEdit from the
+// ends of the free lists; they are taken off here in the same order, which the assertions look at.
+
 namespace internal {
 namespace {
 
@@ -12,6 +18,8 @@ namespace {
 template <typename T>
 void ReserveRoom(std::vector<T>* values, std::size_t size) {
   if (values->capacity() < size) {
+    // Twice as much, so that a graph that grows by edits moves its arrays as seldom as one that
+    // grows by itself.
     values->reserve(std::max(size, 2 * values->capacity()));
   }
 }
@@ -19,14 +27,17 @@ void ReserveRoom(std::vector<T>* values, std::size_t size) {
 }  // namespace
 
 void EditCheck::ReserveVariables() const {
+  // As if all were appended: those that take the id of a removed one need less.
   const std::size_t num_variables = graph_.variables_.size() + edit_.new_variables().size();
   ReserveRoom(&graph_.variables_, num_variables);
   ReserveRoom(&graph_.state_, graph_.state_.size() + edit_.values().size());
+  // One list head a variable, only where lists are kept.
   if (edits_.tracked) {
     ReserveRoom(&edits_.first_touches, num_variables);
   }
   for (const VariableId id : edit_.removed_variables()) {
     const VariableRecord& variable = graph_.variables_[Graph::Index(id)];
+    // Makes the list if it is the first of this size: Commit looks it up without making any.
     std::vector<VariableId>& ids =
         edits_.free_variables[FreeKey(variable.ambient_size, variable.offset < 0)];
     ReserveRoom(&ids, ids.size() + edit_.removed_variables().size());
@@ -35,10 +46,12 @@ void EditCheck::ReserveVariables() const {
 
 void EditCheck::ReserveFactors() const {
   for (const FactorId id : removed_) {
+    // As many as go at all, for each family: more than needed, and no counting.
     std::vector<std::int32_t>& places = graph_.families_[Graph::Index(id.family)].free_places;
     ReserveRoom(&places, places.size() + removed_.size());
     FamilyEditState& edits = edits_.families[Graph::Index(id.family)];
     ReserveRoom(&edits.generations, edits.places.size());
+    // Zeros are what places without an entry count as.
     edits.generations.resize(std::max(edits.generations.size(), edits.places.size()), 0);
   }
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
@@ -47,6 +60,7 @@ void EditCheck::ReserveFactors() const {
     const std::size_t num_places = edits.places.size();  // those that come included
     const std::size_t num_entries = num_places * Graph::Index(record.family->num_slots());
     ReserveRoom(&record.variables, num_entries);
+    // A family without losses has no array of them; the first one makes it, as long as the family.
     if (factor.loss != nullptr || !record.losses.empty()) {
       ReserveRoom(&record.losses, num_places);
     }
@@ -58,6 +72,7 @@ void EditCheck::ReserveFactors() const {
     FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
     if (loss != nullptr || !record.losses.empty()) {
       const std::size_t num_places = edits_.families[Graph::Index(id.family)].places.size();
+      // The array of places may not exist where only losses are set.
       ReserveRoom(&record.losses, std::max(num_places, Graph::Index(record.num_factors)));
     }
   }
@@ -70,6 +85,8 @@ class EditCommit {
   EditCommit(FactorGraph* graph, const GraphEdit& edit, const std::vector<FactorId>& removed)
       : graph_(*graph), edits_(*graph->edits_), edit_(edit), removed_(removed) {}
 
+  // What goes first: its ids and places are still named by the factors that go, and unlinked from
+  // their lists while they are.
   void Run() {
     std::for_each(removed_.begin(), removed_.end(), [this](FactorId id) { RemoveFactor(id); });
     for (const VariableId id : edit_.removed_variables()) {
@@ -91,13 +108,16 @@ class EditCommit {
 
   void RemoveFactor(FactorId id) {
     FamilyRecord& record = graph_.families_[Graph::Index(id.family)];
+    // By the ids in record.variables, which are erased below.
     if (edits_.tracked) {
       graph_.UnlinkFactor(id.family, id.index);
     }
     const int num_slots = record.family->num_slots();
+    // −1: a free place.
     std::fill_n(record.variables.begin() + static_cast<std::ptrdiff_t>(id.index) * num_slots,
                 num_slots, -1);
     edits_.families[Graph::Index(id.family)].places[Graph::Index(id.index)] = Place::kFree;
+    // A loss of its own would otherwise live as long as the place is free.
     graph_.SetLoss(id.family, id.index, nullptr);
   }
 
@@ -110,6 +130,8 @@ class EditCommit {
     }
     variable.borrowed = nullptr;
     variable.manifold = nullptr;
+    // A constant frame of no dimension: what meets it by mistake moves nothing. The size stays, by
+    // which its id is found again, and so does the offset of its room.
     variable.tangent_size = 0;
     variable.role = Role::kFrame;
     variable.constant = true;
@@ -119,6 +141,8 @@ class EditCommit {
     ++graph_.num_removed_variables_;
   }
 
+  // Appended, or in the place of a removed variable of the same size, whose room in the state it
+  // takes over.
   void AddVariable(const GraphEdit::NewVariable& added) {
     VariableRecord record = added.is_borrowed
                                 ? MakeBorrowed(added.borrowed, added.ambient_size)
@@ -131,17 +155,21 @@ class EditCommit {
     VariableRecord& variable = graph_.variables_[Graph::Index(added.id)];
     std::vector<VariableId>& ids =
         edits_.free_variables.at(FreeKey(added.ambient_size, added.is_borrowed));
+    // The edit has taken ids from the back, one after the other.
     assert(variable.removed && ids.back() == added.id);
     ids.pop_back();
     --graph_.num_removed_variables_;
     record.offset = variable.offset;
+    // Values last: SetValues writes to where the record says.
     variable = std::move(record);
     graph_.SetValues(added.id, values);
   }
 
+  // Its measurement is in the family already.
   void AddFactor(const GraphEdit::NewFactor& added) {
     const VariableId* ids = edit_.factor_variables().data() + added.variables;
     FamilyRecord& record = graph_.families_[Graph::Index(added.id.family)];
+    // Behind the last place: AppendFactor keeps all parallel arrays in step.
     if (added.id.index == record.num_factors) {
       graph_.AppendFactor(added.id.family, ids, added.loss);
       return;
@@ -158,11 +186,14 @@ class EditCommit {
     }
   }
 
+  // In the order that GraphEdit documents, each list in the order of the calls: of two for the same
+  // variable the later one holds.
   void Settle() {
     for (const auto& [id, loss] : edit_.losses()) {
       graph_.SetLoss(id.family, id.index, loss);
     }
     for (const auto& [id, place] : edit_.measurements()) {
+      // Null: the caller has written to his family himself.
       if (place != nullptr) {
         place();
       }
@@ -185,9 +216,13 @@ class EditCommit {
     }
   }
 
+  // After everything has come: what this edit frees is for the next one, whose ids are given out in
+  // view of these lists.
   void Free() {
     for (const FactorId id : removed_) {
       graph_.families_[Graph::Index(id.family)].free_places.push_back(id.index);
+      // An id from before the removal names another generation, and reaches no factor that is given
+      // the place.
       ++edits_.families[Graph::Index(id.family)].generations[Graph::Index(id.index)];
     }
     for (const VariableId id : edit_.removed_variables()) {
@@ -209,6 +244,8 @@ void FactorGraph::Commit(const GraphEdit& edit, const std::vector<FactorId>& rem
   internal::EditCommit(this, edit, removed).Run();
 }
 
+// For graphs without a solver; one that has a solver goes through IncrementalSolver::Apply, which
+// must hear of the changes.
 Status FactorGraph::Apply(const GraphEdit& edit) {
   std::vector<FactorId> removed;
   Status status = Check(edit, &removed);

@@ -7,8 +7,16 @@
 #include "robust/weighted_problem.h"
 
 namespace inceres {
+
+// Graduated non-convexity in batch mode (docs/algorithms.md, "Graduated non-convexity"): the order
+// of its parts. WeightedProblem is a copy of the graph with weights, Graduation moves the weights
+// from the convex cost to the robust one, ScaledThresholds does so again with tighter thresholds.
+// The caller's graph is written at the end only, so a failure leaves it as it was.
+
 namespace {
 
+// Until something has ended it otherwise, the summary says that it did not converge. A failed solve
+// has written its termination and message.
 void Graduate(const GncOptions& options, const std::vector<FactorId>& suspects, FactorGraph* graph,
               GncSummary* summary) {
   summary->termination = Termination::kNoConvergence;
@@ -18,6 +26,7 @@ void Graduate(const GncOptions& options, const std::vector<FactorId>& suspects, 
   if (graduation.SolveToTheEnd() && (!options.estimate_scale || thresholds.Solve())) {
     problem.Judge();
   }
+  // Weights that have not settled are handed over too: state and losses then belong together.
   if (summary->IsSolutionUsable()) {
     problem.HandOver(graph);
   }
@@ -25,6 +34,7 @@ void Graduate(const GncOptions& options, const std::vector<FactorId>& suspects, 
 
 }  // namespace
 
+// The first refusal ends it: options, graph, suspects.
 GncSummary SolveGnc(const GncOptions& options, const std::vector<FactorId>& suspects,
                     FactorGraph* graph) {
   const double start = internal::NowInSeconds();

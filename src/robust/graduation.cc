@@ -6,6 +6,16 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// Graduated non-convexity (docs/algorithms.md, section of that name; Yang et al. 2020, equations 10
+// to 14). By Black & Rangarajan the robust cost is a minimum over weights, so the rounds alternate:
+// weights in closed form from the errors s = ‖f‖²/c², a few steps of the weighted problem, and μ
+// one step on. GncSchedule has μ and the weights, WeightedProblem the values and the errors.
+//
+// Three phases: Graduate, from the convex cost on; Settle, with weights of the last cost until they
+// agree with the errors they lead to; LookAgain, which corrects what the graduation has decided
+// wrongly. All of them count rounds against max_rounds.
+
 namespace {
 
 // Verdicts that go round in a circle, because factors at the threshold decide about each other, are
@@ -35,6 +45,7 @@ int Graduation::SetWeights(bool last) {
 
 // From the convex cost to the last one. False if a solve has failed.
 bool Graduation::Graduate() {
+  // All suspects are inliers as they are.
   if (!schedule_.Begin(problem_.LargestRatio())) {
     return true;
   }
@@ -42,6 +53,8 @@ bool Graduation::Graduate() {
   while (HasRoundsLeft(1)) {
     SetWeights(/*last=*/false);
     const std::vector<double> weights = problem_.Weights();
+    // Truncated least squares has no last μ: it ends when no weight lies between 0 and 1.
+    // Geman–McClure ends at μ = 1, with weights that Settle sets.
     const bool decided = std::all_of(weights.begin(), weights.end(),
                                      [](double weight) { return weight == 0.0 || weight == 1.0; });
     if (schedule_.IsLast() || (options_.kernel == GncKernel::kTruncatedLeastSquares && decided)) {
@@ -50,6 +63,9 @@ bool Graduation::Graduate() {
     if (!SolveWeighted(/*last=*/false)) {
       return false;
     }
+    // A round that leaves out the same suspects as the one before would be followed by more of the
+    // kind: μ skips to where it would begin for those that still count, whose largest error has
+    // become smaller. Never backwards.
     std::vector<bool> left_out(weights.size());
     std::transform(weights.begin(), weights.end(), left_out.begin(),
                    [](double weight) { return weight == 0.0; });
@@ -63,6 +79,8 @@ bool Graduation::Graduate() {
 }
 
 // Until the weights agree with what they lead to.
+// Each round sets the weights by the errors of the solve before. It ends when none changes; the
+// first round solves in any case, to the end and not for a few steps.
 bool Graduation::Settle() {
   GncSummary& summary = problem_.summary();
   for (int i = 0; i < kMaxLastRounds; ++i) {
@@ -87,10 +105,14 @@ bool Graduation::TryWith(double limit) {
   const double cost = problem_.TruncatedCost();
   const WeightedProblem::Snapshot before = problem_.Save();
   GncSummary& summary = problem_.summary();
+  // To take back all but the work if the trial gains nothing.
   const GncSummary told = summary;
   for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
+    // Those that were inliers before stay so: their ratio is at most 1.
     problem_.SetWeight(k, problem_.Ratio(k) <= limit ? 1.0 : 0.0);
   }
+  // Costs with different weights compare by what truncated least squares minimizes, in which who is
+  // left out costs its threshold.
   if (SolveWeighted(/*last=*/true) && Settle() &&
       problem_.TruncatedCost() < cost * (1.0 - kLeastGain)) {
     return true;
@@ -108,6 +130,7 @@ bool Graduation::TryWith(double limit) {
 // compared to those of wrong ones. Every step down begins anew; a limit below which nobody new is
 // found costs nothing.
 void Graduation::LookAgain(double farthest) {
+  // Geman–McClure never leaves anybody out.
   if (options_.kernel != GncKernel::kTruncatedLeastSquares) {
     return;
   }
@@ -117,6 +140,8 @@ void Graduation::LookAgain(double farthest) {
     for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
       num_near += problem_.weight(k) == 0.0 && problem_.Ratio(k) <= kSecondLooks[i] ? 1 : 0;
     }
+    // Tried only if this limit takes in somebody whom the limits before did not. Two rounds at
+    // least: the trial, and one to settle.
     if (num_near > num_tried && HasRoundsLeft(2) && TryWith(kSecondLooks[i])) {
       i = 0;
       num_tried = 0;
@@ -127,6 +152,7 @@ void Graduation::LookAgain(double farthest) {
   }
 }
 
+// All weights 1: the least-squares solution, whose errors say where the graduation begins.
 bool Graduation::SolveToTheEnd() {
   for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
     problem_.SetWeight(k, 1.0);

@@ -9,6 +9,20 @@
 #include "robust/squared_errors.h"
 
 namespace inceres {
+
+// Graduated non-convexity on a graph that lives on (docs/algorithms.md, "Graduated non-convexity";
+// McGann, Rogers & Kaess 2023 for a history of each factor). Every suspect has a μ of its own,
+// which begins with the error it comes with: a graduation of all anew for each new suspect would
+// forget what is decided, and touch factors that nothing has changed.
+//
+// An Update alternates: measure ‖f‖² of all suspects; move each μ and find the weights; tell the
+// solver those that have changed, as losses w · ½‖f‖²; solve. A weight that changes costs no
+// linearization: cached Jacobians are scaled (docs/algorithms.md, "Incremental Schur complement",
+// other weights). Hence small changes are not worth telling, and decided suspects rest.
+//
+// Kept between Updates: of each suspect its phase, μ, threshold, and the weight that its loss in
+// the solver's graph has.
+
 namespace internal {
 namespace {
 
@@ -23,9 +37,11 @@ class LivingGnc::Impl {
   Impl(const GncOptions& options, IncrementalSolver* solver)
       : options_(options), solver_(*solver) {}
 
+  // The threshold is found by Prepare, when the factor is in the graph; 0 until then.
   void Watch(FactorId factor) {
     suspects_.push_back({factor, 0.0, 1.0, internal::GncSchedule(options_.kernel, options_.step)});
   }
+  // The weight stays until the next Update finds another.
   void Reset(FactorId factor) {
     for (Suspect& suspect : suspects_) {
       if (IsSame(suspect.id, factor)) {
@@ -46,6 +62,8 @@ class LivingGnc::Impl {
   void Update(GncSummary* summary);
 
  private:
+  // New: its μ has not begun. Open: its weight is on the way. Settled: 0 or 1 by its threshold, or
+  // the last weight of Geman–McClure.
   enum class Phase { kNew, kOpen, kSettled };
   struct Suspect {
     FactorId id;
@@ -55,6 +73,8 @@ class LivingGnc::Impl {
     Phase phase = Phase::kNew;
   };
 
+  // A place in a family is given to other factors in time, which generations tell apart; an id
+  // without one, below 0, means whatever is there.
   static bool IsSame(FactorId a, FactorId b) {
     return a.family == b.family && a.index == b.index &&
            (a.generation < 0 || b.generation < 0 || a.generation == b.generation);
@@ -77,6 +97,8 @@ class LivingGnc::Impl {
   std::vector<double> weights_;  // wanted, one a suspect
 };
 
+// Whatever may have become wrong since the last Update: options, and suspects that were removed
+// without Forget. False with a message in the summary.
 bool LivingGnc::Impl::Prepare(GncSummary* summary) {
   std::vector<FactorId> ids;
   ids.reserve(suspects_.size());
@@ -99,6 +121,7 @@ bool LivingGnc::Impl::Prepare(GncSummary* summary) {
   return true;
 }
 
+// At the solver's values, without losses. One residual for each suspect.
 Status LivingGnc::Impl::Measure() {
   std::vector<FactorId> ids;
   ids.reserve(suspects_.size());
@@ -110,6 +133,7 @@ Status LivingGnc::Impl::Measure() {
 }
 
 // The history begins where the cost is convex up to its error; what is an inlier has none.
+// In doubt is what is no inlier yet: s above 1. Its first weight lies between 0 and 1.
 double LivingGnc::Impl::WeightOfNew(Suspect* suspect, double s) const {
   suspect->schedule = internal::GncSchedule(options_.kernel, options_.step);
   const bool in_doubt = suspect->schedule.Begin(s);
@@ -117,6 +141,9 @@ double LivingGnc::Impl::WeightOfNew(Suspect* suspect, double s) const {
   return in_doubt ? suspect->schedule.Weight(s) : suspect->schedule.LastWeight(s);
 }
 
+// The schedule of one suspect. A settled one that truncation has kept and whose error has grown
+// past its threshold begins anew, as if it had just come: it is not dropped at once. One that was
+// dropped and has come below comes back at once, by LastWeight.
 double LivingGnc::Impl::NextWeight(Suspect* suspect, double s) const {
   const bool truncated = options_.kernel == GncKernel::kTruncatedLeastSquares;
   if (suspect->phase == Phase::kNew ||
@@ -133,8 +160,10 @@ double LivingGnc::Impl::NextWeight(Suspect* suspect, double s) const {
     suspect->phase = Phase::kSettled;
     return 1.0;
   }
+  // Never backwards: an error that has grown changes nothing here.
   suspect->schedule.SkipTo(s);
   const double weight = suspect->schedule.Weight(s);
+  // Of Geman–McClure the weight is never 0 or 1: it is decided when μ is 1.
   const bool decided = truncated ? weight == 0.0 || weight == 1.0 : suspect->schedule.IsLast();
   suspect->phase = decided ? Phase::kSettled : Phase::kOpen;
   return weight;
@@ -152,6 +181,7 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
     const double weight =
         looked_at ? NextWeight(&suspect, squared_errors_[k] / suspect.threshold) : suspect.weight;
     const bool decided = weight == 0.0 || weight == 1.0;
+    // Weights 0 and 1 are told exactly, so that in the end they agree with the verdicts.
     const bool changes = decided ? weight != suspect.weight
                                  : std::fabs(weight - suspect.weight) >
                                        internal::kFineWeight * std::max(weight, suspect.weight);
@@ -162,6 +192,8 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
   return any;
 }
 
+// One edit for all. Weights are remembered after the solver has accepted it: on failure its losses
+// are as before.
 Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
   GraphEdit edit(solver_.graph());
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
@@ -177,6 +209,8 @@ Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
   return status;
 }
 
+// One round: the solver's Update and its row in the summary, with the largest μ of those that are
+// open. False ends it, with the solver's own message.
 bool LivingGnc::Impl::UpdateSolver(GncSummary* summary) {
   GncRound round;
   for (const Suspect& suspect : suspects_) {
@@ -202,6 +236,7 @@ bool LivingGnc::Impl::UpdateSolver(GncSummary* summary) {
   return true;
 }
 
+// By the last measurement, which is of the final values: the loop ends right after one.
 void LivingGnc::Impl::Judge(GncSummary* summary) const {
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
     const Suspect& suspect = suspects_[k];
@@ -218,6 +253,9 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
   }
   int num_open = 0;
   bool changes = true;
+  // Measure, weigh, solve. The first round solves even if no weight changes: the graph may have
+  // been edited. It looks only at suspects that are not settled, because their errors are at values
+  // that have not been solved for since; from the second on all are looked at.
   for (int i = 0;; ++i) {
     Status status = Measure();
     if (status.ok()) {
@@ -229,6 +267,7 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
       summary->message = status.message;
       return;
     }
+    // At the limit weights have been applied for which nothing is solved any more.
     const bool settled = i > 0 && !changes && num_open == 0;
     if (settled || i >= options_.max_rounds) {
       summary->termination = settled ? Termination::kConvergence : Termination::kNoConvergence;
@@ -236,6 +275,8 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
                                  : "Stopped by max_rounds: the weights have not settled.";
       break;
     }
+    // Without a change of weights another Update has nothing to do; μ of open suspects moves on in
+    // the next round.
     if ((changes || i == 0) && !UpdateSolver(summary)) {
       return;
     }

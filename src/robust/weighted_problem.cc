@@ -5,6 +5,14 @@
 #include "robust/squared_errors.h"
 
 namespace inceres::internal {
+
+// The weighted least-squares problem of a round, ½ Σ w_k ‖f_k‖² + the other factors, on a copy of
+// the graph. Each suspect has a loss object of its own that reads its weight where it stands, so a
+// new weight is an assignment and no change of structure: the Solver keeps what it has analyzed.
+//
+// Kept from solve to solve: values, weights, thresholds c², and the squared errors at the values,
+// which are measured after each solve, without losses.
+
 namespace {
 
 // Of the suspects: with more of them at weight zero, leaving their blocks out of H pays.
@@ -12,6 +20,7 @@ constexpr double kSparseShare = 0.05;
 
 }  // namespace
 
+// c² is the chi-square quantile for as many degrees of freedom as the factor has residuals.
 WeightedProblem::WeightedProblem(const GncOptions& options, const std::vector<FactorId>& suspects,
                                  const FactorGraph& graph, GncSummary* summary)
     : options_(options), suspects_(suspects), graph_(graph), summary_(*summary) {
@@ -32,6 +41,7 @@ std::vector<double> WeightedProblem::Weights() const {
   return weights;
 }
 
+// Passes Ok through, and writes a failure into the summary.
 bool WeightedProblem::Fail(const Status& status) {
   if (!status.ok()) {
     summary_.termination = Termination::kFailure;
@@ -45,12 +55,15 @@ bool WeightedProblem::Measure() {
       graph_, suspects_, [this](VariableId id) { return graph_.Values(id); }, &squared_errors_));
 }
 
+// Of a round in the graduation only a few steps are taken, for its weights are not the last ones.
+// The summary's costs are of weighted problems; TruncatedCost makes them comparable.
 bool WeightedProblem::Solve(bool last, double mu) {
   GncRound round;
   for (const auto& weight : weights_) {
     round.num_full += weight->weight == 1.0 ? 1 : 0;
     round.num_none += weight->weight == 0.0 ? 1 : 0;
   }
+  // Without a start of its own a round begins at the values that the solve before has left.
   if (options_.start && !Fail(options_.start(Weights(), &graph_))) {
     return false;
   }
@@ -58,6 +71,8 @@ bool WeightedProblem::Solve(bool last, double mu) {
   if (!last) {
     options.max_num_iterations = std::min(options.max_num_iterations, options_.iterations_a_round);
   }
+  // Weight zero makes the Jacobian of a factor zero. Finding that costs something at each
+  // linearization.
   options.dynamic_sparsity = options.dynamic_sparsity ||
                              round.num_none > kSparseShare * static_cast<double>(weights_.size());
   const Summary solved = solver_.Solve(options, &graph_);
@@ -71,6 +86,7 @@ bool WeightedProblem::Solve(bool last, double mu) {
   }
   round.mu = last ? 0.0 : mu;
   round.cost = summary_.final_cost = solved.final_cost;
+  // Iteration 0 counts as a successful step.
   round.num_iterations = solved.num_successful_steps + solved.num_unsuccessful_steps - 1;
   summary_.num_iterations += round.num_iterations;
   summary_.rounds.push_back(round);
@@ -85,6 +101,8 @@ double WeightedProblem::LargestRatio() const {
   return largest;
 }
 
+// With weights 0 and 1 this is ½ Σ min(‖f‖², c²) wherever they agree with the errors: final_cost
+// has the ½‖f‖² of those of weight 1, and who is left out costs ½ c².
 double WeightedProblem::TruncatedCost() const {
   double cost = summary_.final_cost;
   for (std::size_t k = 0; k < weights_.size(); ++k) {
@@ -101,6 +119,7 @@ int WeightedProblem::NumInliers() const {
   return count;
 }
 
+// Not the summary, which the caller has its own copy of, nor the thresholds.
 void WeightedProblem::Restore(const Snapshot& snapshot) {
   graph_.mutable_state() = snapshot.state;
   squared_errors_ = snapshot.squared_errors;
@@ -118,6 +137,8 @@ void WeightedProblem::Judge() {
   }
 }
 
+// The loss objects here refer to weights that end with this object; the graph gets losses that
+// stand by themselves, and none where the weight is 1.
 void WeightedProblem::HandOver(FactorGraph* graph) const {
   graph->mutable_state() = graph_.state();
   for (std::size_t k = 0; k < suspects_.size(); ++k) {

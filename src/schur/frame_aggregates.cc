@@ -11,7 +11,18 @@
 
 namespace inceres::internal {
 
+// Frames in aggregates, and what their columns reach (docs/algorithms.md, "Reduced linear
+// systems"). Larger aggregates make a smaller coarse system and a weaker preconditioner. The size
+// is taken by cost: rounds of matching double it until the symbolic analysis of the coarse system
+// says that its factor is cheap beside the products with S that the iteration takes anyway. Only
+// connections are read; aggregates are made once for a structure.
+//
+// A V has a block for each aggregate and each frame that it reaches: its own frames, frames that
+// are tied to these by a block of C or S, and those that see one of its landmarks (of a formed S
+// these are among its blocks). AggregateReach lists them once, so that A V has fixed places.
+
 double NumbersReadWithoutS(const LandmarkIncidences& incidences) {
+  // Y once in each direction.
   return 2.0 * kQuad * static_cast<double>(incidences.y_quads);
 }
 
@@ -25,6 +36,8 @@ constexpr int kModes = 7;       // for predictions
 constexpr double kEntriesPerNumberRead = 0.25;
 constexpr double kFlopsPerNumberRead = 256.0;
 
+// What a product with S reads. A formed S has about as many blocks as the graph has entries, each
+// edge twice and the diagonal left out, of the mean size of a frame.
 double NumbersRead(const Evaluator& evaluator, const LandmarkIncidences& incidences,
                    const WeightedGraph& graph, bool forms_S) {
   if (!forms_S) {
@@ -35,6 +48,8 @@ double NumbersRead(const Evaluator& evaluator, const LandmarkIncidences& inciden
   return size * size * static_cast<double>(graph.neighbors.size());
 }
 
+// The coarse system that these parts would have: a block of kModes columns a part, coupled as the
+// parts are.
 BlockPattern PatternOf(const WeightedGraph& graph) {
   std::vector<int> offsets{0};
   for (int i = 0; i < graph.num_vertices(); ++i) {
@@ -44,6 +59,7 @@ BlockPattern PatternOf(const WeightedGraph& graph) {
   std::vector<int> columns;
   for (int i = 0; i < graph.num_vertices(); ++i) {
     columns.clear();
+    // Neighbors ascend: those before i are the lower triangle.
     for (int k = graph.begin[i]; k < graph.begin[i + 1] && graph.neighbors[k] < i; ++k) {
       columns.push_back(graph.neighbors[k]);
     }
@@ -53,6 +69,7 @@ BlockPattern PatternOf(const WeightedGraph& graph) {
   return pattern;
 }
 
+// A symbolic analysis, without numbers. Where it fails the system is not cheap.
 bool IsCheap(const WeightedGraph& graph, double numbers_read, const Executor& executor) {
   const BlockPattern pattern = PatternOf(graph);
   SparseCholesky coarse(executor);
@@ -76,11 +93,13 @@ void FrameAggregates::Join(const WeightedGraph& covisibility, double numbers_rea
       AggregateByMatching(covisibility, kFirstRound, [&](const WeightedGraph& parts) {
         return IsCheap(parts, numbers_read, executor);
       }).part_of;
+  // Parts are numbered without gaps.
   for (const int part : clusters.cluster_of) {
     count = std::max(count, part + 1);
   }
 }
 
+// Cost: the incidences of each aggregate's landmarks, once an aggregate that sees them.
 AggregateReach::AggregateReach(const FrameAggregates& aggregates, std::vector<int> widths,
                                const LandmarkIncidences& incidences, const BlockPattern& pattern) {
   const std::vector<int>& part_of = aggregates.clusters.cluster_of;
@@ -90,6 +109,8 @@ AggregateReach::AggregateReach(const FrameAggregates& aggregates, std::vector<in
   for (int i = 0; i < num_frames; ++i) {
     members[part_of[i]].push_back(i);
     for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      // Both ways, for the pattern is a lower triangle. The diagonal block makes an aggregate reach
+      // its own frames.
       direct[part_of[i]].push_back(pattern.columns[k]);
       direct[part_of[pattern.columns[k]]].push_back(i);
     }
@@ -98,6 +119,8 @@ AggregateReach::AggregateReach(const FrameAggregates& aggregates, std::vector<in
   shape.widths = std::move(widths);
   shape.coupled_begin.push_back(0);
   landmarks_begin.push_back(0);
+  // Marks with the number of the aggregate that has been there last: nothing to wipe between
+  // aggregates.
   std::vector<int> seen_by(incidences.num_landmarks(), -1);
   std::vector<int> reached_by(num_frames, -1);
   for (int a = 0; a < aggregates.count; ++a) {
@@ -117,6 +140,8 @@ AggregateReach::AggregateReach(const FrameAggregates& aggregates, std::vector<in
         }
       }
     }
+    // Ascending, which CoarseShape asks for; so are the landmarks, whose order is that of the sums
+    // in A V.
     std::sort(shape.coupled.begin() + shape.coupled_begin.back(), shape.coupled.end());
     std::sort(landmarks.begin() + landmarks_begin.back(), landmarks.end());
     shape.coupled_begin.push_back(static_cast<int>(shape.coupled.size()));

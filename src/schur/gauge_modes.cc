@@ -4,12 +4,23 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// The modes v of frames that go with a motion w of the landmarks as one: the least-squares solution
+// of J_c v = −J_l w (docs/algorithms.md, "Reduced linear systems"). By normal equations, C v = R
+// with C = J_cᵀJ_c and R = −J_cᵀJ_l w, of which GaugeNormals makes the sums: a preconditioner may
+// be wrong in the last digits, and C is as sparse as the factors between frames are few.
+//
+// The misfit comes without another pass over J. At the solution vᵀC v = vᵀR, hence
+//     ‖J_c v + J_l w‖² = ‖J_l w‖² + vᵀC v − 2 vᵀR = ‖J_l w‖² − vᵀR.
+
 namespace {
 
 // Of the diagonal of J_cᵀJ_c: what no factor of a landmark determines stays where it is.
 constexpr double kRidges[] = {1e-12, 1e-8};
 // A mode counts if the frames follow all but this share of the landmarks' motion.
 constexpr double kLargestMisfit = 0.01;
+// The scale may be known; who cannot follow a translation or a rotation does not measure Euclidean
+// points.
 constexpr int kFewestModes = 6;
 
 }  // namespace
@@ -23,11 +34,14 @@ GaugeFit::GaugeFit(BlockPattern pattern, const Executor& executor, Status* statu
 }
 
 bool GaugeFit::Factorize(const std::vector<double>& C) {
+  // The smaller ridge first. It is relative to each diagonal entry, so it does not depend on units.
   for (const double ridge : kRidges) {
     for (int i = 0; i < pattern_.num_blocks(); ++i) {
       const int size = pattern_.block_size(i);
       const double* const block = C.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1];
       for (int k = 0; k < size; ++k) {
+        // A parameter that no such factor touches gets a one of its own, and with a zero on the
+        // right its mode is zero. So do all parameters of a shared frame.
         const double C_kk = block[k * size + k];
         diagonal_[pattern_.offsets[i] + k] = C_kk > 0.0 ? ridge * C_kk : 1.0;
       }
@@ -39,12 +53,15 @@ bool GaugeFit::Factorize(const std::vector<double>& C) {
   return false;
 }
 
+// Seven right-hand sides with one factor. All are solved for, also when some do not fit: misfit()
+// tells of each.
 bool GaugeFit::SolveModes(const GaugeSums& sums) {
   const auto size = static_cast<std::size_t>(pattern_.size());
   std::vector<double> right(size), left(size);
   int num_fitting = 0;
   for (int m = 0; m < kGaugeModes; ++m) {
     double moved = 0.0, followed = 0.0;
+    // Per frame; summed here in the order of the frames, whatever the tasks were.
     for (std::size_t k = m; k < sums.squares.size(); k += kGaugeStride) {
       moved += sums.squares[k];
     }
@@ -57,10 +74,14 @@ bool GaugeFit::SolveModes(const GaugeSums& sums) {
     for (std::size_t k = 0; k < size; ++k) {
       followed += right[k] * left[k];
     }
+    // A difference of nearly equal numbers where the frames follow well: rounding may leave it
+    // below zero. A motion that no factor feels cannot be judged and counts as not followed.
     misfit_[m] = moved > 0.0 ? std::max(0.0, 1.0 - followed / moved) : 1.0;
     const bool fits = misfit_[m] <= kLargestMisfit;
     num_fitting += fits ? 1 : 0;
     for (std::size_t k = 0; k < size; ++k) {
+      // Column m stays where it is: widths are settled, and a column of zeros is one that
+      // Orthonormalize leaves zero.
       V_[k * kGaugeStride + m] = fits ? left[k] : 0.0;
     }
   }
@@ -84,6 +105,7 @@ GaugeModes::GaugeModes(const Evaluator& evaluator, const std::vector<char>& is_s
       fit_(normals_.pattern(), evaluator.executor(), status) {
 }
 
+// About where the points are now: the origin moves with them, the modes of a frame change with J.
 bool GaugeModes::Compute() {
   if (!are_euclidean_) {
     return false;

@@ -5,11 +5,22 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// Sums for the modes of frames (gauge_modes.cc): C = J_cᵀJ_c, R = −J_cᵀ(J_l w) and ‖J_l w‖² over
+// the factors of Euclidean landmarks. w has a column for each generator of a similarity at the
+// point p, taken about a center and in units of a radius: e_k (translations), e_k × p (rotations),
+// p (scale).
+//
+// The factor's corrected Jacobians are read, so a loss has its say in what counts. A row of R and
+// of C belongs to a frame, and a frame to one task, which sums over sources and factors in their
+// order: no task adds to another's rows, and the bits do not depend on the number of threads.
+
 namespace {
 
 constexpr int kPoint = 3;
 constexpr int kModesRowGrain = 32;
 
+// Of an even number of values the upper one of the two in the middle. Reorders them.
 double Median(std::vector<double>* values) {
   const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
   std::nth_element(values->begin(), middle, values->end());
@@ -28,12 +39,14 @@ std::int64_t GaugeSums::Bytes() const {
   return static_cast<std::int64_t>((C.size() + R.size() + squares.size()) * sizeof(double));
 }
 
+// Sources and pattern depend on connections alone and are made once.
 GaugeNormals::GaugeNormals(const Evaluator& evaluator, std::vector<char> is_shared)
     : evaluator_(evaluator), is_shared_(std::move(is_shared)) {
   CollectSources();
   BuildPattern();
 }
 
+// −1 also of a shared frame: it is held while the others follow.
 int GaugeNormals::FrameThrough(const Linearization& cache, int factor, int slot) const {
   const int frame = evaluator_.layout().FrameOf(
       evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot]);
@@ -44,11 +57,14 @@ int GaugeNormals::FrameThrough(const Linearization& cache, int factor, int slot)
 int GaugeNormals::LandmarkThrough(const Linearization& cache, int factor, int slot) const {
   const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot];
   const int landmark = evaluator_.layout().LandmarkOf(id);
+  // Three numbers without a manifold: whether they are a point is what the misfit of the modes
+  // tells.
   const bool euclidean = landmark >= 0 && evaluator_.graph().AmbientSize(id) == kPoint &&
                          evaluator_.graph().manifold(id) == nullptr;
   return euclidean ? landmark : -1;
 }
 
+// Medians, for a few points far away would otherwise set both center and radius.
 // Whatever the coordinates, modes are numbers of the same size.
 GaugeOrigin GaugeNormals::FindOrigin() const {
   const FactorGraph& graph = evaluator_.graph();
@@ -63,6 +79,7 @@ GaugeOrigin GaugeNormals::FindOrigin() const {
   }
   GaugeOrigin origin;
   origin.num_points = static_cast<double>(points.size());
+  // num_points tells who merges origins of several processes that this one has no part in it.
   if (points.empty()) {
     return origin;
   }
@@ -72,11 +89,13 @@ GaugeOrigin GaugeNormals::FindOrigin() const {
     std::transform(points.begin(), points.end(), values.begin(),
                    [k](const double* point) { return point[k]; });
     origin.center[k] = Median(&values);
+    // The same array again: Median has reordered it, and the order does not matter.
     for (double& value : values) {
       value = std::abs(value - origin.center[k]);
     }
     squared_radius += std::pow(Median(&values), 2);
   }
+  // Points that coincide have no size of their own.
   origin.radius = squared_radius > 0.0 ? std::sqrt(squared_radius) : 1.0;
   return origin;
 }
@@ -86,12 +105,16 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
                              GaugeSums* sums) const {
   const Linearization& cache = evaluator_.families()[source.family];
   const double* const point = cache.Parameters(factor)[source.landmark_slot];
+  // Coordinates of the order of one, so that columns of w for rotations and scale are as large as
+  // those for translations.
   const double scale = 1.0 / origin.radius;
   const double x = (point[0] - origin.center[0]) * scale;
   const double y = (point[1] - origin.center[1]) * scale;
   const double z = (point[2] - origin.center[2]) * scale;
   double* const R = sums->R.data() + std::ptrdiff_t{kGaugeStride} * pattern_.offsets[frame];
   double* const squares = sums->squares.data() + std::ptrdiff_t{frame} * kGaugeStride;
+  // Row k is how coordinate k moves under each mode. The eighth column is padding, zero in R and V
+  // as well.
   const double w[kPoint][kGaugeStride] = {
       {1, 0, 0, 0, z, -y, x, 0},  // translations, rotations, scale
       {0, 1, 0, -z, 0, x, y, 0},
@@ -100,10 +123,12 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
   const SlotJacobians& of_frame = cache.slots[source.slot];
   const double* J_l = of_point.data + factor * of_point.factor_stride;
   const double* J_c = of_frame.data + factor * of_frame.factor_stride;
+  // A factor of two frames appears in the rows of both, and ‖J_l w‖² counts once.
   bool counts_here = true;  // its first frame counts the factor
   for (int s = 0; s < source.slot; ++s) {
     counts_here = counts_here && FrameThrough(cache, factor, s) < 0;
   }
+  // Residual by residual: J_l w of one row of J, for all modes side by side, then its share of R.
   for (int r = 0; r < cache.residual_size; ++r) {
     double moved[kGaugeStride] = {};
     for (int k = 0; k < kPoint; ++k) {
@@ -130,9 +155,11 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeS
   const double* const J_c = of_frame.data + factor * of_frame.factor_stride;
   for (int s = 0; s < cache.num_slots; ++s) {
     const int other = FrameThrough(cache, factor, s);
+    // The lower triangle, row by row of `frame`; the rest comes with the rows of the other frame.
     if (other < 0 || other > frame) {
       continue;
     }
+    // Columns of a row ascend.
     const auto first = pattern_.columns.begin() + pattern_.row_begin[frame];
     const auto last = pattern_.columns.begin() + pattern_.row_begin[frame + 1];
     const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
@@ -150,6 +177,8 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeS
   }
 }
 
+// Each task clears and sums its own stretch of R, of the squares and of C: rows of frames lie
+// together in all three.
 void GaugeNormals::AccumulateRows(int begin, int end, const GaugeOrigin& origin,
                                   GaugeSums* sums) const {
   const auto clear = [](std::vector<double>* values, std::int64_t first, std::int64_t last) {
@@ -170,10 +199,12 @@ void GaugeNormals::AccumulateRows(int begin, int end, const GaugeOrigin& origin,
 }
 
 void GaugeNormals::Accumulate(const GaugeOrigin& origin, GaugeSums* sums) const {
+  // Shared frames have rows too, which stay zero: no source names them.
   evaluator_.executor().For(pattern_.num_blocks(), kModesRowGrain,
                             [&](int begin, int end) { AccumulateRows(begin, end, origin, sums); });
 }
 
+// Of the lists of factors, which are most of it.
 std::int64_t GaugeNormals::Bytes() const {
   std::int64_t bytes = 0;
   for (const Source& source : sources_) {

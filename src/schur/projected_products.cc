@@ -6,8 +6,20 @@
 #include "base/counting_sort.h"
 
 namespace inceres::internal {
+
+// A V for the coarse space, A = S + Λ_c, aggregate by aggregate: an aggregate's columns of A V are
+// written by one task and by nobody else. Where S is formed that is a sparse product with few
+// columns. Where it is not, the landmarks that the aggregate sees are gone through one by one:
+//     Z_la = Σ_{j∈a} Y_lj V_j,   (A V)_ia −= Y_liᵀ Z_la
+//
+// which is what eliminating l does to the columns, and reads Y twice instead of forming Y Yᵀ.
+// Landmarks come in ascending order and frames in the order of l's list: the sums have one order.
+//
+// Rows of V and A V are padded to quads with zeros, so that inner loops run over whole quads.
+
 namespace {
 
+// Aggregates a task; the scratch is one a task as well.
 constexpr int kAggregateTask = 4;
 
 // out += scale · in, whole quads.
@@ -22,6 +34,8 @@ inline void AddScaled(double scale, const double* __restrict in, int count,
 
 }  // namespace
 
+// place_of is not wiped between aggregates: it is read only for frames that this aggregate reaches,
+// which are written first.
 struct ProjectedProducts::Scratch {
   std::vector<int> place_of;  // per frame: of its block of A V in the aggregate's columns
   std::vector<double> Z;
@@ -32,6 +46,8 @@ ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const
                                      const Elimination* without_S)
     : incidences_(incidences), plans_(plans), blocks_(std::move(blocks)), elimination_(without_S) {
   const BlockPattern& pattern = plans.pattern;
+  // Every block twice, by its row and by its column, but for those on the diagonal: rows of the
+  // whole matrix from its lower triangle. Zero blocks are left out. By counting sort.
   const auto for_each_place = [&](const auto& visit) {
     for (int i = 0; i < pattern.num_blocks(); ++i) {
       for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
@@ -59,6 +75,8 @@ void ProjectedProducts::Form(const AggregateReach& reach, const double* damping,
   });
 }
 
+// Zero, add the columns of C + Λ_c (or of S + Λ_c) for the aggregate's own frames, subtract its
+// landmarks.
 void ProjectedProducts::FormAggregate(int aggregate, const AggregateReach& reach,
                                       const double* damping, CoarseColumns* columns,
                                       Scratch* scratch) const {
@@ -75,6 +93,7 @@ void ProjectedProducts::FormAggregate(int aggregate, const AggregateReach& reach
       AddFrameBlocks(shape.coupled[place], stride, damping, columns, *scratch);
     }
   }
+  // Blocks are those of S: the landmarks are in them.
   if (elimination_ == nullptr) {
     return;
   }
@@ -88,8 +107,10 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
                                        CoarseColumns* columns, const Scratch& scratch) const {
   const int size = columns->block_size(frame);
   const double* const V = columns->V(frame);
+  // An aggregate reaches its own frames.
   double* const own = columns->AV(scratch.place_of[frame]);
   const double* const lambda = damping + plans_.pattern.offsets[frame];
+  // Λ_c is diagonal: row r of V, scaled.
   for (int r = 0; r < size; ++r) {
     AddScaled(lambda[r], V + r * stride, stride, own + r * stride);
   }
@@ -100,6 +121,7 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
     const int other_size = columns->block_size(other);
     for (int r = 0; r < other_size; ++r) {
       for (int c = 0; c < size; ++c) {
+        // A row of block (other, frame) as it is stored, else a column of block (frame, other).
         const double a = other >= frame ? A[r * size + c] : A[c * other_size + r];
         AddScaled(a, V + c * stride, stride, out + r * stride);
       }
@@ -107,16 +129,21 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
   }
 }
 
+// Two passes over the frames of l: those of the aggregate give Z, and then all of them take their
+// share of it.
 void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride,
                                          CoarseColumns* columns, Scratch* scratch) const {
   const auto l = static_cast<std::size_t>(landmark);
   const int depth = incidences_.sizes[l];
+  // One row of Z for each degree of freedom of the landmark.
   scratch->Z.assign(static_cast<std::size_t>(depth) * stride, 0.0);
   for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
     const int frame = incidences_.frames[q];
+    // V of other aggregates' frames is zero in these columns.
     if (columns->shape().aggregate_of[frame] != aggregate) {
       continue;
     }
+    // Y_lj: a row for each degree of freedom of the landmark, as long as the frame, padded.
     const double* Y = elimination_->Y(incidences_.incidences[q]);
     const double* const V = columns->V(frame);
     const int size = columns->block_size(frame);
@@ -126,6 +153,7 @@ void ProjectedProducts::SubtractLandmark(int landmark, int aggregate, int stride
       }
     }
   }
+  // All frames that see l are reached by this aggregate, in it or not.
   for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
     const int frame = incidences_.frames[q];
     const double* const Y = elimination_->Y(incidences_.incidences[q]);

@@ -6,6 +6,15 @@
 #include "linear/pattern_rows.h"
 
 namespace inceres::internal {
+
+// What can be said of S, and of iterations with it, from connections alone: PredictSteps compares
+// costs by these figures before any plan is made (docs/algorithms.md, "Reduced linear systems"). To
+// count the blocks of S costs all products, one by one; a sample of rows and two walks through the
+// scene cost little.
+//
+// The length of a scene stands for how many iterations blocks of S need as a preconditioner: each
+// carries a correction one neighbor further.
+
 namespace {
 
 constexpr int kSampledRows = 64;
@@ -17,6 +26,8 @@ SceneShape::SceneShape(const Evaluator& evaluator, const LandmarkIncidences& inc
       incidences_(incidences),
       is_shared_(FindSharedFrames(evaluator)),
       companions_(evaluator, is_shared_) {
+  // Jacobians of frames are read twice, by landmarks and by frames; the landmark's own once, and
+  // residual-sized t is written and read.
   for (const LandmarkFactors& factors : incidences.factors) {
     double numbers = 2.0 * factors.residual_size;
     for (int s = 0; s < factors.num_slots; ++s) {
@@ -25,10 +36,13 @@ SceneShape::SceneShape(const Evaluator& evaluator, const LandmarkIncidences& inc
     }
     numbers_read_ += factors.count * numbers;
   }
+  // The mean: sizes of frames are not told apart here.
   const double frame_size = size() / std::max(1.0, num_frames());
   for (int l = 0; l < incidences.num_landmarks(); ++l) {
     const double count = incidences.begin[l + 1] - incidences.begin[l];
+    // Blocks of Y Yᵀ of a landmark, in the lower triangle.
     num_products_ += 0.5 * count * (count + 1.0);
+    // Two flops for each entry of each product and each degree of freedom.
     product_flops_ += count * (count + 1.0) * incidences.sizes[l] * frame_size * frame_size;
   }
 }
@@ -45,6 +59,8 @@ void SceneShape::ForEachCoupled(int frame, const Visit& visit) const {
                 companions_.frames.begin() + companions_.begin[frame + 1], visit);
 }
 
+// Rows at equal distances, so that a sequence is sampled all along. A row counts whole, not its
+// lower half, so rows early and late weigh the same.
 SceneShape::Sample SceneShape::TakeSample() const {
   const int num_frames = layout_.num_frames;
   const int num_rows = std::min(num_frames, kSampledRows);
@@ -52,14 +68,19 @@ SceneShape::Sample SceneShape::TakeSample() const {
   double found = 0.0, products = 0.0, writes = 0.0;
   int visit = 0;  // of a row by a chunk
   for (int i = 0; i < num_rows; ++i) {
+    // In 64 bits, for i · num_frames may not fit into 32.
     const int row = static_cast<int>(static_cast<std::int64_t>(i) * num_frames / num_rows);
     ForEachCoupled(
         row, [&](int other) { found += std::exchange(seen_by[other], row) != row ? 1.0 : 0.0; });
     int chunk = -1;
     for (int k = incidences_.frame_begin[row]; k < incidences_.frame_begin[row + 1]; ++k) {
       const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
+      // Incidences of a frame come sorted by chunk: a new chunk is seen by comparing with the one
+      // before.
       visit += std::exchange(chunk, incidences_.ChunkOf(l)) != chunk ? 1 : 0;
       for (int q = incidences_.begin[l]; q < incidences_.begin[l + 1]; ++q) {
+        // The first time in this row and chunk; later products of the chunk add to the block in
+        // registers.
         writes += std::exchange(seen_in[incidences_.frames[q]], visit) != visit ? 1.0 : 0.0;
       }
       products += incidences_.begin[l + 1] - incidences_.begin[l];
@@ -69,6 +90,7 @@ SceneShape::Sample SceneShape::TakeSample() const {
           writes / std::max(1.0, products)};
 }
 
+// For the symbolic analysis, where that may decide. `seen_by` has the last row that met a frame.
 BlockPattern SceneShape::Pattern() const {
   BlockPattern pattern = PatternWithoutBlocks(
       {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
@@ -90,6 +112,7 @@ BlockPattern SceneShape::Pattern() const {
 
 // Breadth first; the last of `reached` is as far away as any, and so far is what is returned.
 int SceneShape::GoFrom(int frame, Walk* walk) const {
+  // A number for this walk: landmarks are marked with it and need no wiping.
   ++walk->count;
   walk->reached.assign(1, frame);
   walk->level[frame] = 0;
@@ -97,12 +120,15 @@ int SceneShape::GoFrom(int frame, Walk* walk) const {
     const int at = walk->reached[next];
     const auto reach = [&](int other) {
       if (is_shared_[other] == 0 && walk->level[other] < 0) {
+        // Shared frames are passed over, for all of the scene would be two steps wide.
         walk->level[other] = walk->level[at] + 1;
         walk->reached.push_back(other);
       }
     };
     for (int k = incidences_.frame_begin[at]; k < incidences_.frame_begin[at + 1]; ++k) {
       const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
+      // All frames of l were reached from the first one of them: going over it again finds nothing.
+      // So a walk costs the incidences once.
       if (std::exchange(walk->spent_in[l], walk->count) != walk->count) {
         std::for_each(incidences_.frames.begin() + incidences_.begin[l],
                       incidences_.frames.begin() + incidences_.begin[l + 1], reach);
@@ -114,6 +140,8 @@ int SceneShape::GoFrom(int frame, Walk* walk) const {
   return walk->level[walk->reached.back()];
 }
 
+// From any frame to the farthest, and from there to the farthest: two walks. In a tree that is the
+// diameter, elsewhere a lower bound.
 int SceneShape::Length() const {
   Walk walk;
   walk.level.assign(layout_.num_frames, -1);
@@ -123,9 +151,11 @@ int SceneShape::Length() const {
     if (is_shared_[frame] == 0 && walk.level[frame] < 0) {
       GoFrom(frame, &walk);
       const int far_end = walk.reached.back();
+      // Only what this walk has reached, which the second one is to reach again.
       for (const int seen : walk.reached) {
         walk.level[seen] = -1;
       }
+      // Its levels stay: what belongs to this piece is not begun with again.
       length = std::max(length, GoFrom(far_end, &walk));
     }
   }

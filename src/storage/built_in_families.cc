@@ -21,6 +21,15 @@
 #include "storage/vector_families.h"
 
 namespace inceres::internal {
+
+// What a file has of each built-in family: the parameters that the constructor takes, and then all
+// measurements, as they are (measurements.h). What follows from these is not written. Names, and
+// the order of what is written, stay as they are, for files have them.
+//
+// Reading trusts nothing. Sizes and enumerations are asked for within their limits. After a failure
+// reads go on and give something harmless, so that objects can be made of it, and the load as a
+// whole fails.
+
 namespace {
 
 // `write` and `make` are of what the family is made with; its measurements follow.
@@ -28,11 +37,13 @@ template <typename Family, typename Write, typename Make>
 void Add(const char* name, GraphFormats* formats, Write write, Make make) {
   formats->AddFamily<Family>(
       std::string("inceres.") + name,
+      // Parameters first: without them there is no family to read measurements into.
       [write](const Family& family, GraphWriter* writer) {
         write(family, writer);
         WriteMeasurements(family, writer);
       },
       [make](GraphReader* reader) -> std::shared_ptr<Family> {
+        // Also after a failure: of the limits that reads fall back to a family can be made.
         const std::shared_ptr<Family> family = make(reader);
         ReadMeasurements(family.get(), reader);
         return family;
@@ -47,12 +58,15 @@ void AddPlainFamily(const char* name, GraphFormats* formats) {
       [](GraphReader*) { return std::make_shared<Family>(); });
 }
 
+// Of families that see a landmark: its parametrization, and on which side a pose is perturbed.
 template <typename Family>
 void WriteLandmark(const Family& family, GraphWriter* writer) {
   writer->WriteInt(static_cast<std::int32_t>(family.landmark()));
   writer->WriteInt(static_cast<std::int32_t>(family.perturbation()));
 }
 
+// ReadEnum takes the last enumerator for the limit: one that is added behind it belongs here as
+// well.
 LandmarkKind ReadLandmark(GraphReader* reader) {
   return reader->ReadEnum(LandmarkKind::kHomogeneous, "the kind of landmark");
 }
@@ -65,6 +79,8 @@ void AddReprojections(GraphFormats* formats) {
   Add<BalReprojectionFamily>(
       "bal_reprojection", formats,
       [](const BalReprojectionFamily& family, GraphWriter* writer) {
+        // Smaller than the ambient size where the caller has manifolds of his own, as for fixed
+        // intrinsics.
         writer->WriteInt(family.slot(0).tangent_size);
         writer->WriteInt(family.slot(1).tangent_size);
       },
@@ -76,6 +92,7 @@ void AddReprojections(GraphFormats* formats) {
   Add<BodyReprojectionFamily>(
       "body_reprojection", formats,
       [](const BodyReprojectionFamily& family, GraphWriter* writer) {
+        // All that decides its slots and its formula, in the order of the constructor.
         writer->WriteInt(static_cast<std::int32_t>(family.time_offset()));
         writer->WriteInt(static_cast<std::int32_t>(family.feature()));
         writer->WriteInt(static_cast<std::int32_t>(family.views()));
@@ -83,6 +100,7 @@ void AddReprojections(GraphFormats* formats) {
       },
       [](GraphReader* reader) {
         using Body = BodyReprojectionFamily;
+        // One read a statement, for the order of arguments is not known.
         const auto offset = reader->ReadEnum(Body::TimeOffset::kEstimated, "the time offset");
         const auto feature = reader->ReadEnum(Body::Feature::kBearing, "the kind of feature");
         const auto views = reader->ReadEnum(Body::Views::kOnePoseTwoCameras, "the views");
@@ -95,6 +113,7 @@ void AddReprojections(GraphFormats* formats) {
 void AddPointFamilies(GraphFormats* formats) {
   Add<BearingFamily>("bearing", formats, WriteLandmark<BearingFamily>, [](GraphReader* reader) {
     const LandmarkKind landmark = ReadLandmark(reader);
+    // One read a statement: arguments are evaluated in no order that is known.
     return std::make_shared<BearingFamily>(landmark, ReadSide(reader));
   });
   Add<PointReprojectionFamily>(
@@ -102,6 +121,7 @@ void AddPointFamilies(GraphFormats* formats) {
       [](const PointReprojectionFamily& family, GraphWriter* writer) {
         WriteLandmark(family, writer);
         const PinholeCamera& c = family.camera();
+        // The order in the file; the list for reading is the same.
         for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.k1, c.k2, c.p1, c.p2}) {
           writer->WriteDouble(value);
         }
@@ -120,6 +140,7 @@ void AddPointFamilies(GraphFormats* formats) {
       [](const StereoReprojectionFamily& family, GraphWriter* writer) {
         WriteLandmark(family, writer);
         const StereoCamera& c = family.camera();
+        // Without distortion: stereo images are rectified.
         for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.baseline}) {
           writer->WriteDouble(value);
         }
@@ -135,6 +156,8 @@ void AddPointFamilies(GraphFormats* formats) {
       });
 }
 
+// Families between poses and of single variables; most are told apart by one enumeration, if by
+// any.
 void AddPoseFamilies(GraphFormats* formats) {
   AddPlainFamily<RelativePoseFamily>("relative_pose", formats);
   AddPlainFamily<PlanarRelativePoseFamily>("planar_relative_pose", formats);
@@ -150,6 +173,7 @@ void AddPoseFamilies(GraphFormats* formats) {
         return std::make_shared<PlanarLandmarkFamily>(
             reader->ReadEnum(PlanarSighting::kRangeBearing, "the kind of sighting"));
       });
+  // The side of the perturbation decides how the residual is measured, not only its Jacobian.
   Add<PosePriorFamily>(
       "pose_prior", formats,
       [](const PosePriorFamily& family, GraphWriter* writer) {
@@ -191,6 +215,7 @@ void AddBuiltInFamilies(GraphFormats* formats) {
   AddReprojections(formats);
   AddPointFamilies(formats);
   AddPoseFamilies(formats);
+  // Those whose measurements differ in size are in vector_families.cc.
   AddVectorFamilies(formats);
 }
 

@@ -13,6 +13,19 @@
 #include "trust_region/two_level_preconditioner.h"
 
 namespace inceres::internal {
+
+// Steps from (S + Λ_c) δ_c = b by conjugate gradients (docs/algorithms.md, "Reduced linear
+// systems"; docs/ceres_contract.md, "Conjugate gradients"). Where there are no landmarks S = H, b =
+// η, and the same code is Ceres's CGNR.
+//
+// Three things depend on the options. How S v is computed: from S where it is formed, else as C v
+// less the coupled part W P⁻¹ Wᵀ v. Which blocks of S are formed: all of them in the former case,
+// those that the preconditioner reads in the latter. And what is kept of Y: all of it for clusters
+// and for two levels without S, else a chunk at a time.
+//
+// Vectors of the iteration are padded, each frame on a quad; step, damping and b are packed. The
+// padding is zero throughout, so that sums run over it.
+
 namespace {
 
 // Eisenstat and Walker's γ, when their safeguard holds, and what a step is worth at most.
@@ -20,6 +33,8 @@ constexpr double kEtaShare = 0.9;
 constexpr double kLargeEta = 0.1;
 constexpr double kLeastEta = 1e-4;
 
+// Jacobi takes C, and a subset its own factors: neither needs S. A block on the diagonal of S is
+// enough for SCHUR_JACOBI.
 SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
   if (options.explicit_schur_complement) {
     return SchurBlocks::kAll;
@@ -36,9 +51,11 @@ SchurBlocks BlocksToForm(const ConjugateGradientsOptions& options) {
     case PreconditionerKind::kClusterTridiagonal:
       return SchurBlocks::kClustered;
   }
+  // Of a number that is none of them.
   return SchurBlocks::kNone;
 }
 
+// Null but for the two-level preconditioner, which has nothing to join where no frame moves.
 std::unique_ptr<FrameAggregates> AggregatesFor(const ConjugateGradientsOptions& options,
                                                const Evaluator& evaluator,
                                                const LandmarkIncidences& incidences) {
@@ -51,6 +68,7 @@ std::unique_ptr<FrameAggregates> AggregatesFor(const ConjugateGradientsOptions& 
 
 // Products take the Jacobians, blocks of S a chunk of Y after the other.
 std::int64_t QuadsPerChunk(const ConjugateGradientsOptions& options) {
+  // A two-level preconditioner without S reads Y for A V, of all landmarks: one chunk then.
   const bool needs_no_more = options.explicit_schur_complement ||
                              options.preconditioner == PreconditionerKind::kIdentity ||
                              options.preconditioner == PreconditionerKind::kJacobi ||
@@ -67,6 +85,8 @@ IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinis
       options_(options),
       unfinished_(unfinished),
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
+      // Others than the elimination read Y where S is not formed, and these do not know of a tail:
+      // it is allowed with a formed S only.
       incidences_(evaluator, QuadsPerChunk(options_), is_formed()),
       aggregates_(AggregatesFor(options_, evaluator, incidences_)),
       plans_(evaluator, incidences_, BlocksToForm(options_), FindClusters()),
@@ -76,15 +96,18 @@ IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinis
       eta_(options_.eta) {
   *status = CheckBlockOffsets(evaluator, incidences_);
   for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
+    // Addresses stay for good: S and C are written anew in place.
     const double* S = elimination_.S() + plans_.pattern.value_begin[k];
     blocks_.push_back(is_formed() ? S : hessian_.FrameBlock(static_cast<int>(k)));
   }
+  // Rows of zeros behind each frame's own ones, up to a whole quad.
   iteration_.Resize(static_cast<std::size_t>(product_.padded_offsets().back()));
   if (status->ok() && product_.num_rows() > 0) {
     MakePreconditioner(status);
   }
 }
 
+// Called among the initializers: after incidences_ and aggregates_, which it reads.
 // Before the plans, which form the blocks that clusters keep. Null: there are no clusters.
 const FrameClusters* IterativeModel::FindClusters() {
   const PreconditionerKind kind = options_.preconditioner;
@@ -104,6 +127,7 @@ void IterativeModel::MakePreconditioner(Status* status) {
     preconditioner_ = std::make_unique<SubsetPreconditioner>(evaluator_, *options_.subset, status);
     return;
   }
+  // FindClusters has filled this for both kinds of clusters.
   if (!clusters_.cluster_of.empty()) {
     preconditioner_ = std::make_unique<ClusterPreconditioner>(
         plans_.pattern, clusters_, elimination_, evaluator_.executor(), status);
@@ -117,6 +141,7 @@ void IterativeModel::MakePreconditioner(Status* status) {
     const BlockPattern& pattern = plans_.pattern;
     std::vector<const double*> diagonal_blocks;
     for (int i = 0; i < pattern.num_blocks(); ++i) {
+      // The last block of a row is the one on the diagonal.
       const int k = pattern.row_begin[i + 1] - 1;
       diagonal_blocks.push_back(kind == PreconditionerKind::kSchurJacobi
                                     ? elimination_.S() + pattern.value_begin[k]
@@ -127,6 +152,8 @@ void IterativeModel::MakePreconditioner(Status* status) {
   }
 }
 
+// Once a linearization. What depends on the damping waits for Solve: after a refused step C, the
+// gradient and η are still good.
 void IterativeModel::Refresh() {
   hessian_.Accumulate();
   UpdateEta();
@@ -142,15 +169,21 @@ void IterativeModel::UpdateEta() {
   if (!options_.eta_follows_gradient) {
     return;
   }
+  // ‖g‖ in the norm of diag(H)⁻¹, which does not depend on the units of the variables. A column of
+  // zeros has no share.
   double square = 0.0;
   for (std::size_t k = 0; k < Gradient().size(); ++k) {
     square += Diagonal()[k] > 0.0 ? Gradient()[k] * Gradient()[k] / Diagonal()[k] : 0.0;
   }
   const double norm = std::sqrt(square);
+  // The first linearization has nothing to compare with and goes by the options.
   if (gradient_norm_ > 0.0) {
     const double share = norm / gradient_norm_;
+    // The safeguard: where γ η² is still large, the next η is not below it, however far ‖g‖ has
+    // fallen.
     const double before = kEtaShare * eta_ * eta_;
     const double eta = std::max(kEtaShare * share * share, before > kLargeEta ? before : 0.0);
+    // Never looser than what was asked for; the floor gives way to an option that lies below it.
     eta_ = std::clamp(eta, std::min(kLeastEta, options_.eta), options_.eta);
   }
   gradient_norm_ = norm;
@@ -169,10 +202,13 @@ const char* IterativeModel::SolverName() const {
                    : "conjugate gradients on the reduced system, by products";
 }
 
+// Landmarks out, frames by iteration, landmarks back: a damping's Λ_l goes into U_inv at the
+// elimination, and its Λ_c into the preconditioner and each product.
 Status IterativeModel::Solve(const double* damping, double* step) {
   const int frame_size = plans_.pattern.size();
   damping_ = damping;
   num_iterations_ = 0;
+  // Of a system without frames as well, which takes no iteration.
   converged_ = true;
   leaves_landmarks_ = false;
   Status status = elimination_.Eliminate(damping + frame_size);
@@ -185,6 +221,8 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   if (!status.ok()) {
     return status;
   }
+  // As Ceres's explicit Schur complement: of a step that took too many iterations landmarks are not
+  // substituted back. Where it is not Ceres that is followed they always are.
   leaves_landmarks_ = unfinished_ == Unfinished::kAsCeres && is_formed() && !converged_;
   if (leaves_landmarks_) {
     std::fill(step + frame_size, step + Gradient().size(), 0.0);
@@ -195,10 +233,13 @@ Status IterativeModel::Solve(const double* damping, double* step) {
   return status;
 }
 
+// b is copied into padded form, x back out of it. eta_ is that of the linearization: steps tried
+// again after a refusal are as exact as the first.
 Status IterativeModel::SolveReduced(double* step) {
   const std::vector<int>& packed = product_.packed_offsets();
   const std::vector<int>& padded = product_.padded_offsets();
   for (int i = 0; i < product_.num_rows(); ++i) {
+    // Whole quads take part in sums: what lies behind a frame's entries must be zero.
     double* const end = std::copy(elimination_.b() + packed[i], elimination_.b() + packed[i + 1],
                                   iteration_.b() + padded[i]);
     std::fill(end, iteration_.b() + padded[i + 1], 0.0);
@@ -218,6 +259,8 @@ Status IterativeModel::SolveReduced(double* step) {
   return Status::Ok();
 }
 
+// y −= (S + Λ_c) v. Of an S that is not formed blocks_ are those of C, and W P⁻¹ Wᵀ v, which S has
+// less than C, is added back.
 void IterativeModel::SubtractProduct(const double* v, double* y) const {
   product_.Subtract(blocks_, damping_, evaluator_.executor(), v, y);
   if (has_landmarks_ && !is_formed()) {
@@ -235,6 +278,7 @@ bool IterativeModel::Precondition(const double* r, double* z) {
   const std::vector<int>& padded = product_.padded_offsets();
   for (int i = 0; i < product_.num_rows(); ++i) {
     for (int k = 0; k < product_.block_size(i); ++k) {
+      // In the unscaled system diag(s)⁻¹ I diag(s)⁻¹ is what Ceres takes for M: z = s² r.
       const double s = scale_[packed[i] + k];
       z[padded[i] + k] = s * s * r[padded[i] + k];
     }
@@ -243,10 +287,12 @@ bool IterativeModel::Precondition(const double* r, double* z) {
   return true;
 }
 
+// Asked by the iteration after each step it takes.
 bool IterativeModel::IsGoodEnough(const ConjugateGradients& iteration) const {
   return IsGoodEnoughForCeres(iteration, options_.min_iterations, eta_);
 }
 
+// Products are those of the blocks of S that are formed; C has the blocks that factors reach.
 void IterativeModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();

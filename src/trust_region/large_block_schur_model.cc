@@ -7,6 +7,18 @@
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
+
+// ITERATIVE_SCHUR with variables of any size eliminated. The layout here eliminates nothing, so
+// that H is the whole of the normal equations, in the pattern of frames; this file sorts its
+// variables into eliminated ones e and kept ones f, and its blocks into H_ee, H_ef and H_ff. H_ee
+// is block-diagonal because no factor touches two of the eliminated, which is checked.
+//
+// Inverses of H_ee are kept, as in Ceres, where elsewhere there are factors. Sums go over e in
+// ascending order, so that they have one order.
+//
+// Only the lower triangle of H is there: of an off-diagonal block (i, j), i > j, both products are
+// taken, with the block and with its transpose.
+
 namespace {
 
 double InnerProduct(const double* a, const double* b, int size) {
@@ -25,6 +37,8 @@ void AddScaled(double scale, const double* a, int size, double* y) {
 
 // y += M v, M symmetric.
 void AddProduct(const Eigen::MatrixXd& M, const double* v, double* y) {
+  // By columns, for M is column-major: the inner loop runs along memory and needs no sum across a
+  // register.
   const auto size = static_cast<int>(M.rows());
   for (int k = 0; k < size; ++k) {
     AddScaled(v[k], M.col(k).data(), size, y);
@@ -34,6 +48,7 @@ void AddProduct(const Eigen::MatrixXd& M, const double* v, double* y) {
 // False of one that is not positive definite.
 bool Invert(const Eigen::MatrixXd& M, Eigen::MatrixXd* inverse) {
   const Eigen::LLT<Eigen::MatrixXd> factor(M);
+  // Solved for whether the factor is one or not: who gets false does not look at it.
   *inverse = factor.solve(Eigen::MatrixXd::Identity(M.rows(), M.cols()));
   return factor.info() == Eigen::Success;
 }
@@ -48,9 +63,11 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
                                            Status* status)
     : LinearModel(evaluator),
       options_(options.conjugate_gradients),
+      // The layout has no landmarks: there are no incidences, and the pattern is that of H.
       incidences_(evaluator),
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_),
+      // Where a variable stands among its own kind indexes everything that is kept by kind.
       place_(static_cast<std::size_t>(plans_.pattern.num_blocks()), 0),
       is_eliminated_(static_cast<std::size_t>(plans_.pattern.num_blocks()), 0) {
   *status = CheckBlockOffsets(evaluator, incidences_);
@@ -64,6 +81,7 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
     std::vector<int>& kind = is_eliminated_[v] != 0 ? eliminated_ : kept_;
     place_[v] = static_cast<int>(kind.size());
     kind.push_back(v);
+    // Only the kept ones are in the vectors of the iteration, each on a quad.
     if (is_eliminated_[v] == 0) {
       padded_.push_back(entries);
       entries += PadToQuad(Size(v));
@@ -74,6 +92,7 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
   if (status->ok()) {
     SortBlocks(status);
   }
+  // The others group frames by what they see, or factor a sum: of H, not of this S.
   const PreconditionerKind kind = options_.preconditioner;
   if (status->ok() && kind != PreconditionerKind::kIdentity &&
       kind != PreconditionerKind::kJacobi && kind != PreconditionerKind::kSchurJacobi) {
@@ -83,12 +102,16 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
   }
 }
 
+// Each off-diagonal block belongs to H_ff or to the H_ef of one e; one between two of the
+// eliminated belongs nowhere: H_ee would not be block-diagonal, and no elimination of one at a time
+// could follow.
 void LargeBlockSchurModel::SortBlocks(Status* status) {
   of_.resize(eliminated_.size());
   const BlockPattern& pattern = plans_.pattern;
   for (int i = 0; i < pattern.num_blocks(); ++i) {
     for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
       const int j = pattern.columns[k];
+      // H_ee and the diagonal of H_ff are read where they are needed, with the damping.
       if (i == j) {
         continue;
       }
@@ -103,6 +126,8 @@ void LargeBlockSchurModel::SortBlocks(Status* status) {
       if (is_eliminated_[i] == 0 && is_eliminated_[j] == 0) {
         between_kept_.push_back(entry);
       } else {
+        // Whichever of the two is the eliminated one: rows of H are in the order of the layout, not
+        // of the kinds.
         of_[place_[is_eliminated_[i] != 0 ? i : j]].push_back(entry);
       }
     }
@@ -116,6 +141,7 @@ void LargeBlockSchurModel::Refresh() {
 
 // H_vv + Λ_v.
 MatrixXd LargeBlockSchurModel::Diagonal(int variable) const {
+  // The block on the diagonal is the last one of its row.
   const int block = plans_.pattern.row_begin[variable + 1] - 1;
   const int size = Size(variable);
   const BlockMap lower(hessian_.FrameBlock(block), size, size,
@@ -128,9 +154,11 @@ MatrixXd LargeBlockSchurModel::Diagonal(int variable) const {
 // The block with the rows of `row`, one of its two.
 MatrixXd LargeBlockSchurModel::Off(const Entry& entry, int row) const {
   const double* values = hessian_.FrameBlock(entry.block);
+  // A block of the pattern that no factor reaches.
   if (values == nullptr) {
     return MatrixXd::Zero(Size(row), Size(row == entry.i ? entry.j : entry.i));
   }
+  // Row-major, and padded where the pattern is: rows are a stride apart.
   const BlockMap H(values, Size(entry.i), Size(entry.j),
                    Eigen::OuterStride<>(plans_.pattern.row_stride(entry.j)));
   return row == entry.i ? MatrixXd(H) : MatrixXd(H.transpose());
@@ -146,6 +174,8 @@ void LargeBlockSchurModel::Multiply(const Entry& entry, int row, const double* v
   }
   const int stride = plans_.pattern.row_stride(entry.j);
   const int num_rows = Size(entry.i), num_columns = Size(entry.j);
+  // As it is stored, a row of the block times v; the other way its transpose, a row of it for each
+  // entry of v.
   if (row == entry.i) {
     for (int r = 0; r < num_rows; ++r, H += stride) {
       y[r] += sign * InnerProduct(H, v, num_columns);
@@ -157,6 +187,8 @@ void LargeBlockSchurModel::Multiply(const Entry& entry, int row, const double* v
   }
 }
 
+// Anew for each damping. The first in the order of the layout that has no factor is the one that is
+// named.
 Status LargeBlockSchurModel::FactorEliminated() {
   eliminated_inverse_.resize(eliminated_.size());
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
@@ -170,10 +202,13 @@ Status LargeBlockSchurModel::FactorEliminated() {
   return Status::Ok();
 }
 
+// Blocks on the diagonal of H_ff, damped; of SCHUR_JACOBI less what S has less there, block by
+// block: cost as many products as there are blocks of H_ef.
 Status LargeBlockSchurModel::FactorPreconditioner() {
   if (options_.preconditioner == PreconditionerKind::kIdentity) {
     return Status::Ok();
   }
+  // Damped copies, since H serves other dampings.
   std::vector<MatrixXd> blocks;
   blocks.reserve(kept_.size());
   for (const int variable : kept_) {
@@ -182,6 +217,7 @@ Status LargeBlockSchurModel::FactorPreconditioner() {
   for (std::size_t e = 0;
        options_.preconditioner == PreconditionerKind::kSchurJacobi && e < eliminated_.size(); ++e) {
     for (const Entry& entry : of_[e]) {
+      // The kept one of the two.
       const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
       const MatrixXd H_fe = Off(entry, variable);
       blocks[place_[variable]] -= H_fe * eliminated_inverse_[e] * H_fe.transpose();
@@ -197,6 +233,7 @@ Status LargeBlockSchurModel::FactorPreconditioner() {
   return Status::Ok();
 }
 
+// As IterativeModel::Solve. A failure at any stage leaves no step.
 Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
   damping_ = damping;
   num_iterations_ = 0;
@@ -215,6 +252,8 @@ Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
   return status;
 }
 
+// b = η_f − H_fe H_ee⁻¹ η_e with η = −g, so that the second term is added with H_ee⁻¹ g_e. Then the
+// iteration.
 Status LargeBlockSchurModel::SolveKept(double* step) {
   std::fill_n(iteration_.b(), padded_.back(), 0.0);
   for (std::size_t f = 0; f < kept_.size(); ++f) {
@@ -223,6 +262,7 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
     }
   }
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    // H_ee⁻¹ g_e, once for all blocks of e.
     const VectorXd x = eliminated_inverse_[e] *
                        Eigen::Map<const VectorXd>(Gradient().data() + Offset(eliminated_[e]),
                                                   Size(eliminated_[e]));
@@ -246,6 +286,7 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
 void LargeBlockSchurModel::AddCoupled(const double* v, double* y) const {
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
     const int eliminated = eliminated_[e];
+    // Two vectors of the size of e one behind the other: H_ef v, and H_ee⁻¹ of it.
     coupled_.assign(2 * static_cast<std::size_t>(Size(eliminated)), 0.0);
     double* H_ef_v = coupled_.data();
     double* x = H_ef_v + Size(eliminated);
@@ -268,6 +309,7 @@ void LargeBlockSchurModel::SubtractDiagonal(int variable, const double* v, doubl
   const int stride = plans_.pattern.row_stride(variable);
   const double* damping = damping_ + Offset(variable);
   for (int r = 0; r < size; ++r, H += stride) {
+    // Row r up to and with the diagonal, and the same row as a column for the entries above.
     y[r] -= InnerProduct(H, v, r + 1) + damping[r] * v[r];
     AddScaled(-v[r], H, r, y);
   }
@@ -278,13 +320,17 @@ void LargeBlockSchurModel::SubtractProduct(const double* v, double* y) const {
   for (std::size_t f = 0; f < kept_.size(); ++f) {
     SubtractDiagonal(kept_[f], v + padded_[f], y + padded_[f]);
   }
+  // Each block twice, for it is stored once: H_ij v_j to row i, and its transpose times v_i to row
+  // j.
   for (const Entry& entry : between_kept_) {
     Multiply(entry, entry.i, v + padded_[place_[entry.j]], -1.0, y + padded_[place_[entry.i]]);
     Multiply(entry, entry.j, v + padded_[place_[entry.i]], -1.0, y + padded_[place_[entry.j]]);
   }
+  // S has less than H_ff by this, so that it is added to −S v.
   AddCoupled(v, y);
 }
 
+// M⁻¹ r by blocks; the inverses are there, so nothing can fail.
 bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
   std::fill_n(z, padded_.back(), 0.0);
   for (std::size_t f = 0; f < kept_.size(); ++f) {
@@ -293,6 +339,7 @@ bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
     Eigen::Map<VectorXd> to(z + padded_[f], size);
     if (options_.preconditioner == PreconditionerKind::kIdentity) {
       // Ceres's identity is that of the scaled system.
+      // M⁻¹ = diag(s²) of the unscaled variables.
       to = Eigen::Map<const VectorXd>(scale_ + Offset(kept_[f]), size)
                .cwiseAbs2()
                .cwiseProduct(from);
@@ -311,6 +358,7 @@ bool LargeBlockSchurModel::IsGoodEnough(const ConjugateGradients& iteration) con
 void LargeBlockSchurModel::BackSubstitute(double* step) const {
   for (std::size_t e = 0; e < eliminated_.size(); ++e) {
     const int variable = eliminated_[e];
+    // η_e − H_ef δ_f, with the step of the kept ones, which is packed here.
     VectorXd x = -Eigen::Map<const VectorXd>(Gradient().data() + Offset(variable), Size(variable));
     for (const Entry& entry : of_[e]) {
       const int other = entry.i == variable ? entry.j : entry.i;
@@ -324,6 +372,7 @@ void LargeBlockSchurModel::BackSubstitute(double* step) const {
   }
 }
 
+// What is eliminated is called a landmark here as well: the counts are of roles in the solve.
 void LargeBlockSchurModel::Describe(WorkCounts* work) const {
   work->num_frames = static_cast<int>(kept_.size());
   work->num_landmarks = static_cast<int>(eliminated_.size());

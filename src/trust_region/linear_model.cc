@@ -9,10 +9,18 @@
 #include "trust_region/step_way.h"
 
 namespace inceres::internal {
+
+// Which model represents ½‖f + Jδ‖² (docs/algorithms.md, "Reduced linear systems"). What Ceres's
+// options ask for comes first and is not second-guessed, since the trace is to be Ceres's. What is
+// left is a choice by structure: dense where J is one small matrix, the pattern renewed where zero
+// blocks are left out, no elimination where there are no landmarks, and only then, if inexact steps
+// are allowed, a comparison of predicted costs.
+
 namespace {
 
 // Whether steps may come from conjugate gradients where these are cheaper.
 bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
+  // Dog-Leg goes with a factor only, as in Ceres.
   const bool damped = options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
                       options.strategy == TrustRegionStrategyKind::kMarquardt;
   return damped && options.linear_model == LinearModelKind::kAutomatic &&
@@ -27,7 +35,9 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
                                              const Evaluator& evaluator,
                                              const std::vector<VariableId>* eliminated,
                                              Status* status) {
+  // By options, connections and sizes: no values are looked at.
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
+  // Set for kIterativeSchur only (LoopOptions::eliminated).
   if (eliminated != nullptr) {
     return std::make_unique<LargeBlockSchurModel>(options, evaluator, *eliminated, status);
   }
@@ -35,6 +45,7 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
     return std::make_unique<IterativeModel>(options.conjugate_gradients, Unfinished::kAsCeres,
                                             evaluator, status);
   }
+  // The evaluator has decided this already: J lies as whole rows, which only the dense models read.
   if (evaluator.storage() == JacobianStorage::kWholeRows) {
     *status = Status::Ok();
     return by_qr ? std::make_unique<DenseColumnsQrModel>(evaluator)
@@ -44,6 +55,7 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
     *status = Status::Ok();
     return std::make_unique<DenseQrModel>(evaluator);
   }
+  // Its pattern comes with each linearization, so nothing can fail, and nothing be planned, before.
   if (evaluator.leaves_out_zero_blocks()) {
     *status = Status::Ok();
     return std::make_unique<DynamicModel>(options, evaluator);
@@ -51,9 +63,12 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
   if (evaluator.layout().num_landmarks() == 0) {
     return std::make_unique<PlainModel>(options, evaluator, status);
   }
+  // The prediction may take a symbolic analysis: it is asked for only where its answer may be
+  // followed.
   const StepWay way =
       MayBeIterative(options, evaluator) ? PredictSteps(evaluator).Cheapest() : StepWay::kFactor;
   if (way != StepWay::kFactor) {
+    // Not Ceres's iteration here: landmarks follow in every step.
     return std::make_unique<IterativeModel>(OptionsOf(way, options.conjugate_gradients),
                                             Unfinished::kMovesAll, evaluator, status);
   }

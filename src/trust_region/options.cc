@@ -4,8 +4,14 @@
 #include <sstream>
 
 namespace inceres {
+
+// Options that make no sense are told before anything is evaluated, with the option's name, its
+// value and the rule. The order is fixed: of several the first one is told. All conditions say what
+// must hold, so that a NaN, which no comparison holds for, is refused as well.
+
 namespace {
 
+// Makes a text only where it is needed: a solve checks all of its options.
 template <typename T>
 Status Require(bool condition, const char* name, const T& value, const char* rule) {
   if (condition) {
@@ -16,6 +22,7 @@ Status Require(bool condition, const char* name, const T& value, const char* rul
   return Status::Error(StatusCode::kInvalidArgument, text.str());
 }
 
+// Preconditioners whose blocks are grouped by which landmarks frames see.
 bool NeedsLandmarks(PreconditionerKind kind) {
   return kind == PreconditionerKind::kTwoLevel || kind == PreconditionerKind::kClusterJacobi ||
          kind == PreconditionerKind::kClusterTridiagonal;
@@ -23,6 +30,7 @@ bool NeedsLandmarks(PreconditionerKind kind) {
 
 }  // namespace
 
+// Summary::strategy has these names.
 const char* ToString(TrustRegionStrategyKind kind) {
   switch (kind) {
     case TrustRegionStrategyKind::kLevenbergMarquardt:
@@ -43,6 +51,8 @@ namespace {
 Status CheckIterative(const SolverOptions& options) {
   const ConjugateGradientsOptions& cg = options.conjugate_gradients;
   const bool iterative = IsIterative(options.linear_model);
+  // kAutomaticInexact may take conjugate gradients once the graph is known: what they are told must
+  // make sense in either case, and what only one kind of linear_model is told need not.
   const bool maybe = iterative || (options.linear_model == LinearModelKind::kAutomatic &&
                                    options.reduced_solver == ReducedSolverKind::kAutomaticInexact);
   const Status checks[] = {
@@ -56,16 +66,19 @@ Status CheckIterative(const SolverOptions& options) {
       Require(!maybe || cg.max_iterations >= std::max(1, cg.min_iterations),
               "conjugate_gradients.max_iterations", cg.max_iterations,
               ">= 1 and not below min_iterations"),
+      // Ceres's rule for SCHUR_JACOBI; two levels, which Ceres has not, go with either.
       Require(!iterative || !cg.explicit_schur_complement ||
                   cg.preconditioner == PreconditionerKind::kSchurJacobi ||
                   cg.preconditioner == PreconditionerKind::kTwoLevel,
               "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
               "false without preconditioner kSchurJacobi or kTwoLevel"),
+      // CGNR eliminates nothing: there are no landmarks to group frames by.
       Require(options.linear_model != LinearModelKind::kIterativePlain ||
                   !NeedsLandmarks(cg.preconditioner),
               "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
               "another: by aggregates or clusters with linear_model kIterativeSchur only"),
       Require(
+          // A sum over factors approximates H, which is S only where nothing is eliminated.
           !iterative || cg.preconditioner != PreconditionerKind::kSubset ||
               (cg.subset != nullptr && options.linear_model == LinearModelKind::kIterativePlain),
           "conjugate_gradients.preconditioner", "kSubset",
@@ -81,13 +94,17 @@ Status CheckIterative(const SolverOptions& options) {
 
 }  // namespace
 
+// Without a look at a graph: what depends on one is told where the model is made.
 Status SolverOptions::Validate() const {
   const Status checks[] = {
+      // The pattern is made anew at each linearization, of H as a whole: nothing is eliminated, and
+      // no QR or iteration is set up for it.
       Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
                   linear_model == LinearModelKind::kPlain,
               "dynamic_sparsity", dynamic_sparsity,
               "false with linear_model kSchur, kDenseQr or an iterative one"),
       CheckIterative(*this),
+      // Resuming needs to know which rows an edit has changed.
       Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
       Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,
@@ -97,6 +114,7 @@ Status SolverOptions::Validate() const {
       Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
       Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds",
               max_solver_time_in_seconds, ">= 0"),
+      // Of tolerances 0 is allowed: such a test is passed only by no change at all.
       Require(function_tolerance >= 0.0, "function_tolerance", function_tolerance, ">= 0"),
       Require(gradient_tolerance >= 0.0, "gradient_tolerance", gradient_tolerance, ">= 0"),
       Require(parameter_tolerance >= 0.0, "parameter_tolerance", parameter_tolerance, ">= 0"),
@@ -109,11 +127,13 @@ Status SolverOptions::Validate() const {
               "initial_trust_region_radius", initial_trust_region_radius,
               "between min_trust_region_radius and max_trust_region_radius"),
       Require(min_relative_decrease >= 0.0, "min_relative_decrease", min_relative_decrease, ">= 0"),
+      // Above zero, since it is what makes H + Λ positive definite where a column of J is zero.
       Require(min_lm_diagonal > 0.0, "min_lm_diagonal", min_lm_diagonal, "> 0"),
       Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal,
               ">= min_lm_diagonal"),
       Require(max_num_consecutive_invalid_steps >= 0, "max_num_consecutive_invalid_steps",
               max_num_consecutive_invalid_steps, ">= 0"),
+      // A window of 0 is the monotonic rule.
       Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0,
               "max_consecutive_nonmonotonic_steps", max_consecutive_nonmonotonic_steps,
               "> 0 with use_nonmonotonic_steps"),
@@ -121,6 +141,7 @@ Status SolverOptions::Validate() const {
                   line_search_sufficient_function_decrease < 1.0,
               "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease,
               "between 0 and 1"),
+      // Ceres's names: the factor of the largest contraction is the smaller number of the two.
       Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
               "max_line_search_step_contraction", max_line_search_step_contraction,
               "between 0 and 1"),
@@ -130,6 +151,7 @@ Status SolverOptions::Validate() const {
               "above max_line_search_step_contraction, at most 1"),
       Require(min_line_search_step_size > 0.0, "min_line_search_step_size",
               min_line_search_step_size, "> 0"),
+      // 0: steps are not shortened.
       Require(max_num_line_search_step_size_iterations >= 0,
               "max_num_line_search_step_size_iterations", max_num_line_search_step_size_iterations,
               ">= 0"),

@@ -24,9 +24,19 @@ namespace {
 // The one place where the public solver meets its parts.
 using namespace internal;  // NOLINT(google-build-using-namespace)
 
+// A solve in the order of this file: options and graph are checked, a workspace is found or made,
+// the trust-region loop runs in it, and the graph's values are written last, after everything that
+// may fail or throw.
+//
+// The workspace is all that depends on the structure alone: layout, threads, evaluator with its
+// plans, linear model with its symbolic factor, and the vectors of the loop. It outlives the solve
+// if the caller keeps a Solver, and serves the next graph of equal structure (Structure), whichever
+// object that is. Nothing of the old graph is read again after Rebind.
+
 // Ceres's rule: the lowest cost seen, rejected candidates included; from the first iteration on
 // whose cost is that of the factors as they are now.
 double FinalCost(const Summary& summary, int first_iteration) {
+  // Also where a resumed solve has no iteration 0 of its own.
   double cost = first_iteration == 0 ? summary.initial_cost : std::numeric_limits<double>::max();
   for (const IterationSummary& iteration : summary.iterations) {
     cost = iteration.iteration >= first_iteration ? std::min(cost, iteration.cost) : cost;
@@ -35,6 +45,7 @@ double FinalCost(const Summary& summary, int first_iteration) {
 }
 
 // Nothing moves: the cost is that of the factors as they stand.
+// The words are Ceres's.
 void SummarizeStandstill(Evaluator* evaluator, Summary* summary) {
   double cost = 0.0;
   const Status evaluated = evaluator->EvaluateCandidateCost(&cost);
@@ -53,9 +64,11 @@ ProblemSizes SizesOf(const FactorGraph& graph) {
   ProblemSizes sizes;
   sizes.num_variables = graph.num_live_variables();
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    // Ids of removed variables stay, without a variable.
     sizes.num_values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    // Places of removed factors are free, and not factors.
     const int count = graph.NumFactors(id) - graph.NumFreePlaces(id);
     sizes.num_factors += count;
     sizes.num_residuals += static_cast<std::int64_t>(count) * graph.family(id).residual_size();
@@ -80,6 +93,7 @@ std::int64_t VectorBytes(const Layout& layout) {
 // What a structure is set up with.
 struct Workspace {
   Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph)
+      // In the order of the members: the evaluator reads layout and executor.
       : layout(graph, EliminatesLandmarks(options, loop)),
         executor(options.num_threads),
         linear_model(options.linear_model),
@@ -88,14 +102,18 @@ struct Workspace {
         conjugate_gradients(options.conjugate_gradients),
         eliminated(EliminatedBy(loop)),
         evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
+    // Whole rows of a dense model have no blocks to leave out.
     evaluator.set_leaves_out_zero_blocks(dynamic_sparsity &&
                                          evaluator.storage() == JacobianStorage::kBySlot);
   }
 
+  // A copy: LoopOptions are the caller's, and gone by the next solve.
   static std::vector<VariableId> EliminatedBy(const LoopOptions& loop) {
     return loop.eliminated != nullptr ? *loop.eliminated : std::vector<VariableId>();
   }
 
+  // Models that solve for all variables at once take landmarks as frames. So does
+  // LargeBlockSchurModel, which eliminates from the blocks of a whole H.
   static bool EliminatesLandmarks(const SolverOptions& options, const LoopOptions& loop) {
     const bool by_blocks = options.linear_model == LinearModelKind::kAutomatic ||
                            options.linear_model == LinearModelKind::kSchur ||
@@ -106,6 +124,7 @@ struct Workspace {
   // A reduced solver that was asked for is given the blocks of its system.
   static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
                                    const Layout& layout) {
+    // Where none was asked for the small dense models are open, which have no reduced system.
     const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
                       !options.reduced_solver_factory && !IsIterative(options.linear_model);
     return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
@@ -117,6 +136,8 @@ struct Workspace {
     const bool remembers = options.reduced_solver_factory ||
                            options.reduced_solver == ReducedSolverKind::kPcg ||
                            options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
+    // Of the options those that set-up depends on; tolerances, radii and strategies are of each
+    // solve. The comparison of structures is the dearest, and last.
     return !remembers && options.num_threads == executor.num_threads() &&
            options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
            options.dynamic_sparsity == dynamic_sparsity &&
@@ -134,6 +155,7 @@ struct Workspace {
   ConjugateGradientsOptions conjugate_gradients;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
   Evaluator evaluator;
+  // Refers to the evaluator, and is destroyed before it.
   std::unique_ptr<LinearModel> model;
   TrustRegionMemory memory;
   std::int64_t bytes = 0;  // of it all, counted while the graph was there
@@ -164,10 +186,12 @@ class Solver::Impl {
 
 // The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if
 // there is nothing to solve with.
+// workspace_ is empty meanwhile: a solve that throws leaves nothing behind that is half of it.
 std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                                  const LoopOptions& loop, const FactorGraph& graph,
                                                  Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  // IsReadyFor has no LoopOptions: what they eliminate is compared here alone.
   summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph) &&
                               workspace->eliminated == Workspace::EliminatedBy(loop);
   if (summary->structure_reused) {
@@ -175,10 +199,13 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
+  // Counted while it is set up, each thing before it is taken: what does not fit is told without
+  // having been tried.
   MemoryBudget budget(options.max_memory_bytes);
   TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop), &budget);
   workspace = std::make_unique<Workspace>(options, loop, graph);
   workspace->evaluator.set_memory_budget(&budget);
+  // All variables are constant, or there are none. Ceres calls this converged.
   if (workspace->layout.variables.empty()) {
     SummarizeStandstill(&workspace->evaluator, summary);
     return nullptr;
@@ -190,16 +217,21 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     return nullptr;
   }
   workspace->evaluator.Take(VectorBytes(workspace->layout), "the vectors of a step");
+  // The budget ends with this function; what is taken from now on was counted here.
   workspace->evaluator.set_memory_budget(nullptr);
   return workspace;
 }
 
+// Of valid options and a valid graph. May throw MemoryExceeded, bad_alloc, and what a factor
+// throws.
 void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
                               Summary* summary, double start) {
   std::unique_ptr<Workspace> workspace = Prepare(options, loop, *graph, summary);
   if (workspace == nullptr) {
     return;
   }
+  // What is known before the first iteration goes into the summary first, so that it is there
+  // however the loop ends.
   LinearModel& model = *workspace->model;
   summary->reduced_solver = model.SolverName();
   summary->work.bytes = workspace->evaluator.Bytes();
@@ -207,6 +239,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   CountWhatMoves(*graph, workspace->layout, &summary->sizes);
   summary->seconds.setup = NowInSeconds() - start;
 
+  // Set-up counts into the time limit, as in Ceres.
   loop.seconds_spent_before += summary->seconds.setup;
   TrustRegionMinimizer minimizer(options, loop, &workspace->evaluator, &model, &workspace->memory,
                                  summary);
@@ -218,14 +251,18 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
     summary->work.bytes = workspace->evaluator.Bytes() + found.bytes;
   }
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
+  // The only write to the graph. Where the solve has failed its values are as they were.
   if (summary->IsSolutionUsable()) {
     graph->mutable_state() = minimizer.best_state();
   }
+  // A solver of max_bytes 0, as the free function makes it, never takes the structure of the graph.
   if (summary->work.bytes <= max_bytes_) {
+    // Of a workspace that was reused it is there already.
     if (!workspace->structure.has_value()) {
       workspace->structure.emplace(*graph);
     }
     workspace->bytes = summary->work.bytes + workspace->structure->Bytes();
+    // Once more, with the structure itself.
     if (workspace->bytes <= max_bytes_) {
       workspace_ = std::move(workspace);  // not if something was thrown on the way
     }
@@ -242,6 +279,7 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
   summary->strategy = ToString(options.strategy);
   summary->num_threads = options.num_threads;
   summary->sizes = SizesOf(*graph);
+  // Options first: they are cheap, and a graph is not.
   Status status = options.Validate();
   if (status.ok()) {
     status = graph->Validate();
@@ -256,6 +294,7 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
     summary->termination = Termination::kFailure;
     summary->message = exceeded.message();
   } catch (const std::bad_alloc&) {
+    // Neither is an error of the program: both come back as a summary.
     // The graph's state is written last, so it is untouched. What a user's factor throws is his and
     // passes through.
     summary->termination = Termination::kFailure;
@@ -280,11 +319,13 @@ void Solver::Solve(const SolverOptions& options, FactorGraph* graph, Summary* su
   impl_->Solve(options, internal::LoopOptions(), graph, summary);
 }
 
+// For those who solve for Ceres, or a batch phase for an Update.
 void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
                          Solver* solver, Summary* summary) {
   solver->impl_->Solve(options, loop, graph, summary);
 }
 
+// Whether a solve would be set up by what is held.
 bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
   return impl_->IsReadyFor(options, graph);
 }

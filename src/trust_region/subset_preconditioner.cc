@@ -7,10 +7,24 @@
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+// M = Σ JᵀJ over a subset of the factors, plus the damping: the normal equations of an easier
+// problem, say of the odometry of a pose graph, factored sparse. Ceres's SUBSET, where what is in
+// the subset is the caller's choice. It is symmetric and, with the damping, positive definite,
+// whatever the subset.
+//
+// The pattern is found once. A factor appears in the list of every frame that it touches, once a
+// slot, so that the blocks of a row are summed by one task, in the order of the subset: no two
+// tasks add to the same block, and the sums have one order for any number of threads.
+//
+// Conjugate gradients have padded vectors, the factor packed ones: Apply copies both ways.
+
 namespace {
 
+// Rows a task.
 constexpr int kRowTask = 64;
 
+// Ids are the caller's: each may name a family or a place that does not exist, or that was freed.
 bool AreThere(const FactorGraph& graph, const std::vector<FactorId>& subset) {
   return std::all_of(subset.begin(), subset.end(), [&](const FactorId& id) {
     return id.family >= 0 && id.family < graph.num_families() && id.index >= 0 &&
@@ -33,15 +47,18 @@ SubsetPreconditioner::SubsetPreconditioner(const Evaluator& evaluator,
   values_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
   packed_r_.resize(static_cast<std::size_t>(pattern_.size()));
   packed_z_.resize(static_cast<std::size_t>(pattern_.size()));
+  // A pattern without values: the symbolic analysis, once for all dampings.
   *status = factor_.Analyze(ReducedMatrix(pattern_, nullptr, nullptr));
 }
 
+// −1 of a slot whose variable does not move.
 int SubsetPreconditioner::FrameThrough(const Linearization& cache, int factor, int slot) const {
   return evaluator_.layout().FrameOf(
       evaluator_.graph().Variables(cache.id, 0)[cache.Entry(factor) + slot]);
 }
 
 void SubsetPreconditioner::CollectTerms(const std::vector<FactorId>& subset) {
+  // Counting sort by frame, in two passes over the subset.
   const auto for_each_term = [&](const auto& add) {
     for (const FactorId& id : subset) {
       const Linearization& cache = evaluator_.families()[id.family];
@@ -67,6 +84,8 @@ void SubsetPreconditioner::BuildPattern() {
       const Linearization& cache = evaluator_.families()[terms_[k].family];
       for (int s = 0; s < cache.num_slots; ++s) {
         const int other = FrameThrough(cache, terms_[k].factor, s);
+        // The lower triangle, with the diagonal block always there, so that frames without a factor
+        // of the subset have the damping alone.
         if (other >= 0 && other < row) {
           columns.push_back(other);
         }
@@ -85,15 +104,18 @@ void SubsetPreconditioner::AddTerm(const Term& term, int row) {
   const double* const J_r = of_row.data + term.factor * of_row.factor_stride;
   for (int s = 0; s < cache.num_slots; ++s) {
     const int column = FrameThrough(cache, term.factor, s);
+    // The mirrored block is in the upper triangle; the term of the other slot adds it from there.
     if (column < 0 || column > row) {
       continue;
     }
     const auto first = pattern_.columns.begin() + pattern_.row_begin[row];
     const auto last = pattern_.columns.begin() + pattern_.row_begin[row + 1];
+    // Columns ascend within a row.
     const auto block = std::lower_bound(first, last, column) - pattern_.columns.begin();
     double* const out = values_.data() + pattern_.value_begin[block];
     const SlotJacobians& of_column = cache.slots[s];
     const double* const J_c = of_column.data + term.factor * of_column.factor_stride;
+    // Residual by residual, an outer product of two rows of J.
     for (int r = 0; r < cache.residual_size; ++r) {
       for (int i = 0; i < of_row.columns; ++i) {
         const double a = J_r[r * of_row.row_stride + i];
@@ -105,6 +127,8 @@ void SubsetPreconditioner::AddTerm(const Term& term, int row) {
   }
 }
 
+// At each linearization, undamped. The damping is added in Prepare, which a refused step needs
+// alone.
 void SubsetPreconditioner::Refresh() {
   std::fill(values_.begin(), values_.end(), 0.0);
   evaluator_.executor().For(pattern_.num_blocks(), kRowTask, [this](int begin, int end) {
@@ -134,6 +158,7 @@ void SubsetPreconditioner::Apply(const double* r, double* z) {
   // Factorize has succeeded: there is nothing left to fail.
   static_cast<void>(factor_.Solve(packed_r_.data(), {}, {}, packed_z_.data()));
   for_each_frame([&](int packed, int padded, int size) {
+    // The padding goes back as zeros: sums of the iteration run over it.
     std::fill(std::copy_n(packed_z_.data() + packed, size, z + padded),
               z + padded + PadToQuad(size), 0.0);
   });

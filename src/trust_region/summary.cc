@@ -12,6 +12,7 @@ using internal::JsonObject;
 
 namespace {
 
+// A row of the trace. Of an iteration that was refused cost is that of the candidate, as in Ceres.
 std::string ToJson(const IterationSummary& iteration) {
   return JsonObject()
       .Add("iteration", iteration.iteration)
@@ -35,6 +36,8 @@ std::string ToJson(const IterationSummary& iteration) {
 
 namespace internal {
 
+// The stages of a solve, in the order in which they come in an iteration; total also has what is
+// between them.
 // Shared with other summaries, hence not in the unnamed namespace.
 std::string ToJson(const StageSeconds& seconds) {
   return JsonObject()
@@ -72,6 +75,7 @@ std::string ToJson(const WorkCounts& work) {
 
 namespace {
 
+// Values are doubles of the ambient space, dimensions degrees of freedom.
 std::string ToJson(const ProblemSizes& sizes) {
   return JsonObject()
       .Add("num_variables", sizes.num_variables)
@@ -84,6 +88,7 @@ std::string ToJson(const ProblemSizes& sizes) {
       .Close();
 }
 
+// All zeros without bounds.
 std::string ToJson(const LineSearchSummary& search) {
   return JsonObject()
       .Add("num_steps", search.num_steps)
@@ -114,6 +119,8 @@ const char* ToString(Termination termination) {
   return "UNKNOWN";
 }
 
+// All fields are there whatever the solve came to. Numbers have 17 digits; null stands for what
+// JSON has no number for.
 std::string Summary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))

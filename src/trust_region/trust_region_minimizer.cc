@@ -9,6 +9,19 @@
 #include "trust_region/observer_verdict.h"
 
 namespace inceres::internal {
+
+// The loop of docs/ceres_contract.md, "Trust-region loop", member by member in its order: who
+// compares traces, or counts calls of user code, sees what Ceres would show. What is not Ceres's
+// hangs on options and hooks that are off by default: Marquardt's rule, refinement of landmarks, a
+// judge, positions to resume from, factors that move their expansion points.
+//
+// Three points are kept apart. The evaluator has the current one, where the Jacobians are, and a
+// candidate; best_state_ is the cheapest of those that were accepted, and is what is returned. With
+// monotonic steps these are the same, rounding apart.
+//
+// cost_ is that of the current point and trial_.cost() that of the candidate, which is the largest
+// double where it could not be evaluated: such a step fails every test of its cost.
+
 namespace {
 
 // A step that gains less than this share of the cost leaves most residuals about as they were: the
@@ -18,6 +31,7 @@ constexpr double kSteadyGain = 0.01;
 // A step of which less than this is taken was too long for its model.
 constexpr double kLargeShare = 0.25;
 
+// Memory for most solves at once.
 constexpr std::size_t kExpectedIterations = 16;
 
 }  // namespace
@@ -40,7 +54,10 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       negative_gradient_(memory->negative_gradient),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
+  // From here on clock_ is read at the borders of stages, and each stage charges what went by
+  // since.
   model->TimeInto(&summary->seconds, &clock_);
+  // What is returned if nothing at all is accepted.
   best_state_ = evaluator->points().current();
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
   negative_gradient_.resize(trial_.step().size());
@@ -52,6 +69,7 @@ void TrustRegionMinimizer::Minimize() {
   summary_.num_unsuccessful_steps = 0;
   summary_.is_constrained = evaluator_.points().IsConstrained();
   summary_.iterations.reserve(kExpectedIterations);
+  // Without bounds the start is where the user has put it, to the bit.
   if ((summary_.is_constrained && !ProjectStart()) || !EvaluateStart()) {
     return;
   }
@@ -61,12 +79,14 @@ void TrustRegionMinimizer::Minimize() {
       return;
     }
     if (!iteration_.step_is_valid) {
+      // An invalid step evaluates nothing: the row repeats the cost, and its step is 0.
       iteration_.cost = cost_;
       if (!step_solve_.GoOnWithout()) {
         return;
       }
       continue;
     }
+    // Before the line search, which evaluates costs already.
     if (!IsWorthTrying()) {
       return;
     }
@@ -74,10 +94,13 @@ void TrustRegionMinimizer::Minimize() {
       line_search_.Shorten(cost_, &trial_.step());
     }
     trial_.Run(cost_, &iteration_);
+    // Before the step is judged: what ends the solve is not recorded as an iteration, and not
+    // taken.
     if (TolerancesReached()) {
       return;
     }
     iteration_.relative_decrease = quality_->Evaluate(trial_.cost(), trial_.promise());
+    // A NaN ratio is no acceptance.
     if (trial_.descent_was_useful() ||
         iteration_.relative_decrease > options_.min_relative_decrease) {
       if (!AcceptStep()) {
@@ -89,6 +112,8 @@ void TrustRegionMinimizer::Minimize() {
   }
 }
 
+// Of the iteration before only the gradient's norms are carried on, since a step that is refused
+// has none of its own.
 void TrustRegionMinimizer::BeginIteration() {
   iteration_start_time_ = clock_.now();
   const IterationSummary previous = iteration_;
@@ -96,6 +121,7 @@ void TrustRegionMinimizer::BeginIteration() {
   iteration_.iteration = previous.iteration + 1;
   iteration_.gradient_norm = previous.gradient_norm;
   iteration_.gradient_max_norm = previous.gradient_max_norm;
+  // A restart forgets what steps have taught; a widened radius is for this step alone.
   if (loop_.judge != nullptr) {
     if (const double radius = loop_.judge->RestartRadius(); radius > 0.0) {
       strategy_->Restart(radius);
@@ -112,6 +138,8 @@ bool TrustRegionMinimizer::IsWorthTrying() {
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
+// Plus(x, 0) clamps to the bounds. The norm of the state is known from here on, so that
+// parameter_tolerance of Ceres 2.1 counts before the first accepted step (docs/ceres_contract.md).
 bool TrustRegionMinimizer::ProjectStart() {
   std::vector<double>& none = trial_.step();
   std::fill(none.begin(), none.end(), 0.0);
@@ -124,21 +152,27 @@ bool TrustRegionMinimizer::ProjectStart() {
   return true;
 }
 
+// Iteration 0: Jacobians, and what is measured once, the scale of the columns and the cost that
+// non-monotonic steps refer to. It counts as a successful step.
 bool TrustRegionMinimizer::EvaluateStart() {
   iteration_ = IterationSummary();
+  // Ceres's correction: the evaluator may come from a solve that ended with another one.
   evaluator_.set_loss_curvature(LossCurvature::kPositive);
   Recenter();
   if (!Linearize(/*new_point=*/true)) {
+    // In the place of what Linearize has said.
     if (loop_.rules == CeresRules::k22) {
       Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
     }
     return false;
   }
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  // The scale is that of the solve's own iteration 0, not of the point where it goes on.
   if (loop_.resume != nullptr) {
     scale_ = loop_.resume->scale;
   }
   model_.ScaleColumnsBy(scale_);
+  // scale_ stays where it is: model and strategy keep its address.
   StartStrategy(options_, scale_, &strategy_);
   quality_ = JudgeFromHere();
   summary_.initial_cost = cost_;
@@ -157,6 +191,7 @@ bool TrustRegionMinimizer::Resume() {
   iteration_.iteration = position.iteration;
   iteration_.cost = cost_;
   summary_.initial_cost = position.initial_cost;
+  // FinalizeIterationAndContinue counts the iteration once more.
   summary_.num_successful_steps = position.num_successful_steps - 1;
   summary_.num_unsuccessful_steps = position.num_unsuccessful_steps;
   step_solve_.set_num_invalid(position.num_consecutive_invalid_steps);
@@ -165,6 +200,8 @@ bool TrustRegionMinimizer::Resume() {
   return true;
 }
 
+// After the radius has been updated, so that who resumes begins the next iteration as this solve
+// does. The iteration that a resumed solve begins with was kept before.
 void TrustRegionMinimizer::KeepPosition() {
   const bool again = loop_.resume != nullptr && loop_.resume->iteration == iteration_.iteration;
   if (loop_.keeper == nullptr || again || !loop_.keeper->Wants(iteration_.iteration)) {
@@ -182,9 +219,12 @@ void TrustRegionMinimizer::KeepPosition() {
   loop_.keeper->Keep(position, evaluator_.points().current());
 }
 
+// Ceres's order: lowest iterate, radius and times, the row, callbacks, and only then the tests that
+// end the solve, so that callbacks see every row.
 bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   if (iteration_.step_is_successful) {
     ++summary_.num_successful_steps;
+    // Negated: a cost that is NaN is no new minimum.
     iteration_.step_is_nonmonotonic = !(cost_ < best_cost_);
     if (!iteration_.step_is_nonmonotonic) {
       best_cost_ = cost_;
@@ -200,25 +240,31 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   summary_.iterations.push_back(iteration_);
   KeepPosition();
 
+  // What a callback says goes before limits and convergence.
   if (!CallbacksContinue()) {
     return false;
   }
+  // The largest of all processes' times: they must end together.
   const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
   return GoesOnAfter(iteration_, evaluation_.agreement().Max(elapsed), options_, &summary_);
 }
 
 bool TrustRegionMinimizer::CallbacksContinue() {
+  // No process asks if none has anybody to ask; otherwise all take part, for the answer is to be
+  // the same in each.
   if (evaluation_.agreement().All(options_.observer == nullptr && !options_.progress &&
                                   !options_.callback)) {
     return true;
   }
   const ObserverAction action = evaluation_.agreement().Ask([this] { return AskObservers(); });
+  // User code's time belongs to no stage.
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
 }
 
 ObserverAction TrustRegionMinimizer::AskObservers() {
   if (options_.progress) {
+    // A table, of which progress gets one line a call.
     if (iteration_.iteration == 0) {
       options_.progress(ProgressHeading());
     }
@@ -228,6 +274,7 @@ ObserverAction TrustRegionMinimizer::AskObservers() {
   if (options_.observer != nullptr) {
     action = options_.observer->EndOfIteration(iteration_, best_state_.data());
   }
+  // Both may be set: the callback is not asked once the observer ends the solve.
   return action == ObserverAction::kContinue && options_.callback
              ? options_.callback(iteration_, best_state_.data())
              : action;
@@ -235,6 +282,7 @@ ObserverAction TrustRegionMinimizer::AskObservers() {
 
 // Ceres asks before a candidate is accepted. CeresRules::k22 leaves the norm of the first steps 0.
 bool TrustRegionMinimizer::TolerancesReached() {
+  // Up to 2.1 state_norm_ is −1 before the first accepted step, which no step is short against.
   if (loop_.rules == CeresRules::k21 || any_step_accepted_) {
     iteration_.step_norm = evaluation_.CandidateDistance(nullptr);
     if (!trial_.IsHeldAtBorder() &&
@@ -243,29 +291,38 @@ bool TrustRegionMinimizer::TolerancesReached() {
       return true;
     }
   }
+  // A step that is short, or gains little, only because a border held it is no sign of a minimum.
   iteration_.cost_change = cost_ - trial_.cost();
   return !trial_.IsHeldAtBorder() &&
          EndsByFunctionTolerance(iteration_.cost_change, cost_, loop_.fixed_cost,
                                  options_.function_tolerance, &summary_);
 }
 
+// The candidate becomes the current point. Factors may move their expansion points now, before the
+// Jacobians: these are of the new cost, and no cost from before is compared with one from after.
 bool TrustRegionMinimizer::AcceptStep() {
   any_step_accepted_ = true;
   evaluator_.AcceptCandidate();
   state_norm_ = evaluation_.StateNorm();
   const bool recentered = Recenter();
   iteration_.step_is_successful = true;
+  // For the judge; summed anew with the Jacobians below.
   iteration_.cost = trial_.cost();
+  // After a move of the expansion points the candidate's cost is of a function that is gone.
   if (!recentered && loop_.judge != nullptr && loop_.judge->IsLast(iteration_)) {
     return FinishHere();
   }
+  // The second-order term of losses with ρ'' < 0, only where residuals change little
+  // (docs/algorithms.md, "Robust losses"). By default it stays off, as in Ceres.
   const bool steady =
       options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
+  // The cost has been asked for there: evaluation callbacks are told so.
   if (!Linearize(/*new_point=*/false)) {
     return false;
   }
   iteration_.cost = cost_;
+  // With the gain ratio of the step as it was tried.
   AdaptRadius();
   if (recentered) {
     quality_ = JudgeFromHere();
@@ -281,6 +338,7 @@ void TrustRegionMinimizer::AdaptRadius() {
   if (trial_.is_cut()) {
     LeaveBorder();
   } else if (iteration_.step_share < kLargeShare) {
+    // Taken, but at less than a quarter of its length: the next one is damped as after a refusal.
     strategy_->StepRejected();
   } else {
     strategy_->StepAccepted(iteration_.relative_decrease);
@@ -289,6 +347,7 @@ void TrustRegionMinimizer::AdaptRadius() {
 
 // All lengths of this step have been tried: much more damping is to turn the next one.
 void TrustRegionMinimizer::LeaveBorder() {
+  // By Marquardt's rule each is ten times the damping.
   strategy_->StepRejected();
   strategy_->StepRejected();
 }
@@ -296,6 +355,8 @@ void TrustRegionMinimizer::LeaveBorder() {
 // The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
   cost_ = trial_.cost();
+  // Ends in either case: by what ends a solve between iterations, or in the words of a user's
+  // success.
   return FinalizeIterationAndContinue() &&
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
@@ -303,6 +364,7 @@ bool TrustRegionMinimizer::FinishHere() {
 // At a point just accepted. True if the cost is another function from now on: the best state is
 // then looked for anew.
 bool TrustRegionMinimizer::Recenter() {
+  // Summed over all processes, so that all of them begin anew or none does.
   const int num_recentered = static_cast<int>(evaluation_.agreement().Sum(evaluator_.Recenter()));
   if (num_recentered == 0) {
     return false;
@@ -313,11 +375,13 @@ bool TrustRegionMinimizer::Recenter() {
   return true;
 }
 
+// The reference of non-monotonic steps is the cost at hand: what was before is forgotten.
 StepQuality TrustRegionMinimizer::JudgeFromHere() const {
   return {cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0};
 }
 
 void TrustRegionMinimizer::RejectStep() {
+  // Ceres records the cost of what was refused.
   iteration_.cost = trial_.cost();
   if (trial_.EndsBeyondBorder()) {
     LeaveBorder();
@@ -326,6 +390,8 @@ void TrustRegionMinimizer::RejectStep() {
   }
 }
 
+// Costs and Jacobians at the current point, and all that follows from them alone: H and η in the
+// model, the gradient's norms.
 bool TrustRegionMinimizer::Linearize(bool new_point) {
   if (!evaluation_.Jacobians(new_point, &cost_)) {
     return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
@@ -335,6 +401,9 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 }
 
 bool TrustRegionMinimizer::ComputeGradientNorms() {
+  // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
+  // space, clamped to the bounds. The candidate's place is borrowed for it, since no step is on
+  // trial.
   const std::vector<double>& g = model_.Gradient();
   std::transform(g.begin(), g.end(), negative_gradient_.begin(),
                  [](double entry) { return -entry; });
