@@ -1,5 +1,5 @@
 // How frames leave the window.
-#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "estimator/window.h"

@@ -12,10 +12,10 @@ size: it may shrink, and leaves the list when it is small enough, but nothing is
 """
 
 import collections
-import pathlib
 import re
 import sys
-import tempfile
+
+import checking
 
 LIMIT = 350
 # Classes that are larger still, and how large they may be.
@@ -132,33 +132,18 @@ PLANTED = [
 def self_test():
     failures = []
     for files, large, expected in PLANTED:
-        with tempfile.TemporaryDirectory() as folder:
-            root = pathlib.Path(folder)
-            for name, text in files.items():
-                (root / name).parent.mkdir(parents=True, exist_ok=True)
-                (root / name).write_text(text, encoding="utf-8")
-            problems = large_classes(root, large)[0]
+        problems = checking.in_tree(files, lambda root, large=large: large_classes(root, large)[0])
         if problems != expected:
             failures.append(f"{list(files)}: {problems or 'nothing'} was reported, not {expected}")
-    with tempfile.TemporaryDirectory() as folder:
-        if not large_classes(pathlib.Path(folder), {})[0]:
-            failures.append("an empty folder is taken for the project")
-    print("\n".join(failures) or f"{len(PLANTED)} planted trees are told apart")
-    return 1 if failures else 0
+    if not checking.in_tree({}, lambda root: large_classes(root, {})[0]):
+        failures.append("an empty folder is taken for the project")
+    return checking.tell(failures, f"{len(PLANTED)} planted trees are told apart")
 
 
-def main(arguments):
-    if arguments == ["--self_test"]:
-        return self_test()
-    if len(arguments) != 1 or arguments[0].startswith("-"):
-        print(__doc__.strip())
-        return 0 if arguments == ["--help"] else 2
-    problems, num_classes = large_classes(pathlib.Path(arguments[0]).resolve(), LARGE)
-    for problem in problems:
-        print(problem, file=sys.stderr)
-    print(f"check_class_sizes: {num_classes} classes, {len(problems)} problems")
-    return 1 if problems else 0
+def check(root):
+    problems, num_classes = large_classes(root, LARGE)
+    return problems, f"check_class_sizes: {num_classes} classes, {len(problems)} problems"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checking.main(__doc__, self_test, check))
