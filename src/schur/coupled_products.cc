@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 
 #include "linear/small_cholesky.h"
 
@@ -9,123 +10,118 @@ namespace inceres::internal {
 
 // W P̃⁻¹ Wᵀ v from the Jacobians, with P̃ = P + Λ_l (docs/algorithms.md, "Schur complement"): what
 // S has less than C, for conjugate gradients on an S that is not formed, and for b where Y is not
-// kept. Neither S nor Y is needed. By landmarks, t = J_l P̃⁻¹ J_lᵀ J_c v, one number for each row
-// of J; then, by frames, y += J_cᵀ t.
+// kept. Neither S nor Y is needed. Memory's bandwidth is the limit, so J is read once: the way back
+// to the frames of a landmark, y_c += J_cᵀ J_l u, follows while its rows are in the cache.
 //
-// The t between the two passes is what makes the sums deterministic: in the first each task writes
-// the rows of its own landmarks, in the second each frame is summed by one task in the order of its
-// factors. Adding to the frames straight from the landmarks would have tasks write to the same
-// frame.
+// Landmarks share frames, and tasks must not add to the same y. So landmarks are split into parts,
+// each with a y of its own, which are summed in their order at the end. How many there are depends
+// on the problem and never on the threads: that makes the sums the same for any number of these.
 
 namespace {
 
-constexpr int kLandmarkTask = 64;
-constexpr int kFrameTask = 4;
+constexpr int kFrameTask = 64;
+// More parts than any machine has threads for would only be more to sum.
+constexpr int kMaxParts = 64;
+// Doubles of J for each of a part's y, which is set to zero, written and read again: so few parts
+// that these take some hundredths of the time to read J.
+constexpr std::int64_t kJacobianShare = 100;
 
-// The family that a landmark's factors are of. They do not name it, but point to its Jacobians: a
-// search among the families, of which there are few.
-int FamilyOf(const Evaluator& evaluator, const LandmarkFactors& factors) {
-  const auto& families = evaluator.families();
-  const auto owner = std::find_if(families.begin(), families.end(), [&](const auto& cache) {
-    return cache.slots.data() == factors.jacobians;
-  });
-  return static_cast<int>(owner - families.begin());
+// One part for a problem that is small next to its frames.
+int NumParts(const Evaluator& evaluator, int num_landmarks, int frame_entries) {
+  std::int64_t size = 0;
+  for (const Linearization& family : evaluator.families()) {
+    for (const SlotJacobians& slot : family.slots) {
+      size += std::int64_t{family.num_factors} * slot.factor_stride;
+    }
+  }
+  const std::int64_t most = std::min(kMaxParts, std::max(num_landmarks, 1));
+  return static_cast<int>(
+      std::clamp(size / (kJacobianShare * std::max(frame_entries, 1)), std::int64_t{1}, most));
+}
+
+int FrameEntries(const Layout& layout) {
+  return layout.quad_offset[static_cast<std::size_t>(layout.num_frames)] * kQuad;
 }
 
 }  // namespace
 
 CoupledProducts::CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences,
                                  const Hessian& hessian)
-    : evaluator_(evaluator), incidences_(incidences), hessian_(hessian), kernels_(BestKernels()) {
+    : evaluator_(evaluator),
+      incidences_(incidences),
+      hessian_(hessian),
+      kernels_(BestKernels()),
+      frame_entries_(FrameEntries(evaluator.layout())),
+      num_parts_(NumParts(evaluator, incidences.num_landmarks(), frame_entries_)) {
 }
 
-// Who never asks for a product has no memory for it.
-void CoupledProducts::Resize() {
-  const auto& families = evaluator_.families();
-  if (!t_data_.empty() || families.empty()) {
-    return;
-  }
-  t_.resize(families.size());
-  t_data_.resize(families.size());
-  for (const LandmarkFactors& factors : incidences_.factors) {
-    const auto id = static_cast<std::size_t>(FamilyOf(evaluator_, factors));
-    if (t_data_[id] == nullptr) {
-      t_[id] = ZeroedArray(static_cast<std::size_t>(families[id].num_factors) *
-                           families[id].residual_size);
-      t_data_[id] = t_[id].data();
-    }
-  }
-}
-
-void CoupledProducts::Store(int landmark, const double* u) {
+void CoupledProducts::AddLandmark(int landmark, const double* u, double* y) const {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
-    const LandmarkFactors& factors = incidences_.factors[k];
-    const SlotJacobians& J = factors.jacobians[factors.landmark_slot];
-    double* const t = t_[FamilyOf(evaluator_, factors)].data();
-    for (int n = 0; n < factors.count; ++n) {
-      const std::ptrdiff_t factor = factors.factors[n];
-      const double* row = J.data + factor * J.factor_stride;
-      double* const out = t + factor * factors.residual_size;
-      // Four columns whatever the landmark's size: the padding of J_l, and of u, is zero.
-      for (int r = 0; r < factors.residual_size; ++r, row += kQuad) {
-        out[r] = (row[0] * u[0] + row[1] * u[1]) + (row[2] * u[2] + row[3] * u[3]);
-      }
-    }
+    kernels_.add_coupling(incidences_.factors[k], u, y);
   }
 }
 
-void CoupledProducts::AddTransposed(double* y) const {
-  const Layout& layout = evaluator_.layout();
-  // A family without landmarks has no t, and adds nothing.
-  evaluator_.executor().For(layout.num_frames, kFrameTask, [&](int begin, int end) {
-    for (int frame = begin; frame < end; ++frame) {
-      hessian_.AddTransposed(t_data_, frame,
-                             y + static_cast<std::ptrdiff_t>(layout.quad_offset[frame]) * kQuad);
+// y += the sums of the parts, entry by entry in the order of the parts.
+void CoupledProducts::AddParts(double* y) const {
+  evaluator_.executor().For(frame_entries_ / kQuad, kFrameTask, [&](int begin_quad, int end_quad) {
+    const std::ptrdiff_t begin = std::ptrdiff_t{begin_quad} * kQuad;
+    const std::ptrdiff_t end = std::ptrdiff_t{end_quad} * kQuad;
+    for (int part = 1; part < num_parts_; ++part) {
+      const double* sum = parts_.data() + std::ptrdiff_t{part - 1} * frame_entries_;
+      std::transform(sum + begin, sum + end, y + begin, y + begin, std::plus<>());
     }
   });
+}
+
+template <typename Find>
+void CoupledProducts::AddLandmarks(const double* U_inv, double* y, const Find& find) {
+  // Who never asks for a product has no memory for it.
+  if (num_parts_ > 1 && parts_.size() == 0) {
+    parts_ = ZeroedArray(static_cast<std::size_t>(num_parts_ - 1) * frame_entries_);
+  }
+  const std::int64_t num_landmarks = incidences_.num_landmarks();
+  evaluator_.executor().For(num_parts_, 1, [&](int begin, int end) {
+    for (int part = begin; part < end; ++part) {
+      double* sum = y;
+      if (part > 0) {
+        sum = parts_.data() + std::ptrdiff_t{part - 1} * frame_entries_;
+        std::fill(sum, sum + frame_entries_, 0.0);
+      }
+      const auto last = static_cast<int>(num_landmarks * (part + 1) / num_parts_);
+      for (auto l = static_cast<int>(num_landmarks * part / num_parts_); l < last; ++l) {
+        double u[kQuad] = {};
+        find(l, U_inv + l * hessian_.landmark_stride(), u);
+        AddLandmark(l, u, sum);
+      }
+    }
+  });
+  AddParts(y);
 }
 
 void CoupledProducts::Add(const double* v, const double* U_inv, double* y) {
-  Resize();
-  evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkTask, [&](int begin, int end) {
-    for (int l = begin; l < end; ++l) {
-      const int size = incidences_.sizes[l];
-      const double* const factor = U_inv + l * hessian_.landmark_stride();
-      double w[kQuad] = {}, U_inv_w[kQuad] = {}, u[kQuad] = {};
-      for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-        // w = Wᵀ v of this landmark, then u = U_invᵀ U_inv w = P̃⁻¹ w.
-        kernels_.multiply_coupling(incidences_.factors[k], v, w);
-      }
-      MultiplyLower(size, factor, w, U_inv_w);
-      MultiplyLowerTransposed(size, factor, U_inv_w, u);
-      Store(l, u);
+  AddLandmarks(U_inv, y, [&](int l, const double* factor, double* u) {
+    double w[kQuad] = {}, U_inv_w[kQuad] = {};
+    for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
+      // w = Wᵀ v of this landmark, then u = U_invᵀ U_inv w = P̃⁻¹ w.
+      kernels_.multiply_coupling(incidences_.factors[k], v, w);
     }
+    MultiplyLower(incidences_.sizes[l], factor, w, U_inv_w);
+    MultiplyLowerTransposed(incidences_.sizes[l], factor, U_inv_w, u);
   });
-  AddTransposed(y);
 }
 
 void CoupledProducts::Subtract(const double* z, const double* U_inv, double* y) {
-  Resize();
-  evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkTask, [&](int begin, int end) {
-    for (int l = begin; l < end; ++l) {
-      double u[kQuad] = {};
-      MultiplyLowerTransposed(incidences_.sizes[l], U_inv + l * hessian_.landmark_stride(),
-                              z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
-      // The sign goes into u, since the second pass adds.
-      std::transform(u, u + kQuad, u, [](double entry) { return -entry; });
-      Store(l, u);
-    }
+  AddLandmarks(U_inv, y, [&](int l, const double* factor, double* u) {
+    MultiplyLowerTransposed(incidences_.sizes[l], factor,
+                            z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
+    // The sign goes into u, since what follows adds.
+    std::transform(u, u + kQuad, u, std::negate<>());
   });
-  AddTransposed(y);
 }
 
 std::int64_t CoupledProducts::Bytes() const {
-  std::int64_t bytes = 0;
-  for (const ZeroedArray& t : t_) {
-    bytes += static_cast<std::int64_t>(t.size() * sizeof(double));
-  }
-  return bytes;
+  return static_cast<std::int64_t>(parts_.size() * sizeof(double));
 }
 
 }  // namespace inceres::internal

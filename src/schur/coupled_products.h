@@ -1,6 +1,6 @@
 #pragma once
 
-#include <vector>
+#include <cstdint>
 
 #include "base/zeroed_array.h"
 #include "linearize/hessian.h"
@@ -10,11 +10,10 @@ namespace inceres::internal {
 /// Products with W P̃⁻¹ Wᵀ, what S has less than C, from the Jacobians: Y, which takes more memory
 /// than they do, is not needed for it.
 ///
-///     W P̃⁻¹ Wᵀ v = J_cᵀ t,   t = J_l P̃⁻¹ J_lᵀ J_c v
+///     W P̃⁻¹ Wᵀ v = Σ_l W_l P̃_l⁻¹ W_lᵀ v,   W_l = J_cᵀ J_l over the factors of landmark l
 ///
-/// Cost: two passes over J, by landmarks and by frames. Memory: a t as long as the residuals, from
-/// the first product on. Threads: the evaluator's; not by two at once. The same bits for any number
-/// of them.
+/// Cost: one pass over J. Memory: at most a hundredth of J, from the first product on. Threads: the
+/// evaluator's; not by two at once. The same bits for any number of them.
 class CoupledProducts {
  public:
   CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -28,16 +27,19 @@ class CoupledProducts {
   std::int64_t Bytes() const;
 
  private:
-  void Resize();
-  void Store(int landmark, const double* u);  // t of its factors: J_l u
-  void AddTransposed(double* y) const;        // y += J_cᵀ t
+  /// y += Σ_l W_l u_l; find(l, factor, u) writes the four entries of u_l, factor being l's U_inv.
+  template <typename Find>
+  void AddLandmarks(const double* U_inv, double* y, const Find& find);
+  void AddLandmark(int landmark, const double* u, double* y) const;
+  void AddParts(double* y) const;
 
   const Evaluator& evaluator_;
   const LandmarkIncidences& incidences_;
   const Hessian& hessian_;
   const Kernels& kernels_;
-  std::vector<ZeroedArray> t_;         // per family; empty where it has no landmarks
-  std::vector<const double*> t_data_;  // null there
+  const int frame_entries_;  // of a padded vector of the frames
+  const int num_parts_;
+  ZeroedArray parts_;  // a padded vector for each part but the first, which adds to y
 };
 
 }  // namespace inceres::internal

@@ -43,7 +43,7 @@ class Elimination {
   void BackSubstitute(const double* frame_step, double* landmark_step);
 
   /// y += Y Yᵀ v over the frames, padded: what S has less than C. From the Jacobians, which must
-  /// still be those of Eliminate. Not by two threads at once. Cost: two passes over them.
+  /// still be those of Eliminate. Not by two threads at once. Cost: a pass over them.
   void AddCoupled(const double* v, double* y) const { coupled_.Add(v, U_inv_.data(), y); }
 
   std::int64_t Bytes() const;

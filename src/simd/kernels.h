@@ -90,7 +90,7 @@ struct LandmarkFactors {
   /// factor; -1: no frame here.
   const std::int32_t* y_targets = nullptr;
   const std::int32_t* tangent_offsets =
-      nullptr;          // as those of FactorRows; multiply_coupling alone reads them
+      nullptr;          // as those of FactorRows; multiply_coupling and add_coupling read them
   bool y_tail = false;  // all blocks of Y have their last column apart
 };
 
@@ -179,6 +179,9 @@ struct Kernels {
   /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four
   /// entries.
   void (*multiply_coupling)(const LandmarkFactors& factors, const double* delta, double* w);
+  /// y_f += W u = Σ J_fᵀ J_l u over the frames f, padded: the transpose of multiply_coupling. u has
+  /// four entries, zero beyond the landmark's size.
+  void (*add_coupling)(const LandmarkFactors& factors, const double* u, double* y);
   /// y_f(q) −= Y_q v for every incidence: what a change v of the landmark's z does to b.
   void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count,
                               const double* Y, const double* v, double* y);

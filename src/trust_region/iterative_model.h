@@ -21,8 +21,8 @@ enum class Unfinished { kMovesAll, kAsCeres };
 /// landmarks, and as its CGNR does where it has none: from zero, until the quadratic model hardly
 /// gains (Nash & Sofer 1990), the residual computed anew every ten iterations.
 ///
-/// S = C − Y Yᵀ is not formed, unless the options ask for that: a product with it is one with C and
-/// two passes over the Jacobians. An iteration's cost: those, and the preconditioner. Threads:
+/// S = C − Y Yᵀ is not formed, unless the options ask for that: a product with it is one with C and a
+/// pass over the Jacobians. An iteration's cost: those, and the preconditioner. Threads:
 /// those of the evaluator; the same bits for any number. Source: Agarwal et al. 2010, "Bundle
 /// Adjustment in the Large"; docs/ceres_contract.md, "Conjugate gradients".
 class IterativeModel final : public LinearModel, private ConjugateGradients::System {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "simd/kernel_fixture.h"
 
@@ -239,6 +240,24 @@ TEST_P(LandmarkKernels, MultiplyCouplingAddsWTransposedDelta) {
     }
     kernels().multiply_coupling(problem.factors, delta.data(), w.data());
     ExpectClose(w, expected, 54.0 * problem.rows, kTolerance, what);
+  });
+}
+
+// uᵀ Wᵀ δ from either side; the landmark's own part of the vector is not written.
+TEST_P(LandmarkKernels, AddCouplingIsTheTransposeOfMultiplyCoupling) {
+  ForAllSizes([&](const LandmarkCase& problem, const std::string& what) {
+    const AlignedVector<double> delta = PaddedRows(1, LandmarkCase::kNumQuads * kQuad);
+    const AlignedVector<double> u = PaddedRows(1, problem.size);
+    AlignedVector<double> w(kQuad, 0.0);
+    kernels().multiply_coupling(problem.factors, delta.data(), w.data());
+    AlignedVector<double> y(delta.size(), 0.0);
+    std::fill(y.end() - kQuad, y.end(), 1e300);
+    kernels().add_coupling(problem.factors, u.data(), y.data());
+    EXPECT_TRUE(std::all_of(y.end() - kQuad, y.end(), [](double entry) { return entry == 1e300; }))
+        << what;
+    const double by_w = std::inner_product(w.begin(), w.end(), u.begin(), 0.0);
+    const double by_y = std::inner_product(y.begin(), y.end() - kQuad, delta.begin(), 0.0);
+    EXPECT_NEAR(by_y, by_w, 54.0 * problem.rows * kTolerance * kQuad) << what;
   });
 }
 
