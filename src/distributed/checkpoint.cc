@@ -25,10 +25,10 @@ namespace inceres::internal {
 namespace {
 
 constexpr char kMagic[8] = {'I', 'N', 'C', 'E', 'R', 'C', 'K', 'P'};
-constexpr std::int32_t kVersion = 1;
+constexpr std::int32_t kVersion = 2;
 // Reads as another number on a machine of the other byte order.
 constexpr std::int32_t kByteOrder = 0x01020304;
-// Room in the head for TrustRegionStrategy::Save: four numbers of Levenberg–Marquardt, two of
+// Room in the head for TrustRegionStrategy::Save: six numbers of Levenberg–Marquardt, two of
 // Dog-Leg.
 constexpr std::int32_t kMaxStrategyNumbers = 8;
 // Above it a size counts as damage; the bytes of a record then cannot overflow.

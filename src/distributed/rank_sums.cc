@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "linear/pattern_rows.h"
+
 namespace inceres::internal {
 
 // Sums over ranks of arrays that all ranks have whole, but to which each adds in few places: normal
@@ -53,18 +55,17 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
   }
   std::sort(places.begin(), places.end());
   places.erase(std::unique(places.begin(), places.end()), places.end());
-  BlockPattern pattern;
-  pattern.offsets.push_back(0);
-  pattern.row_begin.push_back(0);
-  pattern.value_begin.push_back(0);
+  std::vector<int> offsets{0};
+  for (const int size : sizes) {
+    offsets.push_back(offsets.back() + size);
+  }
+  BlockPattern pattern = PatternWithoutBlocks(std::move(offsets));
+  std::vector<int> columns;
   for (const auto& [row, column] : places) {
-    // Rows of blocks are not padded.
-    const std::int64_t count = std::int64_t{sizes[row]} * sizes[column];
-    pattern.columns.push_back(column);
-    pattern.value_begin.push_back(pattern.value_begin.back() + count);
+    columns.push_back(column);
     if (row == column) {  // the last one of its row
-      pattern.offsets.push_back(pattern.offsets.back() + sizes[row]);
-      pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+      AppendRow(columns, &pattern);
+      columns.clear();
     }
   }
   return pattern;

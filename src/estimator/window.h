@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimator/window_graph.h"
+#include "estimator/window_prior.h"
 #include "estimator/window_tracks.h"
 
 namespace inceres::internal {
@@ -32,7 +33,7 @@ class Window {
   const WindowGraph& graph() const { return graph_; }
   WindowGraph& mutable_graph() { return graph_; }
   /// The prior of what has left; family −1 before there is one.
-  FactorId prior() const { return prior_; }
+  FactorId prior() const { return prior_.factor(); }
 
  private:
   bool BeginsKeyframe(const WindowFrame& frame, const ImuPreintegrator& imu) const;
@@ -50,9 +51,6 @@ class Window {
   Status DropSecondNewest(WindowSummary* summary);
   void DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit,
                      WindowSummary* summary) const;
-  Status Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request,
-                     WindowSummary* summary);
-  bool IsInPrior(VariableId id) const;
 
   const SlidingWindowOptions options_;
   WindowGraph graph_;
@@ -60,9 +58,7 @@ class Window {
   WindowTracks tracks_;
   std::int64_t next_number_ = 0;
   bool keeps_second_newest_ = true;  // as the newest frame says
-  FactorId prior_;
-  std::vector<VariableId> in_prior_;
-  std::vector<VariableId> left_over_;  // of frames that have left but could not be marginalized yet
+  WindowPrior prior_;
 };
 
 }  // namespace inceres::internal

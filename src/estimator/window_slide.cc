@@ -1,5 +1,5 @@
 // How frames leave the window.
-#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "estimator/window.h"
@@ -15,32 +15,6 @@
 // could not be done is tried again at the next frame.
 
 namespace inceres::internal {
-namespace {
-
-// Of a marginalization that cannot be done, drops the landmarks at fault. False if it is not
-// landmarks.
-bool DropOffenders(const std::vector<VariableId>& offenders, const FactorGraph& graph,
-                   MarginalizationRequest* request) {
-  std::vector<VariableId>& marginalized = request->marginalized;
-  for (const VariableId id : offenders) {
-    // Landmarks only: a frame that is at fault cannot be left out, since it is what must go.
-    const auto found = std::find(marginalized.begin(), marginalized.end(), id);
-    if (found == marginalized.end() || graph.role(id) != Role::kLandmark) {
-      return false;
-    }
-    // A dropped landmark's information is lost, where a marginalized one's is in the prior.
-    marginalized.erase(found);
-    request->dropped.push_back(id);
-  }
-  return !offenders.empty();
-}
-
-int CountLandmarks(const FactorGraph& graph, const std::vector<VariableId>& ids) {
-  return static_cast<int>(std::count_if(
-      ids.begin(), ids.end(), [&](VariableId id) { return graph.role(id) == Role::kLandmark; }));
-}
-
-}  // namespace
 
 // More than one frame may be too many, after a marginalization that failed.
 Status Window::Slide(WindowSummary* summary) {
@@ -52,34 +26,6 @@ Status Window::Slide(WindowSummary* summary) {
     keeps_second_newest = true;
   }
   return status;
-}
-
-bool Window::IsInPrior(VariableId id) const {
-  return std::find(in_prior_.begin(), in_prior_.end(), id) != in_prior_.end();
-}
-
-// Takes up frames that are left over from before, then tries with fewer landmarks until it succeeds
-// or the fault is not a landmark's. Each round drops at least one, so it ends.
-Status Window::Marginalize(const MarginalizationOptions& options, MarginalizationRequest* request,
-                           WindowSummary* summary) {
-  request->marginalized.insert(request->marginalized.end(), left_over_.begin(), left_over_.end());
-  const FactorGraph& graph = graph_.solver.graph();
-  MarginalizationSummary& done = summary->marginalization;
-  int num_marginalized = 0;
-  do {
-    // Counted before the call: after it the ids are gone from the graph.
-    num_marginalized = CountLandmarks(graph, request->marginalized);
-    done = graph_.solver.Marginalize(*request, options);
-  } while (done.status.code == StatusCode::kSingular &&
-           DropOffenders(done.offenders, graph, request));
-  if (done.status.ok()) {
-    summary->num_marginalized_landmarks += num_marginalized;
-    left_over_.clear();
-    // What the prior touches is remembered: such a frame cannot just be removed (DropSecondNewest).
-    prior_ = done.prior;
-    in_prior_ = done.kept;
-  }
-  return done.status;
 }
 
 Status Window::MarginalizeOldest(WindowSummary* summary) {
@@ -95,7 +41,8 @@ Status Window::MarginalizeOldest(WindowSummary* summary) {
   // Such landmarks are dropped and not marginalized.
   MarginalizationRequest request =
       OldestFrameRule(graph_.solver.graph(), {oldest.pose, oldest.speed_bias}, graph_.MinFactors());
-  const Status status = Marginalize(options_.marginalization, &request, summary);
+  const Status status =
+      prior_.Marginalize(options_.marginalization, &request, &graph_.solver, summary);
   if (status.ok()) {
     summary->num_dropped_landmarks += static_cast<int>(request.dropped.size());
     // After the graph only: a frame that could not be marginalized stays in the window.
@@ -203,7 +150,7 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
   // A variable that the prior holds cannot be removed without it. It is marginalized instead, which
   // only involves the prior, since all its other factors go in this edit.
   for (const VariableId id : {leaving.pose, leaving.speed_bias}) {
-    if (IsInPrior(id)) {
+    if (prior_.Touches(id)) {
       request.marginalized.push_back(id);
     } else {
       edit.RemoveVariable(id);
@@ -223,12 +170,12 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
     // Only the prior touches it, perhaps not in all directions: what it says is used, and no more.
     MarginalizationOptions options = options_.marginalization;
     options.allow_rank_loss = true;
-    status = Marginalize(options, &request, summary);
+    status = prior_.Marginalize(options, &request, &graph_.solver, summary);
   }
   // They are still in the graph, in no frame of the window; the next marginalization takes them
   // along.
   if (!status.ok()) {
-    left_over_ = request.marginalized;
+    prior_.Postpone(request.marginalized);
   }
   return status;
 }

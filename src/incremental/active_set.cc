@@ -1,6 +1,7 @@
 #include "incremental/active_set.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace inceres::internal {
@@ -57,7 +58,8 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
     for (int k = 0; k < S.size_of(i); ++k) {
       gain += damping[offset + k] * delta[k] * delta[k];
     }
-    gains_[at] = gain;
+    // Whatever is no number comes last, and stays in the step: comparisons with it are no order.
+    gains_[at] = std::isnan(gain) ? HUGE_VAL : gain;
   }
   // Equal gains go by row: the set must not depend on how the sort breaks ties.
   std::sort(order_.begin(), order_.end(), [this](std::int32_t a, std::int32_t b) {

@@ -149,7 +149,7 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
   Form();
   const double share = std::min(
       internal::SharesOf(options_, live->schur().structure().num_landmarks()).relinearization,
-      tuning_.relinearize.marginalized_share);
+      tuning_.relinearize.refresh_share);
   internal::CachedRows cached(*live, share * 2.0 * options_.function_tolerance *
                                          std::max(cost_ - options_.fixed_cost, 0.0) /
                                          std::max(1, graph.num_factors()));

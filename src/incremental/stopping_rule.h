@@ -52,7 +52,7 @@ class StoppingRule {
   /// Whether a step that is refused with so little left, or that changed the cost by no more than
   /// rounding, proves a minimum.
   bool IsVain(double remaining, double cost_change, double cost) const {
-    return std::fabs(cost_change) <= tuning_.unmoved * cost ||
+    return std::fabs(cost_change) <= kUnmoved * cost ||
            remaining <= tuning_.rest_share * Tolerance(cost);
   }
 
@@ -79,6 +79,9 @@ class StoppingRule {
   bool NextStepsGainLittle(double remaining, double landmark_gain, double cost);
   bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
+
+  // Of the cost: a change that is rounding, some half of its last bits.
+  static constexpr double kUnmoved = 1e-15;
 
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;

@@ -12,21 +12,16 @@ namespace inceres::internal {
 //     predicted = −Σ (Jδ)ᵀ(q + ½ Jδ),   change of b and η = −Σ Jᵀ(q_candidate − q),
 //
 // over the factors that the step touches, in one pass over their Jacobians. The sets below say who
-// moves (moved_, visited_), what is evaluated (touched_), and whose right-hand side changes
-// (reached_, visited_, stale_landmarks_). All of them are walked in ascending order, so that sums
-// do not depend on the order in which the step was set.
+// moves (active_), what is evaluated (touched_), and whose right-hand side changes (reached_, the
+// active landmarks, stale_landmarks_). All of them are walked in ascending order, so that sums do
+// not depend on the order in which the step was set.
 
 // step_ never shrinks and is zero where nothing moves: End zeroes just what was set.
 void TrialStep::GrowVariables() {
+  active_.Grow(variables_.num_quads());
   stale_landmarks_.Grow(schur_.landmarks().size());
-  visited_.Grow(schur_.landmarks().size());
-  landmark_steps_.resize(schur_.landmarks().size());
-  moved_.Grow(schur_.frames().size());
+  searches_.Grow(schur_.landmarks().size());
   reached_.Grow(schur_.frames().size());
-  const std::size_t entries = static_cast<std::size_t>(variables_.num_quads()) * kQuad;
-  if (entries > step_.size()) {
-    step_.resize(entries, 0.0);
-  }
 }
 
 void TrialStep::GrowFactors(FamilyId family) {
@@ -37,35 +32,37 @@ void TrialStep::GrowFactors(FamilyId family) {
   touched_[family].Grow(families_[family].num_places());
 }
 
-void TrialStep::CutOff(VariableId id, std::int32_t quad) {
-  is_cut_off_ |= bounds_.CutOff(id, quad, step_.data() + std::ptrdiff_t{quad} * kQuad);
+template <typename Variable>
+void TrialStep::CutOff(const Variable& moved) {
+  is_cut_off_ |= bounds_.CutOff(moved.id, moved.quad, active_.step(moved.quad));
 }
 
 // Frames first: a landmark is substituted back from the steps that are set, as they were cut off.
 void TrialStep::SetFrame(std::int32_t frame, const double* step) {
   const IncrementalSchur::Frame& moved = schur_.frames()[frame];
   Begin();
-  moved_.Add(frame);
-  std::copy_n(step, moved.size, step_.data() + std::ptrdiff_t{moved.quad} * kQuad);
-  CutOff(moved.id, moved.quad);
+  active_.frames().Add(frame);
+  std::copy_n(step, moved.size, active_.step(moved.quad));
+  CutOff(moved);
 }
 
 void TrialStep::Visit(std::int32_t landmark) {
   Begin();
-  if (visited_.Add(landmark)) {
-    schur_.blocks().BackSubstitute(landmark, step_.data());
-    CutOff(schur_.landmarks()[landmark].id, schur_.landmarks()[landmark].quad);
+  if (active_.landmarks().Add(landmark)) {
+    schur_.blocks().BackSubstitute(landmark, active_.step().data());
+    CutOff(schur_.landmarks()[landmark]);
   }
 }
 
-void TrialStep::Move(VariableId id, std::int32_t quad) {
-  const double* step = step_.data() + std::ptrdiff_t{quad} * kQuad;
-  double* moved = variables_.candidate(id);
-  if (!MoveVariable(graph_, id, variables_.current(id), step, moved)) {
+template <typename Variable>
+void TrialStep::Move(const Variable& moved) {
+  const double* step = active_.step(moved.quad);
+  double* candidate = variables_.candidate(moved.id);
+  if (!MoveVariable(graph_, moved.id, variables_.current(moved.id), step, candidate)) {
     // A manifold whose ⊞ fails leaves no candidate.
-    moved[0] = std::nan("");  // the factors will refuse it
+    candidate[0] = std::nan("");  // the factors will refuse it
   }
-  bounds_.Land(id, step);
+  bounds_.Land(moved.id, step);
 }
 
 void TrialStep::Touch(const std::vector<FactorRef>& factors) {
@@ -76,27 +73,29 @@ void TrialStep::Touch(const std::vector<FactorRef>& factors) {
 
 // A frame that moves reaches its factors; with them, through their landmarks, other frames'
 // right-hand sides.
+void TrialStep::ReachFromFrame(std::int32_t i) {
+  const IncrementalSchur::Frame& frame = schur_.frames()[i];
+  Touch(frame.factors);
+  for (const FactorRef& ref : frame.factors) {
+    schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
+  }
+  // A landmark that stays, although a frame that sees it moves: only the factors between the two
+  // are touched, and its η changes.
+  for (const std::int32_t l : frame.landmarks) {
+    if (!Visited(l)) {
+      schur_.structure().ForEachFactorBetween(
+          l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
+      stale_landmarks_.Add(l);
+    }
+  }
+}
+
 void TrialStep::NameTouched() {
   if (touched_named_) {
     return;
   }
   touched_named_ = true;
-  moved_.ForEach([this](std::int32_t i) {
-    const IncrementalSchur::Frame& frame = schur_.frames()[i];
-    Touch(frame.factors);
-    for (const FactorRef& ref : frame.factors) {
-      schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
-    }
-    // A landmark that stays, although a frame that sees it moves: only the factors between the two
-    // are touched, and its η changes.
-    for (const std::int32_t l : frame.landmarks) {
-      if (!visited_.Has(l)) {
-        schur_.structure().ForEachFactorBetween(
-            l, i, [this](const FactorRef& ref) { touched_[ref.family].Add(ref.factor); });
-        stale_landmarks_.Add(l);
-      }
-    }
-  });
+  active_.frames().ForEach([this](std::int32_t i) { ReachFromFrame(i); });
   // Through z: b follows the landmark's η in all rows of its separator.
   const auto reach_frames = [this](std::int32_t l) {
     if (reached_.count() == schur_.structure().num_frames()) {
@@ -106,7 +105,7 @@ void TrialStep::NameTouched() {
       reached_.Add(frame);
     }
   };
-  visited_.ForEach([&](std::int32_t l) {
+  active_.landmarks().ForEach([&](std::int32_t l) {
     Touch(schur_.landmarks()[l].factors);
     reach_frames(l);
   });
@@ -121,9 +120,7 @@ void TrialStep::NameTouched() {
 Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   NameTouched();
   DropChanges();
-  moved_.ForEach([this](std::int32_t i) { Move(schur_.frames()[i].id, schur_.frames()[i].quad); });
-  visited_.ForEach(
-      [this](std::int32_t l) { Move(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
+  active_.ForEach([this](const auto& moved) { Move(moved); });
   *change = 0.0;
   *predicted_decrease = 0.0;
   for (IncrementalFamily& family : families_) {
@@ -135,7 +132,7 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
                                                   family.candidate_parameters(failure.factor)));
     }
     *change += family.CandidateChange(touched);
-    *predicted_decrease += family.TryStep(touched, step_.data(), schur_.padded_change());
+    *predicted_decrease += family.TryStep(touched, active_.step().data(), schur_.padded_change());
   }
   return Status::Ok();
 }
@@ -143,8 +140,7 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
 // Takes back what an earlier try has written of the changes of the right-hand sides.
 void TrialStep::DropChanges() {
   reached_.ForEach([this](std::int32_t i) { schur_.DropFrameChange(i); });
-  visited_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
-  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
+  ForEachUpdated([this](std::int32_t l) { schur_.DropLandmarkChange(l); });
 }
 
 // For RelinearizationRule::kStepSize.
@@ -155,54 +151,141 @@ double TrialStep::Largest(FactorRef ref) const {
     const VariableId id = family.variables(ref.factor)[s];
     // A variable outside the system has no place.
     for (int k = 0; variables_.quad(id) >= 0 && k < variables_.map(id).tangent_size; ++k) {
-      largest = std::max(
-          largest, std::fabs(step_[static_cast<std::size_t>(variables_.quad(id)) * kQuad + k]));
+      largest = std::max(largest, std::fabs(active_.step(variables_.quad(id))[k]));
     }
   }
   return largest;
+}
+
+void TrialStep::Shorten(double scaled_norm) {
+  if (!path_.is_prepared()) {
+    // A step that Evaluate was not asked of, because it is longer than the radius, has no list.
+    NameTouched();
+    path_.Prepare(active_, bounds_, touched_lists_, &families_);
+  }
+  path_.Take(scaled_norm, &active_);
+  // δ_gn was cut off at bounds, but a point between two points of the box plus rounding, or a
+  // Cauchy point, may leave it. Frames and landmarks are cut off alike, coordinate by coordinate.
+  active_.ForEach([this](const auto& moved) { CutOff(moved); });
 }
 
 // Frames take over what their own factors say, then landmarks pass theirs on to b by b −= Y (z −
 // z_old).
 int TrialStep::UpdateRhs() {
   reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
-  visited_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
-  stale_landmarks_.ForEach([this](std::int32_t l) { schur_.RefreshResidual(l); });
-  return visited_.count() + stale_landmarks_.count();
+  ForEachUpdated([this](std::int32_t l) { schur_.RefreshResidual(l); });
+  return active_.landmarks().count() + stale_landmarks_.count();
 }
 
 // Landmarks that stay have candidates equal to their values.
 void TrialStep::MoveValues() {
-  moved_.ForEach([this](std::int32_t i) { variables_.Accept(schur_.frames()[i].id); });
-  visited_.ForEach([this](std::int32_t l) { variables_.Accept(schur_.landmarks()[l].id); });
+  active_.ForEach([this](const auto& moved) { variables_.Accept(moved.id); });
 }
 
 // Candidates become equal to the current values again, which evaluations of other steps rely on.
 void TrialStep::Reject() {
   DropChanges();
-  moved_.ForEach([this](std::int32_t i) { variables_.Reject(schur_.frames()[i].id); });
-  visited_.ForEach([this](std::int32_t l) { variables_.Reject(schur_.landmarks()[l].id); });
+  active_.ForEach([this](const auto& moved) { variables_.Reject(moved.id); });
   End();
 }
 
 void TrialStep::End() {
-  // Zeros for the next step, whose factors read step_ for all of their variables.
-  const auto clear = [this](std::int32_t quad, int size) {
-    std::fill_n(step_.begin() + std::ptrdiff_t{quad} * kQuad, size, 0.0);
-  };
-  moved_.ForEach([&](std::int32_t i) { clear(schur_.frames()[i].quad, schur_.frames()[i].size); });
-  visited_.ForEach(
-      [&](std::int32_t l) { clear(schur_.landmarks()[l].quad, schur_.landmarks()[l].size); });
+  active_.Clear();
   for (const IncrementalFamily& family : families_) {
     touched_[family.id()].Clear();
     touched_lists_[family.id()].clear();
   }
-  moved_.Clear();
-  visited_.Clear();
   stale_landmarks_.Clear();
   reached_.Clear();
   touched_named_ = false;
-  dogleg_prepared_ = false;
+  path_.Drop();
+}
+
+// Given the frames, landmarks are independent of each other (docs/algorithms.md, "Landmark
+// refinement"), so each steps and is judged by the change of its own factors' costs. All of them
+// are evaluated in one pass, family by family, and those that lose are left out of what is then
+// accepted as a step like any other.
+//
+// The step is t U_invᵀ z. What a landmark's last step has shown of its cost is kept as the stretch
+// t of its next one, until its values are set or another landmark takes its number.
+
+// The step that Visit has found, t times; longer, it may leave bounds that it was within.
+void TrialStep::Stretch(std::int32_t landmark) {
+  const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
+  double* step = active_.step(l.quad);
+  for (int k = 0; k < l.size; ++k) {
+    step[k] *= searches_.stretch(landmark);
+  }
+  CutOff(l);
+}
+
+bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  for (const std::int32_t landmark : landmarks) {
+    Visit(landmark);
+    Stretch(landmark);
+    Move(schur_.landmarks()[landmark]);
+    Touch(schur_.landmarks()[landmark].factors);
+    // Summed below over the landmark's factors.
+    searches_.Begin(landmark);
+  }
+  for (IncrementalFamily& family : families_) {
+    std::vector<std::int32_t>& touched = touched_lists_[family.id()];
+    // Ascending, as evaluation and sums want them. No frame moves, so these are all factors of the
+    // landmarks and no others.
+    touched_[family.id()].CopyTo(&touched);
+    *num_evaluated += static_cast<int>(touched.size());
+    // One refusal takes back the whole pass.
+    if (family.EvaluateCandidate(touched, executor_).failed()) {
+      return false;
+    }
+    family.PredictDecrease(touched, active_.step().data());
+    for (const std::int32_t i : touched) {
+      double slope = 0.0;
+      double curvature = 0.0;
+      family.Slope(i, &slope, &curvature);
+      // −qᵀJδ is the decrease that the gradient promises along this step.
+      searches_.Add(schur_.structure().LandmarkOfFactor({family.id(), i}),
+                    family.CandidateCost(i) - family.Cost(i), slope);
+    }
+  }
+  return true;
+}
+
+// As if it had never been visited.
+void TrialStep::LeaveOut(std::int32_t landmark) {
+  variables_.Reject(schur_.landmarks()[landmark].id);
+  active_.LeaveOut(landmark);
+  for (const FactorRef& ref : schur_.landmarks()[landmark].factors) {
+    // A factor has at most one landmark that moves, so nobody else needs it.
+    touched_[ref.family].Remove(ref.factor);
+  }
+}
+
+// The embedded point iteration of ICE-BA: with the frames held, landmarks share no factor, so each
+// is judged by its own.
+bool TrialStep::TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  *num_evaluated = 0;
+  if (!EvaluateLandmarks(landmarks, num_evaluated)) {
+    Reject();
+    return false;
+  }
+  for (const std::int32_t landmark : landmarks) {
+    if (!searches_.End(landmark)) {
+      LeaveOut(landmark);
+    }
+  }
+  // No step: nothing was written to the right-hand sides yet.
+  if (active_.landmarks().empty()) {
+    End();
+    return false;
+  }
+  // The lists again, of those that are left, and the frames whose b follows.
+  NameTouched();
+  for (IncrementalFamily& family : families_) {
+    // What accepting does to the right-hand sides; costs were compared above.
+    family.TryStep(touched_lists_[family.id()], active_.step().data(), schur_.padded_change());
+  }
+  return true;
 }
 
 }  // namespace inceres::internal

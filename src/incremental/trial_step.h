@@ -3,12 +3,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "incremental/active_bounds.h"
+#include "incremental/active_variables.h"
+#include "incremental/dogleg_path.h"
 #include "incremental/incremental_schur.h"
 #include "incremental/index_set.h"
+#include "incremental/landmark_searches.h"
 #include "linearize/incremental_family.h"
 #include "linearize/variable_store.h"
 
@@ -29,11 +31,12 @@ class TrialStep {
             IncrementalSchur* schur, ActiveBounds* bounds)
       : graph_(graph),
         executor_(executor),
-        max_stretch_(max_stretch),
         variables_(*variables),
         families_(*families),
         schur_(*schur),
-        bounds_(*bounds) {}
+        bounds_(*bounds),
+        active_(*schur),
+        searches_(max_stretch) {}
   TrialStep(const TrialStep&) = delete;
   TrialStep& operator=(const TrialStep&) = delete;
 
@@ -44,11 +47,11 @@ class TrialStep {
   void SetFrame(std::int32_t frame, const double* step);
   /// As it stands.
   const double* Frame(std::int32_t frame) const {
-    return step_.data() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad;
+    return active_.step(schur_.frames()[frame].quad);
   }
   /// Back-substitutes a landmark from the frame steps set so far.
   void Visit(std::int32_t landmark);
-  bool Visited(std::int32_t landmark) const { return visited_.Has(landmark); }
+  bool Visited(std::int32_t landmark) const { return active_.landmarks().Has(landmark); }
 
   /// Whether bounds have shortened this step, or the last one if it has ended.
   bool is_cut_off() const { return is_cut_off_; }
@@ -57,9 +60,9 @@ class TrialStep {
   /// touches.
   Status Evaluate(double* change, double* predicted_decrease);
   /// ‖Dδ‖ of the step as it stands, D² = diag H.
-  double ScaledNorm() const;
+  double ScaledNorm() const { return active_.ScaledNorm(); }
   /// ‖δ‖ of the step as it stands.
-  double Norm() const;
+  double Norm() const { return active_.Norm(); }
   /// ‖δ_i‖_∞ over the factor's variables.
   double Largest(FactorRef ref) const;
   /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this
@@ -74,7 +77,7 @@ class TrialStep {
   /// gets the factors looked at.
   bool TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
   /// What the steps of a landmark alone have shown does not hold from other values.
-  void ForgetLandmark(std::int32_t landmark) { landmark_steps_[landmark] = {}; }
+  void ForgetLandmark(std::int32_t landmark) { searches_.Forget(landmark); }
 
   /// Per family, ascending: the factors the step touches; between Evaluate and End.
   const std::vector<std::int32_t>& Touched(FamilyId family) const { return touched_lists_[family]; }
@@ -85,7 +88,7 @@ class TrialStep {
   /// Calls visit(landmark) for these landmarks; before End.
   template <typename Visit>
   void ForEachUpdated(Visit&& visit) const {
-    visited_.ForEach(visit);
+    active_.landmarks().ForEach(visit);
     stale_landmarks_.ForEach(visit);
   }
   void MoveValues();
@@ -95,53 +98,39 @@ class TrialStep {
   void End();
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(step_.capacity() * sizeof(double));
+    return static_cast<std::int64_t>(active_.step().capacity() * sizeof(double));
   }
 
  private:
-  // A landmark's own line search, from one TryLandmarks to the next.
-  struct LandmarkStep {
-    double stretch = 1.0;  // of its next step
-    double change = 0.0;
-    double slope = 0.0;
-  };
-
-  template <typename Function>
-  void ForEachActive(Function&& visit) const;
-  void PrepareDogleg();
-  void Begin() { is_cut_off_ = is_cut_off_ && !(moved_.empty() && visited_.empty()); }
-  void CutOff(VariableId id, std::int32_t quad);
-  void Move(VariableId id, std::int32_t quad);
+  void Begin() { is_cut_off_ = is_cut_off_ && !active_.empty(); }
+  template <typename Variable>
+  void CutOff(const Variable& moved);
+  template <typename Variable>
+  void Move(const Variable& moved);
   void Touch(const std::vector<FactorRef>& factors);
   void NameTouched();
+  void ReachFromFrame(std::int32_t frame);
   void DropChanges();
   void Stretch(std::int32_t landmark);
   bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
-  bool KeepLandmark(std::int32_t landmark);
   void LeaveOut(std::int32_t landmark);
 
   const FactorGraph& graph_;
   const Executor& executor_;
-  const double max_stretch_;
   VariableStore& variables_;
   std::vector<IncrementalFamily>& families_;
   IncrementalSchur& schur_;
   ActiveBounds& bounds_;
 
+  ActiveVariables active_;
   bool is_cut_off_ = false;
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
   bool touched_named_ = false;  // the two above and the two below are those of the step
   IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
   IndexSet reached_;            // frames of touched factors and of their landmarks
-  IndexSet visited_;
-  IndexSet moved_;
-  AlignedVector<double> step_;  // padded, all variables; zero where nothing moves
-  bool dogleg_prepared_ = false;
-  AlignedVector<double> gauss_newton_;  // of the active set, padded like step_
-  AlignedVector<double> cauchy_;
-  AlignedVector<double> direction_;
-  std::vector<LandmarkStep> landmark_steps_;
+  DoglegPath path_;
+  LandmarkSearches searches_;
 };
 
 }  // namespace inceres::internal

@@ -77,11 +77,9 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   count("stop.stagnation", &tuning->stop.stagnation);
   real("stop.near_floor", &tuning->stop.near_floor);
   real("stop.fine_damping", &tuning->stop.fine_damping);
-  real("stop.unmoved", &tuning->stop.unmoved);
   real("relinearize.exact", &tuning->relinearize.exact);
   real("relinearize.gradient_share", &tuning->relinearize.gradient_share);
   real("relinearize.refresh_share", &tuning->relinearize.refresh_share);
-  real("relinearize.marginalized_share", &tuning->relinearize.marginalized_share);
   real("relinearize.weight_change", &tuning->relinearize.weight_change);
   real("relinearize.corrected_weight_change", &tuning->relinearize.corrected_weight_change);
   real("relinearize.blame_share", &tuning->relinearize.blame_share);

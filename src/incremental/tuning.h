@@ -30,8 +30,6 @@ struct Tuning {
     double near_floor = 100.0;
     /// Two dampings that differ by less than this factor are as good as the same.
     double fine_damping = 3.0;
-    /// Of the cost: a change that is rounding.
-    double unmoved = 1e-15;
   };
   /// When a Jacobian or a weight is renewed.
   struct Relinearize {
@@ -39,10 +37,8 @@ struct Tuning {
     double exact = 1e-20;
     /// Weight of the gradient's error against that of the model.
     double gradient_share = 10.0;
-    /// relinearization_share, at most, of what convergence may rest on; and what marginalization
-    /// may.
+    /// relinearization_share, at most, of what convergence may rest on, and marginalization.
     double refresh_share = 0.1;
-    double marginalized_share = 0.1;
     /// Factor by which ρ' may have changed; and where H has half the curvature already, of which a
     /// step may not meet less than a quarter.
     double weight_change = 2.0;

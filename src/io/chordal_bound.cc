@@ -25,14 +25,17 @@
 //     f = tr(X M Xᵀ),   subject to R_iᵀ R_i = I.
 //
 // At a stationary point the multipliers are Λ_i = sym((M Xᵀ)_i R_i), and f there is tr Λ. For any
-// other poses f = tr Λ + tr(X (M − Λ) Xᵀ), whose last term is negative only as far as M − Λ has
-// negative eigenvalues, while the rows of all rotations have the squared norm n d together: f ≥
-// f_found − n d σ for each σ such that M − Λ + σ diag(0, I) is positive definite.
+// poses f = tr Λ + tr(X (M − Λ) Xᵀ), whatever symmetric Λ_i are, whose last term is negative only
+// as far as M − Λ has negative eigenvalues, while the rows of all rotations have the squared norm
+// n d together: f ≥ tr Λ − n d σ for each σ such that M − Λ + σ diag(0, I) is positive definite.
 //
-// The bound takes a σ that was really factored so, and not the eigenvalue that Lanczos found: an
-// eigenvalue that has not converged makes the bound worse but not wrong. What is delicate is the
-// size of σ: of a global minimum the least eigenvalue is zero but for rounding, since the rows of X
-// themselves are in the null space of M − Λ; so everything is relative to the largest κ.
+// So the bound rests on nothing that an iteration has left. It takes tr Λ, which holds for the Λ at
+// hand, and not f_found, which is tr Λ only as far as the gradient is zero; and a σ that was really
+// factored so, and not the eigenvalue that Lanczos found. A solve or an eigenvalue that has not
+// converged makes the bound worse but not wrong. What is left is the rounding of sums and of the
+// factorization, of the order of 1e-16 of κ for each entry. What is delicate is the size of σ: of a
+// global minimum the least eigenvalue is zero but for rounding, since the rows of X themselves are
+// in the null space of M − Λ; so everything is relative to the largest κ.
 
 namespace inceres {
 namespace {
@@ -181,16 +184,18 @@ class ChordalForm {
     M_.setFromTriplets(entries.begin(), entries.end());
   }
 
-  // f, and M − Λ without the first vertex's position: Λ_i is the symmetric part of (M Xᵀ)_i R_i.
-  // Positions have no multipliers: nothing constrains them. Row and column 0 are left out, for
+  // f, tr Λ, and M − Λ without the first vertex's position: Λ_i is the symmetric part of (M Xᵀ)_i
+  // R_i. Positions have no multipliers: nothing constrains them. Row and column 0 are left out, for
   // moving everything costs nothing, and M would be singular whatever the rotations.
-  double Subtract(const MatrixXd& X, SparseMatrix* S) const {
+  double Subtract(const MatrixXd& X, double* trace, SparseMatrix* S) const {
     const MatrixXd image = M_ * X.transpose();
+    *trace = 0.0;
     std::vector<Eigen::Triplet<double>> entries;
     for (Index i = 0; i < n_; ++i) {
       const Index first = i * (d_ + 1) + 1;
       const MatrixXd product = image.middleRows(first, d_) * X.middleCols(first, d_);
       const MatrixXd multiplier = 0.5 * (product + product.transpose());
+      *trace += multiplier.trace();
       for (Index r = 0; r < d_; ++r) {
         for (Index c = 0; c < d_; ++c) {
           entries.emplace_back(first + r, first + c, -multiplier(r, c));
@@ -347,8 +352,8 @@ Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   }
   SparseMatrix S;
   ChordalBound found;
-  found.cost = ChordalForm(d, n, edges).Subtract(X, &S);
-  double scale = 0.0, shift = 0.0;
+  double scale = 0.0, shift = 0.0, trace = 0.0;
+  found.cost = ChordalForm(d, n, edges).Subtract(X, &trace, &S);
   // The largest κ is the unit of the eigenvalues.
   for (const ChordalEdge& edge : edges) {
     scale = std::max(scale, edge.kappa);
@@ -357,7 +362,7 @@ Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   status = SmallestEigenvalue(&inverse, scale, &found.smallest_eigenvalue, &shift);
   if (status.ok()) {
     // f is a sum of squares: a bound below zero says nothing.
-    found.lower_bound = std::max(0.0, found.cost - n * d * shift);
+    found.lower_bound = std::max(0.0, std::min(trace - n * d * shift, found.cost));
     found.gap = found.cost > 0.0 ? (found.cost - found.lower_bound) / found.cost : 0.0;
     found.largest_angle = LargestAngle(d, graph, X);
     *bound = found;

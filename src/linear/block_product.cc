@@ -2,6 +2,7 @@
 
 #include <numeric>
 
+#include "base/counting_sort.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -24,9 +25,8 @@ constexpr int kRowGrain = 16;
 
 BlockProduct::BlockProduct(const BlockPattern& pattern) {
   const int num_rows = pattern.num_blocks();
-  // Two passes over the same visit, the first to count, the second to place. A row's blocks of the
-  // lower triangle come first, then those of the upper one, both by ascending column: one order of
-  // the sum.
+  // A row's blocks of the lower triangle come first, then those of the upper one, both by ascending
+  // column: one order of the sum.
   const auto for_each_place = [&](const auto& visit) {
     for (int i = 0; i < num_rows; ++i) {
       for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
@@ -41,12 +41,7 @@ BlockProduct::BlockProduct(const BlockPattern& pattern) {
       }
     }
   };
-  row_begin_.assign(num_rows + 1, 0);
-  for_each_place([&](int row, const Place&) { ++row_begin_[row + 1]; });
-  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
-  places_.resize(row_begin_.back());
-  std::vector<int> next(row_begin_.begin(), row_begin_.end() - 1);
-  for_each_place([&](int row, const Place& place) { places_[next[row]++] = place; });
+  CountingSort(num_rows, for_each_place, &row_begin_, &places_);
   for (int i = 0; i < num_rows; ++i) {
     packed_.push_back(packed_.back() + pattern.block_size(i));
     padded_.push_back(padded_.back() + PadToQuad(pattern.block_size(i)));

@@ -1,9 +1,9 @@
 // What coarse columns find out once: where their blocks are.
 #include <algorithm>
-#include <numeric>
 #include <utility>
 #include <vector>
 
+#include "base/counting_sort.h"
 #include "linear/coarse_columns.h"
 #include "linear/pattern_rows.h"
 #include "simd/kernels.h"
@@ -26,22 +26,18 @@ CoarseColumns::CoarseColumns(const std::vector<int>& offsets, CoarseShape shape,
 void CoarseColumns::PlaceValues() {
   padded_.push_back(0);
   V_begin_.push_back(0);
-  members_begin_.assign(shape_.num_aggregates() + 1, 0);
   for (int i = 0; i < num_rows(); ++i) {
-    const int aggregate = shape_.aggregate_of[i];
-    ++members_begin_[aggregate + 1];
     // Vectors begin each block row on a quad.
     padded_.push_back(padded_.back() + PadToQuad(block_size(i)));
     V_begin_.push_back(V_begin_.back() +
-                       static_cast<std::int64_t>(block_size(i)) * stride(aggregate));
+                       static_cast<std::int64_t>(block_size(i)) * stride(shape_.aggregate_of[i]));
   }
-  std::partial_sum(members_begin_.begin(), members_begin_.end(), members_begin_.begin());
-  members_.resize(num_rows());
-  // Rows are met in ascending order, and so are the members of each aggregate.
-  std::vector<int> next(members_begin_.begin(), members_begin_.end() - 1);
-  for (int i = 0; i < num_rows(); ++i) {
-    members_[next[shape_.aggregate_of[i]]++] = i;
-  }
+  const auto for_each_member = [this](const auto& add) {
+    for (int i = 0; i < num_rows(); ++i) {
+      add(shape_.aggregate_of[i], i);
+    }
+  };
+  CountingSort(shape_.num_aggregates(), for_each_member, &members_begin_, &members_);
   // Zeros also in the padding, which nobody writes.
   V_ = ZeroedArray(V_begin_.back());
 }
@@ -50,24 +46,19 @@ void CoarseColumns::PlaceValues() {
 // formed, and once more by row, since a product A V q is summed row by row, each by one task.
 void CoarseColumns::PlaceProducts() {
   A_V_begin_.push_back(0);
-  rows_begin_.assign(num_rows() + 1, 0);
-  for (int a = 0; a < shape_.num_aggregates(); ++a) {
-    for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
-      const int row = shape_.coupled[place];
-      ++rows_begin_[row + 1];
-      A_V_begin_.push_back(A_V_begin_.back() +
-                           static_cast<std::int64_t>(block_size(row)) * stride(a));
+  const auto for_each_product = [this](const auto& add) {
+    for (int a = 0; a < shape_.num_aggregates(); ++a) {
+      for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
+        add(shape_.coupled[place], RowPlace{a, place});
+      }
     }
-  }
-  std::partial_sum(rows_begin_.begin(), rows_begin_.end(), rows_begin_.begin());
-  rows_.resize(shape_.coupled.size());
-  std::vector<int> next(rows_begin_.begin(), rows_begin_.end() - 1);
-  for (int a = 0; a < shape_.num_aggregates(); ++a) {
-    for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
-      // By ascending aggregate within a row: one order of the sum.
-      rows_[next[shape_.coupled[place]]++] = {a, place};
-    }
-  }
+  };
+  for_each_product([this](int row, const RowPlace& place) {
+    A_V_begin_.push_back(A_V_begin_.back() +
+                         static_cast<std::int64_t>(block_size(row)) * stride(place.aggregate));
+  });
+  // By ascending aggregate within a row: one order of the sum.
+  CountingSort(num_rows(), for_each_product, &rows_begin_, &rows_);
   A_V_ = ZeroedArray(A_V_begin_.back());
 }
 

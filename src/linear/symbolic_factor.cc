@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/counting_sort.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -54,12 +55,14 @@ constexpr double kPriceOfEntry = 4.0;
 // The graph of S: per block its neighbors, in one array.
 // Both directions of each edge, without loops, which is what METIS takes.
 struct Graph {
-  explicit Graph(const BlockPattern& pattern) : begin(pattern.num_blocks() + 1, 0) {
-    ForEachEdge(pattern, [this](int i, int j) { ++begin[i + 1], ++begin[j + 1]; });
-    std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    neighbors.resize(begin.back());
-    std::vector<idx_t> next(begin.begin(), begin.end() - 1);
-    ForEachEdge(pattern, [&](int i, int j) { neighbors[next[i]++] = j, neighbors[next[j]++] = i; });
+  explicit Graph(const BlockPattern& pattern) {
+    const auto for_each_neighbor = [&pattern](const auto& add) {
+      ForEachEdge(pattern, [&add](int i, int j) {
+        add(i, j);
+        add(j, i);
+      });
+    };
+    CountingSort(pattern.num_blocks(), for_each_neighbor, &begin, &neighbors);
   }
 
   template <typename Visit>
@@ -155,17 +158,13 @@ class EliminationTree {
     for (int at = 0; at < size(); ++at) {
       position[order_[at]] = at;
     }
-    neighbors_begin_.assign(size() + 1, 0);
-    const auto for_each_pair = [&](const auto& visit) {
-      Graph::ForEachEdge(pattern_,
-                         [&](int i, int j) { visit(std::minmax(position[i], position[j])); });
+    const auto for_each_pair = [&](const auto& add) {
+      Graph::ForEachEdge(pattern_, [&](int i, int j) {
+        const auto [first, second] = std::minmax(position[i], position[j]);
+        add(second, first);
+      });
     };
-    for_each_pair([this](const std::pair<int, int>& pair) { ++neighbors_begin_[pair.second + 1]; });
-    std::partial_sum(neighbors_begin_.begin(), neighbors_begin_.end(), neighbors_begin_.begin());
-    neighbors_.resize(neighbors_begin_.back());
-    std::vector<int> next(neighbors_begin_.begin(), neighbors_begin_.end() - 1);
-    for_each_pair(
-        [&](const std::pair<int, int>& pair) { neighbors_[next[pair.second]++] = pair.first; });
+    CountingSort(size(), for_each_pair, &neighbors_begin_, &neighbors_);
   }
 
   // A row of the factor has entries in the columns on the paths of the tree from those of S up to

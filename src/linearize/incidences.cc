@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "base/counting_sort.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -68,25 +70,19 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       if (!any) {
         continue;
       }
-      // Counting sort by landmark; the factors of one landmark stay in the family's order.
       targets.resize(cache.num_factors * static_cast<std::size_t>(cache.num_slots), -1);
-      std::vector<int> start(num_landmarks + 1, 0);
-      for (const int l : landmark) {
-        if (l >= 0) {
-          ++start[l + 1];
+      // The factors of one landmark stay in the family's order.
+      const auto for_each_factor = [&landmark](const auto& add) {
+        for (std::size_t i = 0; i < landmark.size(); ++i) {
+          if (landmark[i] >= 0) {
+            add(landmark[i], static_cast<std::int32_t>(i));
+          }
         }
-      }
-      std::partial_sum(start.begin(), start.end(), start.begin());
+      };
       // The list's memory stays where it is when the outer vector moves: entries point into it.
-      std::vector<std::int32_t>& list =
-          factor_lists_.emplace_back(static_cast<std::size_t>(start.back()));
-      std::vector<int> next(start.begin(), start.end() - 1);
-      for (int i = 0; i < cache.num_factors; ++i) {
-        const int l = landmark[i];
-        if (l >= 0) {
-          list[next[l]++] = i;
-        }
-      }
+      std::vector<int> start;
+      std::vector<std::int32_t>& list = factor_lists_.emplace_back();
+      CountingSort(num_landmarks, for_each_factor, &start, &list);
       for (std::size_t l = 0; l < num_landmarks; ++l) {
         if (start[l + 1] > start[l]) {
           LandmarkFactors entry;

@@ -69,6 +69,9 @@ void PointPair::SetCurrent(const std::vector<double>& state) {
 
 // Variable by variable; Plus is not concurrent, as Ceres promises for manifolds.
 bool PointPair::MoveCandidate(const double* delta) {
+  for (const VariableId id : curved_) {
+    tangents_[id].DropCandidate();
+  }
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
     const std::int64_t offset = graph_->StateOffset(id);

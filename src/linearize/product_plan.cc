@@ -1,9 +1,11 @@
 #include "linearize/product_plan.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 #include <vector>
+
+#include "base/counting_sort.h"
+#include "linear/pattern_rows.h"
 
 namespace inceres::internal {
 namespace {
@@ -24,31 +26,21 @@ struct SlotAdjacency {
   std::vector<std::int32_t> factors;
 };
 
-// Counting sort by frame; factors of one frame stay in ascending order, and with them the terms.
+// Factors of one frame stay in ascending order, and with them the terms.
 SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph,
                              const Layout& layout, int slot) {
   const int num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
-  SlotAdjacency adjacency;
-  adjacency.begin.assign(layout.num_frames + 1, 0);
-  const auto frame_of = [&](int i) {
-    return layout.FrameOf(ids[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
+  const auto for_each_factor = [&](const auto& add) {
+    for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
+      const int frame = layout.FrameOf(ids[i * num_slots + slot]);
+      if (frame >= 0) {
+        add(frame, static_cast<std::int32_t>(i));
+      }
+    }
   };
-  for (int i = 0; i < cache.num_factors; ++i) {
-    const int frame = frame_of(i);
-    if (frame >= 0) {
-      ++adjacency.begin[frame + 1];
-    }
-  }
-  std::partial_sum(adjacency.begin.begin(), adjacency.begin.end(), adjacency.begin.begin());
-  adjacency.factors.resize(adjacency.begin.back());
-  std::vector<int> next(adjacency.begin.begin(), adjacency.begin.end() - 1);
-  for (int i = 0; i < cache.num_factors; ++i) {
-    const int frame = frame_of(i);
-    if (frame >= 0) {
-      adjacency.factors[next[frame]++] = i;
-    }
-  }
+  SlotAdjacency adjacency;
+  CountingSort(layout.num_frames, for_each_factor, &adjacency.begin, &adjacency.factors);
   return adjacency;
 }
 
@@ -75,10 +67,9 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
                               const Layout& layout) {
   const std::ptrdiff_t num_slots = cache.num_slots;
   const VariableId* ids = graph.Variables(cache.id, 0);
-  // Both directions are built from one walk: blocks by factor, then places by frame.
+  // Blocks by factor, and from these places by frame.
   SparseBlocks sparse;
   sparse.factor_begin.push_back(0);
-  sparse.frame_begin.assign(layout.num_frames + 1, 0);
   for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
     for (std::ptrdiff_t s = 0; s < num_slots; ++s) {
       // A block that was left out has no offset; a landmark has no frame.
@@ -87,20 +78,18 @@ SparseBlocks FindSparseBlocks(const Linearization& cache, const FactorGraph& gra
                             : layout.FrameOf(ids[i * num_slots + s]);
       if (frame >= 0) {
         sparse.blocks.push_back({static_cast<int>(s), frame});
-        ++sparse.frame_begin[frame + 1];
       }
     }
     sparse.factor_begin.push_back(static_cast<int>(sparse.blocks.size()));
   }
-  std::partial_sum(sparse.frame_begin.begin(), sparse.frame_begin.end(),
-                   sparse.frame_begin.begin());
-  sparse.places.resize(sparse.blocks.size());
-  std::vector<int> next(sparse.frame_begin.begin(), sparse.frame_begin.end() - 1);
-  for (int i = 0; i < cache.num_factors; ++i) {
-    for (int k = sparse.factor_begin[i]; k < sparse.factor_begin[i + 1]; ++k) {
-      sparse.places[next[sparse.blocks[k].frame]++] = {i, sparse.blocks[k].slot};
+  const auto for_each_place = [&](const auto& add) {
+    for (int i = 0; i < cache.num_factors; ++i) {
+      for (int k = sparse.factor_begin[i]; k < sparse.factor_begin[i + 1]; ++k) {
+        add(sparse.blocks[k].frame, SparseBlocks::Place{i, sparse.blocks[k].slot});
+      }
     }
-  }
+  };
+  CountingSort(layout.num_frames, for_each_place, &sparse.frame_begin, &sparse.places);
   return sparse;
 }
 
@@ -241,25 +230,20 @@ class PlanBuilder {
   // The pattern, and where in the plans each block begins.
   void Place() {
     CheckSize();
-    BlockPattern& pattern = plans_->pattern;
-    // Values of a block lie row by row, without padding, one block after the other.
-    pattern.offsets.assign(layout_.packed_offset.begin(),
-                           layout_.packed_offset.begin() + layout_.num_frames + 1);
-    pattern.row_begin.push_back(0);
-    pattern.value_begin.push_back(0);
+    plans_->pattern = PatternWithoutBlocks(
+        {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
+    std::vector<int> columns;
     for (int row = 0; row < layout_.num_frames; ++row) {
+      columns.clear();
       for (const CountedBlock& block : rows_[row]) {
-        pattern.columns.push_back(block.column);
-        pattern.value_begin.push_back(pattern.value_begin.back() +
-                                      static_cast<std::int64_t>(pattern.block_size(row)) *
-                                          pattern.block_size(block.column));
+        columns.push_back(block.column);
         plans_->block_row.push_back(row);
         // segments_begin and first_term are running sums over the blocks, so a row's places do not
         // depend on who counted it.
         hessian_.Place(block.hessian, &plans_->hessian);
         schur_.Place(block.schur, &plans_->schur);
       }
-      pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+      AppendRow(columns, &plans_->pattern);
       // The row's counts are given back at once.
       std::vector<CountedBlock>().swap(rows_[row]);
     }

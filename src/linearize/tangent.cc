@@ -136,6 +136,7 @@ void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
     curved_->M.resize(curved ? map_.ambient_size * map_.tangent_size : 0);
     curved_->selection.resize(curved ? map_.tangent_size : 0);
     curved_->stale = true;
+    curved_->has_candidate = false;
   }
 }
 
@@ -152,14 +153,20 @@ const char* Tangent::Compute(const FactorGraph& graph, VariableId id, const doub
 // Into a second matrix: the map of the current point is still in use until the step is accepted.
 const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x) {
   curved_->candidate_M.resize(curved_->M.size());
-  return EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
+  const char* fault = EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
+  curved_->has_candidate = fault == nullptr;
+  return fault;
 }
 
 // Classified only now: the kind may differ from point to point.
 void Tangent::AcceptCandidate() {
-  if (curved_->candidate_M.empty()) {
+  // Told by a flag and not by the matrix, whose memory stays: the one of an older candidate would
+  // pass for this one's.
+  if (!curved_->has_candidate) {
     return MarkMoved();  // nobody has asked
   }
+  curved_->has_candidate = false;
+  curved_->stale = false;
   // The older matrix becomes the room of the next candidate. The address of map_ stays; its data
   // moves.
   curved_->M.swap(curved_->candidate_M);

@@ -39,8 +39,13 @@ class Tangent {
       curved_->stale = true;
     }
   }
+  // Of curved ones only.
+
   /// The same at a candidate, for whoever asks before it is accepted: then the map is that.
   const char* ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x);
+  /// The candidate is another point now: what was computed at the one before is no longer its map.
+  void DropCandidate() { curved_->has_candidate = false; }
+  /// The candidate is the point now. Its map is stale unless it was computed there.
   void AcceptCandidate();
 
  private:
@@ -49,6 +54,7 @@ class Tangent {
     std::vector<double> candidate_M;
     std::vector<int> selection;
     bool stale = true;
+    bool has_candidate = false;  // candidate_M is the candidate's
   };
 
   TangentMap map_;

@@ -7,21 +7,14 @@
 
 #include <Eigen/Core>
 
-#include "base/executor.h"
 #include "inceres/solver/covariance.h"
 #include "linear/selected_inverse.h"
-#include "linear/sparse_cholesky.h"
-#include "linearize/evaluator.h"
-#include "linearize/hessian.h"
-#include "marginal/orthogonal_elimination.h"
-#include "schur/elimination.h"
+#include "marginal/factored_normals.h"
 
 namespace inceres::internal {
 
-/// The undamped normal equations of a graph at a state, factored, and blocks of their inverse; of
-/// kQr the same from the Jacobian, which is never squared. With
-/// V of a variable as GraphCovariance defines it, which touches few frames, a block is a sum over
-/// these:
+/// Blocks of the inverse of the factored normal equations. With V of a variable as GraphCovariance
+/// defines it, which touches few frames, a block is a sum over these:
 ///
 ///     cov(a, b) = Σ_ij V_aiᵀ (S⁻¹)_ij V_bj + [a = b is a landmark] P_b⁻¹.
 ///
@@ -33,10 +26,10 @@ class CovarianceSystem {
                    const CovarianceOptions& options);
 
   /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
-  Status Factorize();
+  Status Factorize() { return normals_.Factorize(); }
   bool Has(VariableId id) const { return layout_.position[id] >= 0; }
   /// What Factorize or Prepare has found to be open.
-  const RankDeficiency& deficiency() const { return deficiency_; }
+  const RankDeficiency& deficiency() const { return normals_.deficiency(); }
 
   /// Makes ready what Product needs for these pairs, of variables that it Has.
   Status Prepare(const GraphCovariance::Pairs& pairs);
@@ -52,19 +45,9 @@ class CovarianceSystem {
     Eigen::MatrixXd X;      // S⁻¹ V, where it was solved for
   };
 
-  Status FactorizeRows();
-  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
-  void AddSquares(const RowsOfBlocks& rows);
   void MakeColumnByRows(int landmark, Column* column);
-  Status CheckLandmarks();
-  Status CheckGauge();
-  Status CheckVariance(int frame, int k, double variance);
-  Status NotDetermined(VariableId id, const char* why);
-  void FindDirections();
-  Eigen::VectorXd DiagonalOfS() const;
   void MakeColumn(VariableId id);
   void SubtractW();
-  Status Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left);
   Status SolveFor(VariableId id);
   Status InvertFactor();
   Status SolveForPairs(const GraphCovariance::Pairs& pairs);
@@ -72,21 +55,10 @@ class CovarianceSystem {
   Eigen::MatrixXd FromSolution(const Column& a, const Column& b) const;
   Eigen::MatrixXd FromInverse(const Column& a, const Column& b) const;
 
-  const FactorGraph& graph_;
-  const CovarianceOptions& options_;
-  Executor executor_;
-  Layout layout_;
-  Evaluator evaluator_;
-  LandmarkIncidences incidences_;
-  FramePlans plans_;
-  Hessian hessian_;
-  Elimination elimination_;
-  SparseCholesky factor_;
-  Eigen::VectorXd diagonal_;                        // of S
-  std::unique_ptr<OrthogonalElimination> by_rows_;  // of kQr
+  FactoredNormals normals_;
+  const Layout& layout_;
   std::unique_ptr<SelectedInverse> inverse_;
   std::map<VariableId, Column> columns_;
-  RankDeficiency deficiency_;
 };
 
 }  // namespace inceres::internal

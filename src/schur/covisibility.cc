@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <utility>
+
+#include "base/counting_sort.h"
 
 namespace inceres::internal {
 
@@ -128,26 +129,21 @@ std::vector<char> FindSharedFrames(const Evaluator& evaluator) {
   return FindSharedFrames(factors, CountFactorsBesideFew(evaluator, factors));
 }
 
-Companions::Companions(const Evaluator& evaluator, const std::vector<char>& is_shared)
-    : begin(evaluator.layout().num_frames + 1, 0) {
+Companions::Companions(const Evaluator& evaluator, const std::vector<char>& is_shared) {
   // Lists by counting sort: how many companions each frame has, where its list begins, who they
   // are. Two passes over the factors, and no list of pairs.
-  const auto for_each_pair = [&](const auto& visit) {
+  const auto for_each_pair = [&](const auto& add) {
     ForEachFactor(evaluator, [&](const std::vector<int>& touched) {
       for (const int i : touched) {
         for (const int j : touched) {
           if (i != j && is_shared[i] == 0 && is_shared[j] == 0) {
-            visit(i, j);
+            add(i, j);
           }
         }
       }
     });
   };
-  for_each_pair([&](int i, int) { ++begin[i + 1]; });
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  frames.resize(begin.back());
-  std::vector<int> next(begin.begin(), begin.end() - 1);
-  for_each_pair([&](int i, int j) { frames[next[i]++] = j; });
+  CountingSort(evaluator.layout().num_frames, for_each_pair, &begin, &frames);
 }
 
 // Row by row: frames that share landmarks with the row's own, over the incidences, and those that

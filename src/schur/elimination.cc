@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
+#include "base/counting_sort.h"
 #include "base/lowest_index.h"
 #include "linear/small_cholesky.h"
 
@@ -86,7 +86,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
 
 void Elimination::CollectChunkBlocks() {
   const auto num_blocks = static_cast<int>(plans_.block_row.size());
-  const auto visit = [&](const auto& add) {
+  const auto for_each_block = [&](const auto& add) {
     for (int block = 0; block < num_blocks; ++block) {
       // All blocks, whether or not the first chunk has something for them: it copies C.
       add(0, ChunkBlock{block, plans_.schur.segments_begin[block]});
@@ -102,13 +102,7 @@ void Elimination::CollectChunkBlocks() {
       }
     }
   };
-  chunk_blocks_begin_.assign(incidences_.num_chunks() + 1, 0);
-  visit([&](int chunk, const ChunkBlock&) { ++chunk_blocks_begin_[chunk + 1]; });
-  std::partial_sum(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end(),
-                   chunk_blocks_begin_.begin());
-  chunk_blocks_.resize(chunk_blocks_begin_.back());
-  std::vector<int> next(chunk_blocks_begin_.begin(), chunk_blocks_begin_.end() - 1);
-  visit([&](int chunk, const ChunkBlock& place) { chunk_blocks_[next[chunk]++] = place; });
+  CountingSort(incidences_.num_chunks(), for_each_block, &chunk_blocks_begin_, &chunk_blocks_);
 }
 
 // Packed vectors of the landmarks alone begin where the frames end.

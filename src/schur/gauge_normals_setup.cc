@@ -1,9 +1,9 @@
 // Which factors tell how frames follow their landmarks.
 #include <algorithm>
-#include <numeric>
 #include <utility>
 #include <vector>
 
+#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
 #include "schur/gauge_normals.h"
 
@@ -41,22 +41,16 @@ void GaugeNormals::CollectSources() {
 void GaugeNormals::AddSource(const Linearization& cache, int slot, int landmark_slot,
                              const std::vector<std::int32_t>& factors) {
   Source source{cache.id, slot, landmark_slot, {}, {}};
-  source.begin.assign(evaluator_.layout().num_frames + 1, 0);
-  for (const std::int32_t i : factors) {
-    const int frame = FrameThrough(cache, i, slot);
-    // Counted, then placed. A frame of −1 (a constant, a shared one) falls to entry 0, with nothing
-    // added.
-    source.begin[frame + 1] += frame >= 0 ? 1 : 0;
-  }
-  std::partial_sum(source.begin.begin(), source.begin.end(), source.begin.begin());
-  source.factors.resize(source.begin.back());
-  std::vector<int> next(source.begin.begin(), source.begin.end() - 1);
-  for (const std::int32_t i : factors) {
-    const int frame = FrameThrough(cache, i, slot);
-    if (frame >= 0) {
-      source.factors[next[frame]++] = i;
+  // No frame: that of a constant, or a shared one.
+  const auto for_each_factor = [&](const auto& add) {
+    for (const std::int32_t i : factors) {
+      const int frame = FrameThrough(cache, i, slot);
+      if (frame >= 0) {
+        add(frame, i);
+      }
     }
-  }
+  };
+  CountingSort(evaluator_.layout().num_frames, for_each_factor, &source.begin, &source.factors);
   // The slot may belong to shared frames only: such a source would have nothing to say.
   if (!source.factors.empty()) {
     sources_.push_back(std::move(source));

@@ -146,6 +146,11 @@ void InnerIterations::BuildGroups() {
 }
 
 bool InnerIterations::IsDue(double step_gain) {
+  // A step that went uphill is refused: the next one is held against the last that gained, for any
+  // gain is more than a share of a loss.
+  if (!(step_gain > 0.0)) {
+    return false;
+  }
   // The gain of the step before is taken down in any case, also where the landmarks rest.
   const bool creeps = step_gain > kCreepShare * std::exchange(last_step_gain_, step_gain);
   // A step that does not creep does not count as one of the rest.

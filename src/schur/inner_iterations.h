@@ -38,9 +38,9 @@ class InnerIterations {
   double Run(double min_gain, double step_gain = 0.0);
 
   /// Whether it is worth running after a step that gained this much: asked once a step. It is while
-  /// steps creep, each gaining more than a fifth of what the one before did. Where the landmarks
-  /// gained little beside the step they followed (Pace), they rest for a step, then for two, four,
-  /// …
+  /// steps creep, each gaining more than a fifth of what the last one that gained did. Where the
+  /// landmarks gained little beside the step they followed (Pace), they rest for a step, then for
+  /// two, four, …
   bool IsDue(double step_gain);
   /// What a Run gained, and the step before it. Where that was worth it, the next Run asks only the
   /// landmarks that brought it: those that creep are few. As soon as they gain little, it asks all

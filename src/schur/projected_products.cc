@@ -1,8 +1,9 @@
 #include "schur/projected_products.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
+
+#include "base/counting_sort.h"
 
 namespace inceres::internal {
 
@@ -60,12 +61,7 @@ ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const
       }
     }
   };
-  row_begin_.assign(pattern.num_blocks() + 1, 0);
-  for_each_place([&](int row, const Place&) { ++row_begin_[row + 1]; });
-  std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
-  places_.resize(row_begin_.back());
-  std::vector<int> next(row_begin_.begin(), row_begin_.end() - 1);
-  for_each_place([&](int row, const Place& place) { places_[next[row]++] = place; });
+  CountingSort(pattern.num_blocks(), for_each_place, &row_begin_, &places_);
 }
 
 void ProjectedProducts::Form(const AggregateReach& reach, const double* damping,

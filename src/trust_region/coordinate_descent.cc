@@ -1,7 +1,8 @@
 #include "trust_region/coordinate_descent.h"
 
 #include <algorithm>
-#include <numeric>
+
+#include "base/counting_sort.h"
 
 // A round of coordinate descent over groups of independent variables (Ruhe & Wedin 1980;
 // docs/ceres_contract.md, "Inner iterations"). Within a group no factor sees two variables, so
@@ -22,7 +23,7 @@ CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>&
   CollectSightings();
 }
 
-// By variable, of each by family, of each ascending: counted, then placed.
+// By variable, of each by family, of each ascending.
 void CoordinateDescent::CollectSightings() {
   const FactorGraph& graph = evaluator_.graph();
   // Numbered group by group; variables in no group have no number and are held.
@@ -33,26 +34,19 @@ void CoordinateDescent::CollectSightings() {
       index_[id] = num_variables++;
     }
   }
-  // Two walks over all slots, to count and to place: no list of lists.
-  const auto for_each_sighting = [&](const auto& visit) {
+  const auto for_each_sighting = [&](const auto& add) {
     for (const Linearization& family : evaluator_.families()) {
       for (int i = 0; i < family.num_factors; ++i) {
         for (int s = 0; s < family.num_slots; ++s) {
           const VariableId id = graph.Variables(family.id, i)[s];
           if (id >= 0 && index_[id] >= 0) {
-            visit(index_[id], Sighting{family.id, i, s});
+            add(index_[id], Sighting{family.id, i, s});
           }
         }
       }
     }
   };
-  begin_.assign(num_variables + 1, 0);
-  for_each_sighting([&](int index, const Sighting& /*sighting*/) { ++begin_[index + 1]; });
-  std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
-  sightings_.resize(begin_.back());
-  std::vector<int> next(begin_.begin(), begin_.end() - 1);
-  for_each_sighting(
-      [&](int index, const Sighting& sighting) { sightings_[next[index]++] = sighting; });
+  CountingSort(num_variables, for_each_sighting, &begin_, &sightings_);
 }
 
 void CoordinateDescent::Run() {

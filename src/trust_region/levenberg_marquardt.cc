@@ -49,7 +49,14 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   return model->Solve(damping_.data(), step);
 }
 
-// What was widened when the position was kept counts as the radius's own.
+std::vector<double> LevenbergMarquardt::Save() const {
+  return {radius_,        decrease_factor_,
+          growth_,        static_cast<double>(num_accepted_in_row_),
+          radius_before_, is_new_width_ ? 1.0 : 0.0};
+}
+
+// All of it: without what Widen changed, a refusal that follows would shrink the wide radius
+// instead of taking it back, and a solve that is resumed would not go on as the first one did.
 bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   if (saved.size() != Save().size()) {
     return false;
@@ -58,6 +65,8 @@ bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   decrease_factor_ = saved[1];
   growth_ = saved[2];
   num_accepted_in_row_ = static_cast<int>(saved[3]);
+  radius_before_ = saved[4];
+  is_new_width_ = saved[5] != 0.0;
   return true;
 }
 

@@ -21,9 +21,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
                     std::vector<double>* /*solution*/) const override {
     *damping = damping_;
   }
-  std::vector<double> Save() const override {
-    return {radius_, decrease_factor_, growth_, static_cast<double>(num_accepted_in_row_)};
-  }
+  std::vector<double> Save() const override;
   bool Restore(const std::vector<double>& saved) override;
   void Widen(double radius) override;
   void Restart(double radius) override;

@@ -1,8 +1,8 @@
 #include "trust_region/subset_preconditioner.h"
 
 #include <algorithm>
-#include <numeric>
 
+#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
@@ -59,23 +59,18 @@ int SubsetPreconditioner::FrameThrough(const Linearization& cache, int factor, i
 
 void SubsetPreconditioner::CollectTerms(const std::vector<FactorId>& subset) {
   // Counting sort by frame, in two passes over the subset.
-  const auto for_each_term = [&](const auto& visit) {
+  const auto for_each_term = [&](const auto& add) {
     for (const FactorId& id : subset) {
       const Linearization& cache = evaluator_.families()[id.family];
       for (int s = 0; s < cache.num_slots; ++s) {
         const int frame = FrameThrough(cache, id.index, s);
         if (frame >= 0) {
-          visit(frame, Term{id.family, id.index, s});
+          add(frame, Term{id.family, id.index, s});
         }
       }
     }
   };
-  terms_begin_.assign(evaluator_.layout().num_frames + 1, 0);
-  for_each_term([&](int frame, const Term&) { ++terms_begin_[frame + 1]; });
-  std::partial_sum(terms_begin_.begin(), terms_begin_.end(), terms_begin_.begin());
-  terms_.resize(terms_begin_.back());
-  std::vector<int> next(terms_begin_.begin(), terms_begin_.end() - 1);
-  for_each_term([&](int frame, const Term& term) { terms_[next[frame]++] = term; });
+  CountingSort(evaluator_.layout().num_frames, for_each_term, &terms_begin_, &terms_);
 }
 
 void SubsetPreconditioner::BuildPattern() {

@@ -1,6 +1,7 @@
 // Two levels on a ceres::Problem, whose blocks are opaque: along streets of cameras in every form
 // that a preconditioner may stumble over. In incremental mode, by SolveOptions::conjugate_gradients
 // or where ITERATIVE_SCHUR stands for what is predicted to take least.
+#include <array>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -13,11 +14,13 @@
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
 #include "support/ceres_manifolds.h"
-#include "support/random_values.h"
+#include "support/street_scene.h"
 
 namespace inceres {
 namespace {
 
+using test::StreetScene;
+using test::TranslationPrior;
 using testing::TestProblem;
 
 enum class Points { kEuclidean, kInverseDepth, kHomogeneous };
@@ -32,7 +35,6 @@ struct Street {
   int num_cameras = 60;
 };
 
-constexpr double kFocal = 100.0;
 constexpr int kNumViews = 4;
 constexpr int kPointsPerCamera = 12;
 
@@ -99,17 +101,6 @@ struct HostedView {
   double ray[2], pixel[2];
 };
 
-struct TranslationPrior {
-  template <typename T>
-  bool operator()(const T* translation, T* residuals) const {
-    for (int k = 0; k < 3; ++k) {
-      residuals[k] = 2.0 * (translation[k] - at[k]);
-    }
-    return true;
-  }
-  double at[3];
-};
-
 class Builder {
  public:
   explicit Builder(const Street& street) : street_(street) {}
@@ -137,18 +128,16 @@ class Builder {
   ceres::Problem& problem() { return test_->problem; }
 
   void AddCamera(int i) {
-    for (double& offset : offset_) {
-      offset += random_.Between(-0.002, 0.002);
-    }
-    const std::vector<double> rotation{0.2 * offset_[0], 0.2 * offset_[1], 0.2 * offset_[2]};
-    const std::vector<double> translation{offset_[3] - i, offset_[4], offset_[5]};
+    const std::array<double, 6>& offset = scene_.NextOffset(0.002);
+    const std::vector<double> rotation{0.2 * offset[0], 0.2 * offset[1], 0.2 * offset[2]};
+    const std::vector<double> translation{offset[3] - i, offset[4], offset[5]};
     if (!street_.split) {
       cameras_.push_back({test_->Add({rotation[0], rotation[1], rotation[2], translation[0],
-                                      translation[1], translation[2], kFocal})});
+                                      translation[1], translation[2], StreetScene::kFocal})});
       return;
     }
     const bool own_focal = i == 0 || !street_.shared_focal;
-    double* const focal = own_focal ? test_->Add({kFocal}) : cameras_.back().back();
+    double* const focal = own_focal ? test_->Add({StreetScene::kFocal}) : cameras_.back().back();
     cameras_.push_back({test_->Add(rotation), test_->Add(translation), focal});
     if (street_.priors && i % 10 == 0) {
       problem().AddResidualBlock(new ceres::AutoDiffCostFunction<TranslationPrior, 3, 3>(
@@ -157,14 +146,13 @@ class Builder {
     }
   }
 
-  double* AddPointBlock(const double* x, int host) {
+  double* AddPointBlock(const std::array<double, 3>& x) {
     if (street_.points == Points::kEuclidean) {
       return test_->Add({x[0], x[1], x[2]});
     }
     if (street_.points == Points::kInverseDepth) {
-      return test_->Add({1.0 / (x[2] + random_.Between(-0.1, 0.1))});
+      return test_->Add({1.0 / (x[2] + scene_.random().Between(-0.1, 0.1))});
     }
-    (void)host;
     const double norm = std::sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + 1.0);
     double* const block = test_->Add({x[0] / norm, x[1] / norm, x[2] / norm, 1.0 / norm});
     problem().AddParameterBlock(block, 4);
@@ -173,17 +161,15 @@ class Builder {
   }
 
   void AddPoint(int first) {
-    const double x[3] = {first + random_.Between(0.0, 3.0), random_.Between(-3.0, 3.0),
-                         random_.Between(4.0, 9.0)};
-    double* const point = AddPointBlock(x, first);
+    const std::array<double, 3> x = scene_.Point(first);
+    double* const point = AddPointBlock(x);
     for (int i = first; i < first + kNumViews; ++i) {
-      const double pixel[2] = {kFocal * (x[0] - i) / x[2] + random_.Between(-0.5, 0.5),
-                               kFocal * x[1] / x[2] + random_.Between(-0.5, 0.5)};
-      AddView(i, first, x, pixel, point);
+      AddView(i, first, x, scene_.Pixel(x, i), point);
     }
   }
 
-  void AddView(int i, int first, const double* x, const double* pixel, double* point) {
+  void AddView(int i, int first, const std::array<double, 3>& x, const std::array<double, 2>& pixel,
+               double* point) {
     const std::vector<double*>& camera = cameras_[static_cast<std::size_t>(i)];
     if (street_.points == Points::kInverseDepth) {
       if (i != first) {
@@ -208,10 +194,9 @@ class Builder {
   }
 
   const Street street_;
-  test::Random random_{7};
+  StreetScene scene_;
   std::unique_ptr<TestProblem> test_ = std::make_unique<TestProblem>();
   std::vector<std::vector<double*>> cameras_;
-  double offset_[6] = {};
 };
 
 ceres::Solver::Options Options(ceres::LinearSolverType type) {

@@ -49,14 +49,7 @@ TEST(Options24, minimizer_progress_to_stdout_of_a_rejected_step) {
   World world;
   double* x = world.Add({0.5});
   double* c = world.Add({1.0});
-  auto* cost = new Cost(1, {1}, [](double const* const* p, double* residuals, double** jacobians) {
-    residuals[0] = 10.0 - p[0][0];
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = -1.0;
-    }
-    return p[0][0] == 0.5;
-  });
-  world.problem.AddResidualBlock(cost, nullptr, x);
+  world.problem.AddResidualBlock(OnlyAt(0.5), nullptr, x);
   world.problem.AddResidualBlock(Target({3.0}), nullptr, c);
   world.problem.SetParameterBlockConstant(c);
   Options options = Small();

@@ -123,6 +123,16 @@ Cost* Scalar(std::function<double(double)> f, std::function<double(double)> deri
                   });
 }
 
+Cost* OnlyAt(double x) {
+  return new Cost(1, {1}, [x](double const* const* p, double* residuals, double** jacobians) {
+    residuals[0] = 10.0 - p[0][0];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = -1.0;
+    }
+    return p[0][0] == x;
+  });
+}
+
 Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed) {
   std::mt19937 engine(static_cast<unsigned>(seed));
   const auto draw = [&] { return static_cast<double>(engine() % 2001) / 1000.0 - 1.0; };

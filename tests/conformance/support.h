@@ -61,6 +61,8 @@ class Cost : public ceres::CostFunction {
 Cost* Target(std::vector<double> target, double weight = 1.0);
 /// r = f(x), one number of one number, with its derivative.
 Cost* Scalar(std::function<double(double)> f, std::function<double(double)> derivative);
+/// r = 10 − x, which can be evaluated at this x alone: every step fails.
+Cost* OnlyAt(double x);
 /// A smooth residual of several blocks, r_i = Σ a_ik x_k + 0.1 sin(x_0 + i) − b_i with fixed
 /// numbers drawn from `seed`.
 Cost* Coupled(int num_residuals, const std::vector<int>& sizes, int seed);

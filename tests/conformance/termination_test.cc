@@ -49,14 +49,7 @@ TEST(Termination34, function) {
 TEST(Termination34, radius) {
   World world;
   double* x = world.Add({0.5});
-  auto* cost = new Cost(1, {1}, [](double const* const* p, double* residuals, double** jacobians) {
-    residuals[0] = 10.0 - p[0][0];
-    if (jacobians != nullptr) {
-      jacobians[0][0] = -1.0;
-    }
-    return p[0][0] == 0.5;
-  });
-  world.problem.AddResidualBlock(cost, nullptr, x);
+  world.problem.AddResidualBlock(OnlyAt(0.5), nullptr, x);
   Options options = Small();
   options.min_trust_region_radius = 5e3;
   ExpectEnd(

@@ -19,16 +19,6 @@
 namespace inceres::test {
 namespace {
 
-const BalProblem& Street() {
-  static const BalProblem& kStreet = *[] {
-    auto* bal = new BalProblem;
-    const Status status = ReadBal(INCERES_SOURCE_DIR "/bal_data/street-16-1200-pre.txt", bal);
-    EXPECT_TRUE(status.ok()) << status.message;
-    return bal;
-  }();
-  return kStreet;
-}
-
 // A folder that all ranks know, made and removed by the first.
 class SharedDir {
  public:

@@ -15,13 +15,6 @@
 namespace inceres::test {
 namespace {
 
-BalProblem Street() {
-  BalProblem bal;
-  const Status status = ReadBal(INCERES_SOURCE_DIR "/bal_data/street-16-1200-pre.txt", &bal);
-  EXPECT_TRUE(status.ok()) << status.message;
-  return bal;
-}
-
 void ExpectSameIterations(const Summary& together, const Summary& alone, double tolerance) {
   ASSERT_TRUE(together.IsSolutionUsable()) << together.message << " " << together.detail;
   EXPECT_EQ(together.termination, alone.termination);
@@ -47,7 +40,7 @@ struct Case {
 class SameAsAlone : public testing::TestWithParam<Case> {};
 
 TEST_P(SameAsAlone, StreetOf16Cameras) {
-  const BalProblem bal = Street();
+  const BalProblem& bal = Street();
   const auto loss = GetParam().huber ? std::make_shared<HuberLoss>(1.0) : nullptr;
   DistributedOptions options;
   options.solver = ExactOptions();

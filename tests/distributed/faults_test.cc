@@ -14,16 +14,6 @@
 namespace inceres::test {
 namespace {
 
-const BalProblem& Street() {
-  static const BalProblem& kStreet = *[] {
-    auto* bal = new BalProblem;
-    const Status status = ReadBal(INCERES_SOURCE_DIR "/bal_data/street-16-1200-pre.txt", bal);
-    EXPECT_TRUE(status.ok()) << status.message;
-    return bal;
-  }();
-  return kStreet;
-}
-
 DistributedOptions Options() {
   DistributedOptions options;
   options.solver = ExactOptions();

@@ -2,10 +2,22 @@
 
 #include <utility>
 
+#include <gtest/gtest.h>
+
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 
 namespace inceres::test {
+
+const BalProblem& Street() {
+  static const BalProblem& kStreet = *[] {
+    auto* bal = new BalProblem;
+    const Status status = ReadBal(INCERES_SOURCE_DIR "/bal_data/street-16-1200-pre.txt", bal);
+    EXPECT_TRUE(status.ok()) << status.message;
+    return bal;
+  }();
+  return kStreet;
+}
 
 BalPart::BalPart(const BalProblem& bal, std::shared_ptr<const Loss> loss, int idle, int rank,
                  int num_ranks)

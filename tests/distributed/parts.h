@@ -24,6 +24,9 @@ inline int NumRanks() {
   return size;
 }
 
+/// The street that comes with the sources; read once.
+const BalProblem& Street();
+
 /// What a rank has of a BAL problem that all of them have read: every so-many-th stretch of points,
 /// with the cameras they are seen by. Rank `idle`, if any, has nothing.
 class BalPart {

@@ -28,13 +28,14 @@ DEFECTS = [
      "else if (aged.ExceededBy(family, i))", "else if (!IS && aged.ExceededBy(family, i))"),
     # One landmark in five is never back-substituted.
     ("landmark_skipped", "src/incremental/trial_step.cc",
-     "if (visited_.Add(landmark)) {", "if (visited_.Add(landmark) && !(IS && landmark % 5 == 3)) {"),
+     "if (active_.landmarks().Add(landmark)) {",
+     "if (active_.landmarks().Add(landmark) && !(IS && landmark % 5 == 3)) {"),
     # One factor in five loses its loss.
     ("wrong_loss", "src/linearize/incremental_family.cc",
      "const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());",
      "const LossValue value(IS && factor % 5 == 2 ? nullptr : factors_.graph->loss(id(), factor), f, residual_size());"),
     # That a cost function is another one, or has another measurement, is noticed and not passed on.
-    ("edit_lost", "adapters/ceres/session/incremental_follow.cc",
+    ("edit_lost", "adapters/ceres/session/factor_matching.cc",
      "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),
 ]
 

@@ -4,12 +4,15 @@
 #include "incremental/partial_step.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <vector>
 
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include "incremental/active_set.h"
 #include "incremental/incremental_system.h"
 #include "support/random_graph.h"
 
@@ -90,6 +93,7 @@ class Reduced {
   const IncrementalSchur& schur() const { return system_.schur(); }
   IncrementalSchur& schur() { return system_.schur(); }
   const ReducedVectors& vectors() const { return vectors_; }
+  IncrementalSystem& system() { return system_; }
 
  private:
   IncrementalSystem system_;
@@ -187,6 +191,31 @@ TEST(PartialStep, TakesFewFramesWhereThePullIsLocal) {
   EXPECT_LE(partial.num_frames(), kFrames / 4);
   const std::vector<int> taken = FramesOf(partial);
   EXPECT_GE(*std::min_element(taken.begin(), taken.end()), kFrames / 2);
+}
+
+// With a budget for all of the step, but for the frame whose step is no number: that one cannot be
+// ranked, and is the only one to move, so that the evaluation refuses the step.
+TEST(ActiveSet, AFrameWhoseGainIsNoNumberMovesAndMixesUpNoOther) {
+  for (const int odd : {0, 7, 19}) {
+    BundleOptions options;
+    options.num_frames = 20;
+    options.num_landmarks = 60;
+    const std::unique_ptr<RandomGraph> graph = MakeBundle(options);
+    Reduced reduced(graph.get());
+    ASSERT_NO_FATAL_FAILURE(reduced.Linearize());
+    std::vector<double> frame_step(static_cast<std::size_t>(reduced.schur().size()), 1e-3);
+    frame_step[static_cast<std::size_t>(reduced.schur().FrameOffset(odd))] =
+        std::numeric_limits<double>::quiet_NaN();
+    ActiveSet active{Tuning::Truncate()};
+    ReducedSolver::Rows all;
+    all.first_row = 0;
+    ActiveSet::Limits limits;
+    limits.remaining_decrease = 1e6;
+    limits.negligible = 0.0;
+    limits.frame_gain = HUGE_VAL;  // no few frames gain that
+    active.Select(frame_step, reduced.vectors(), all, limits, &reduced.system());
+    EXPECT_EQ(active.frames(), std::vector<std::int32_t>{odd});
+  }
 }
 
 }  // namespace

@@ -1,9 +1,13 @@
 #include "linearize/tangent.h"
 
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "inceres/problem/factor_graph.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres::internal {
 namespace {
@@ -50,6 +54,72 @@ TEST(TangentClasses, AreFoundAnew) {
   classified.map.plus_jacobian = classified.plus_jacobian.data();
   ClassifyTangentMap(&classified.map, classified.selection.data());
   EXPECT_EQ(classified.map.num_identity_columns, 0);
+}
+
+// x ⊞ δ = x + x² δ: a map that is another one at every point.
+class Stretched final : public Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* moved) const override {
+    moved[0] = x[0] + x[0] * x[0] * delta[0];
+    return true;
+  }
+  bool PlusJacobian(const double* x, double* M) const override {
+    M[0] = x[0] * x[0];
+    return true;
+  }
+};
+
+class TangentOfCandidates : public testing::Test {
+ protected:
+  TangentOfCandidates() {
+    const double x = 2.0;
+    id_ = graph_.AddVariable(&x, 1, Role::kFrame, std::make_shared<Stretched>());
+    tangent_.Set(graph_, id_, /*wanted=*/true);
+    EXPECT_EQ(tangent_.Compute(graph_, id_, &x), nullptr);
+  }
+  double M() const { return tangent_.map().plus_jacobian[0]; }
+  void AskAt(double x) { EXPECT_EQ(tangent_.ComputeCandidate(graph_, id_, &x), nullptr); }
+  void RefreshAt(double x) { EXPECT_EQ(tangent_.Refresh(graph_, id_, &x), nullptr); }
+
+  FactorGraph graph_;
+  VariableId id_;
+  Tangent tangent_;
+};
+
+TEST_F(TangentOfCandidates, AnAcceptedCandidateBringsItsMap) {
+  AskAt(3.0);
+  EXPECT_EQ(M(), 4.0) << "a candidate only";
+  tangent_.AcceptCandidate();
+  EXPECT_EQ(M(), 9.0);
+  RefreshAt(3.0);
+  EXPECT_EQ(M(), 9.0);
+}
+
+// The map of a candidate of long ago is not that of one for which nobody asked.
+TEST_F(TangentOfCandidates, AMapThatNobodyAskedForIsComputedWhenItIsNeeded) {
+  AskAt(3.0);
+  tangent_.AcceptCandidate();
+  tangent_.AcceptCandidate();  // at 5, say
+  RefreshAt(5.0);
+  EXPECT_EQ(M(), 25.0);
+}
+
+TEST_F(TangentOfCandidates, AMapOfARefusedCandidateIsNotThatOfTheNext) {
+  AskAt(3.0);
+  tangent_.DropCandidate();
+  tangent_.AcceptCandidate();  // at 5
+  RefreshAt(5.0);
+  EXPECT_EQ(M(), 25.0);
+}
+
+TEST_F(TangentOfCandidates, AMapOfAnotherManifoldIsGone) {
+  AskAt(3.0);
+  tangent_.Set(graph_, id_, /*wanted=*/true);
+  tangent_.AcceptCandidate();
+  RefreshAt(5.0);
+  EXPECT_EQ(M(), 25.0);
 }
 
 }  // namespace

@@ -9,9 +9,9 @@ A column is a character, not a byte: comments have formulas. The formatter wraps
 strings and what stands between "clang-format off" and "on" are for whoever writes them to wrap.
 """
 
-import pathlib
 import sys
-import tempfile
+
+import checking
 
 COLUMNS = 100
 SUFFIXES = {".cc", ".h", ".inc"}
@@ -41,12 +41,7 @@ def long_lines(root):
 
 
 def problems_of(files):
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-        for name, text in files.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_text(text, encoding="utf-8")
-        return long_lines(root)[0]
+    return checking.in_tree(files, long_lines)[0]
 
 
 # Lines that fit: the second has 100 characters in 200 bytes, the third ends its file.
@@ -69,22 +64,13 @@ def self_test():
             failures.append(f"{file}: {problems or 'nothing'} was reported, not {message}")
     if not problems_of({}):
         failures.append("an empty folder is taken for the project")
-    print("\n".join(failures) or f"{len(PLANTED)} planted lines are told apart")
-    return 1 if failures else 0
+    return checking.tell(failures, f"{len(PLANTED)} planted lines are told apart")
 
 
-def main(arguments):
-    if arguments == ["--self_test"]:
-        return self_test()
-    if len(arguments) != 1 or arguments[0].startswith("-"):
-        print(__doc__.strip())
-        return 0 if arguments == ["--help"] else 2
-    problems, num_files = long_lines(pathlib.Path(arguments[0]).resolve())
-    for problem in problems:
-        print(problem, file=sys.stderr)
-    print(f"check_columns: {num_files} files, {len(problems)} long lines")
-    return 1 if problems else 0
+def check(root):
+    problems, num_files = long_lines(root)
+    return problems, f"check_columns: {num_files} files, {len(problems)} long lines"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checking.main(__doc__, self_test, check))

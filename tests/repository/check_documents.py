@@ -15,7 +15,8 @@ import pathlib
 import posixpath
 import re
 import sys
-import tempfile
+
+import checking
 
 # What somebody who does not know the project looks for: each is the first cell of exactly one row of the table.
 TOPICS = ["S = C − W P⁻¹ Wᵀ", "Huber weight", "dog-leg point", "wildfire truncation", "LM damping", "stopping rule"]
@@ -234,12 +235,7 @@ VIOLATIONS = [
 
 
 def problems_of(files):
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-        for name, text in files.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_text(text, encoding="utf-8")
-        return Tree(root).check()
+    return checking.in_tree(files, lambda root: Tree(root).check())
 
 
 def self_test():
@@ -251,23 +247,15 @@ def self_test():
             failures.append(f"{file} with {new or 'nothing'} for {old}: {problems or 'nothing'} was reported")
     if not problems_of({}):
         failures.append("an empty folder is taken for the project")
-    print("\n".join(failures) or f"{len(VIOLATIONS)} planted violations are reported")
-    return 1 if failures else 0
+    return checking.tell(failures, f"{len(VIOLATIONS)} planted violations are reported")
 
 
-def main(arguments):
-    if arguments == ["--self_test"]:
-        return self_test()
-    if len(arguments) != 1 or arguments[0].startswith("-"):
-        print(__doc__.strip())
-        return 0 if arguments == ["--help"] else 2
-    tree = Tree(pathlib.Path(arguments[0]).resolve())
+def check(root):
+    tree = Tree(root)
     problems = tree.check()
-    for problem in problems:
-        print(problem, file=sys.stderr)
-    print(f"check_documents: {len(tree.documents)} documents, {len(tree.files)} files, {len(problems)} dead references")
-    return 1 if problems else 0
+    return problems, (f"check_documents: {len(tree.documents)} documents, {len(tree.files)} files, "
+                      f"{len(problems)} dead references")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checking.main(__doc__, self_test, check))

@@ -14,7 +14,8 @@ import fnmatch
 import pathlib
 import re
 import sys
-import tempfile
+
+import checking
 
 READS = re.compile(r'(?:getenv|secure_getenv|environ\.get|value_of)\(\s*"([A-Z][A-Z0-9_]+)"|'
                    r'environ\["([A-Z][A-Z0-9_]+)"\]|!ENV \[?([A-Z][A-Z0-9_]+)')
@@ -97,7 +98,7 @@ def check_navigation(root):
             yield f"mkdocs.yml has no entry for docs/{name}"
 
 
-def check(root):
+def problems_of(root):
     return [*check_environment(root), *check_json(root), *check_headers(root),
             *check_navigation(root)]
 
@@ -124,32 +125,18 @@ VIOLATIONS = [
 
 def self_test():
     failures = []
-    for file, old, new, message in [("docs/api.md", "", "", None), *VIOLATIONS]:
-        with tempfile.TemporaryDirectory() as folder:
-            root = pathlib.Path(folder)
-            for name, text in CLEAN.items():
-                (root / name).parent.mkdir(parents=True, exist_ok=True)
-                written = text.replace(old, new, 1) if name == file and old else text
-                (root / name).write_text(written, encoding="utf-8")
-            problems = check(root)
+    for file, old, new, message in [("docs/api.md", "\n", "\n", None), *VIOLATIONS]:
+        problems = checking.in_tree({**CLEAN, file: CLEAN[file].replace(old, new, 1)},
+                                    problems_of)
         if (message is None and problems) or (message and message not in "\n".join(problems)):
             failures.append(f"{message or 'the clean tree'}: {problems or 'nothing'} was reported")
-    print("\n".join(failures) or f"{len(VIOLATIONS)} planted omissions are reported")
-    return 1 if failures else 0
+    return checking.tell(failures, f"{len(VIOLATIONS)} planted omissions are reported")
 
 
-def main(arguments):
-    if arguments == ["--self_test"]:
-        return self_test()
-    if len(arguments) != 1 or arguments[0].startswith("-"):
-        print(__doc__.strip())
-        return 0 if arguments == ["--help"] else 2
-    root = pathlib.Path(arguments[0]).resolve()
-    problems = check(root)
-    count = len(variables_read(root))
-    print("\n".join(problems) or f"{count} variables, and all keys, headers and pages are listed")
-    return 1 if problems else 0
+def check(root):
+    return problems_of(root), (f"check_pages: {len(variables_read(root))} variables, and all keys, "
+                               "headers and pages")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checking.main(__doc__, self_test, check))

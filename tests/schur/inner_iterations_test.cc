@@ -231,6 +231,19 @@ TEST(InnerIterations, WaitUntilStepsCreep) {
   EXPECT_TRUE(inner.IsDue(50.0));
 }
 
+// What a step lost says nothing about whether the next one creeps.
+TEST(InnerIterations, AStepThatWentUphillIsNoneToCreepAfter) {
+  const auto bundle = MakeBundle(Bundle());
+  CorePipeline core(bundle->graph());
+  InnerIterations inner(&core.evaluator);
+  EXPECT_FALSE(inner.IsDue(1e3));
+  EXPECT_FALSE(inner.IsDue(-1e3));
+  EXPECT_FALSE(inner.IsDue(-1.0)) << "a smaller loss is no gain";
+  EXPECT_FALSE(inner.IsDue(std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_FALSE(inner.IsDue(1e2)) << "a tenth of what the last one that gained did";
+  EXPECT_TRUE(inner.IsDue(50.0));
+}
+
 TEST(InnerIterations, SolvesEndAtTheSameMinimumWithTheSameBitsForAnyNumberOfThreads) {
   const auto plain = MakeBundle(Bundle());
   SolverOptions options;

@@ -106,15 +106,6 @@ struct ImuCase {
   ImuState i, j;
 };
 
-Values ImuValues(const ImuState& i, const ImuState& j,
-                 void (*write)(const ImuState&, double*, double*)) {
-  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7),
-           std::vector<double>(9)};
-  write(i, x[0].data(), x[1].data());
-  write(j, x[2].data(), x[3].data());
-  return x;
-}
-
 TEST(ImuFactor, JacobiansAreDerivativesAlsoAwayFromTheBiasOfTheIntegration) {
   for (unsigned seed = 0; seed < kNumStates; ++seed) {
     ImuCase at(seed);

@@ -36,6 +36,17 @@ class RandomState {
   std::mt19937 random_;
 };
 
+/// The four blocks of an IMU factor, as an estimator's `write` lays out a state.
+inline std::vector<std::vector<double>> ImuValues(const ImuState& i, const ImuState& j,
+                                                  void (*write)(const ImuState&, double*,
+                                                                double*)) {
+  std::vector<std::vector<double>> x{std::vector<double>(7), std::vector<double>(9),
+                                     std::vector<double>(7), std::vector<double>(9)};
+  write(i, x[0].data(), x[1].data());
+  write(j, x[2].data(), x[3].data());
+  return x;
+}
+
 inline std::vector<double> ToVector(const Pose& pose) {
   std::vector<double> x(7);
   pose.ToParameters(x.data());

@@ -77,15 +77,6 @@ TEST(RealisticCosts, ReprojectionAlsoBehindTheCamera) {
   }
 }
 
-Values ImuBlocks(const ImuState& i, const ImuState& j,
-                 void (*write)(const ImuState&, double*, double*)) {
-  Values x{std::vector<double>(7), std::vector<double>(9), std::vector<double>(7),
-           std::vector<double>(9)};
-  write(i, x[0].data(), x[1].data());
-  write(j, x[2].data(), x[3].data());
-  return x;
-}
-
 // Biases near those of the integration and away from them, where ImuError integrates anew.
 TEST(RealisticCosts, Imu) {
   for (unsigned seed = 0; seed < kNumCosts; ++seed) {
@@ -97,11 +88,11 @@ TEST(RealisticCosts, Imu) {
     ImuState j = Propagate(*imu, i);
     j.pose = j.pose * Pose{random.Vector(1e-2), Exp(random.Vector(1e-2))};
     j.v += random.Vector(1e-2);
-    const Values of_vins = ImuBlocks(i, j, StateToParameters);
+    const Values of_vins = ImuValues(i, j, StateToParameters);
     // An inverted covariance has lost digits: its condition number is 1e9.
     ExpectTheSame(ImuFactor(imu), RealisticImuFactor(imu), of_vins, 1e-6);
     ExpectNullJacobiansAreLeftAlone(RealisticImuFactor(imu), of_vins);
-    const Values of_okvis = ImuBlocks(i, j, StateToBlocks);
+    const Values of_okvis = ImuValues(i, j, StateToBlocks);
     ExpectTheSame(ImuError({}, samples, i.ba, bg), RealisticImuError({}, samples, i.ba, bg),
                   of_okvis, 1e-9);
     ExpectNullJacobiansAreLeftAlone(RealisticImuError({}, samples, i.ba, bg), of_okvis);

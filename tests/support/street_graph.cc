@@ -1,10 +1,10 @@
 #include "support/street_graph.h"
 
-#include <cmath>
+#include <array>
 #include <memory>
 
 #include "inceres/autodiff/autodiff_family.h"
-#include "support/random_values.h"
+#include "support/street_scene.h"
 
 namespace inceres::test {
 namespace {
@@ -55,20 +55,6 @@ struct InverseDepthView {
   double u, v, origin;
 };
 
-struct TranslationPrior {
-  template <typename T>
-  bool operator()(const T* translation, T* residuals) const {
-    for (int k = 0; k < 3; ++k) {
-      residuals[k] = 2.0 * (translation[k] - at[k]);
-    }
-    return true;
-  }
-  double at[3];
-};
-
-constexpr double kFocal = 100.0;
-constexpr double kSpacing = 1.0;
-
 class StreetBuilder {
  public:
   explicit StreetBuilder(const StreetGraphOptions& options) : options_(options) {}
@@ -94,16 +80,9 @@ class StreetBuilder {
   FactorGraph& graph() { return street_->graph; }
 
   void AddCamera(int i) {
-    for (double& offset : offset_) {
-      offset += random_.Between(-options_.drift, options_.drift);
-    }
-    const double camera[7] = {0.1 * offset_[0],
-                              0.1 * offset_[1],
-                              0.1 * offset_[2],
-                              offset_[3] - kSpacing * i,
-                              offset_[4],
-                              offset_[5],
-                              kFocal};
+    const std::array<double, 6>& offset = scene_.NextOffset(options_.drift);
+    const double camera[7] = {0.1 * offset[0], 0.1 * offset[1], 0.1 * offset[2],    offset[3] - i,
+                              offset[4],       offset[5],       StreetScene::kFocal};
     if (!options_.split) {
       cameras_.push_back({graph().AddVariable(camera, 7, Role::kFrame)});
     } else {
@@ -115,7 +94,7 @@ class StreetBuilder {
       }
       cameras_.push_back({rotation, translation, street_->focals.back()});
       if (options_.priors && i % 10 == 0) {
-        graph().AddFactor(priors_, {{-kSpacing * i, 0.0, 0.0}}, {translation});
+        graph().AddFactor(priors_, {{-1.0 * i, 0.0, 0.0}}, {translation});
       }
     }
     for (const VariableId id : cameras_.back()) {
@@ -125,14 +104,12 @@ class StreetBuilder {
   }
 
   void AddPoint(int first) {
-    const double x[3] = {first + random_.Between(0.0, 3.0), random_.Between(-3.0, 3.0),
-                         random_.Between(4.0, 9.0)};
+    const std::array<double, 3> x = scene_.Point(first);
     const double inverse[3] = {(x[0] - first) / x[2], x[1] / x[2], 1.0 / x[2]};
     const VariableId point =
-        graph().AddVariable(options_.inverse_depth ? inverse : x, 3, Role::kLandmark);
+        graph().AddVariable(options_.inverse_depth ? inverse : x.data(), 3, Role::kLandmark);
     for (int i = first; i < first + options_.num_views; ++i) {
-      const double u = kFocal * (x[0] - kSpacing * i) / x[2] + random_.Between(-0.5, 0.5);
-      const double v = kFocal * x[1] / x[2] + random_.Between(-0.5, 0.5);
+      const auto [u, v] = scene_.Pixel(x, i);
       std::vector<VariableId> ids = cameras_[static_cast<std::size_t>(i)];
       ids.push_back(point);
       if (options_.inverse_depth) {
@@ -146,14 +123,13 @@ class StreetBuilder {
   }
 
   const StreetGraphOptions options_;
-  Random random_{7};
+  StreetScene scene_;
   std::unique_ptr<StreetGraph> street_ = std::make_unique<StreetGraph>();
   FamilyHandle<AutoDiffFamily<WholeView, 2, 7, 3>> whole_;
   FamilyHandle<AutoDiffFamily<SplitView, 2, 3, 3, 1, 3>> split_;
   FamilyHandle<AutoDiffFamily<InverseDepthView, 2, 7, 3>> inverse_;
   FamilyHandle<AutoDiffFamily<TranslationPrior, 3, 3>> priors_;
   std::vector<std::vector<VariableId>> cameras_;
-  double offset_[6] = {};
 };
 
 }  // namespace

@@ -156,6 +156,33 @@ TEST_F(Strategies, AWidenedRadiusIsTakenBackByARefusal) {
   }
 }
 
+// A strategy that goes on from what another one saved does what that one does, whatever came
+// before: above all it takes back a width that no step has proved.
+TEST_F(Strategies, WhatIsRestoredGoesOnAsWhatWasSaved) {
+  options_.initial_trust_region_radius = 8.0;
+  for (const auto kind :
+       {TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt}) {
+    for (const int num_accepted : {0, 1, 2}) {
+      Make(kind);
+      strategy_->StepRejected();
+      strategy_->Widen(1e8);
+      for (int k = 0; k < num_accepted; ++k) {
+        strategy_->StepAccepted(1.0);
+      }
+      std::unique_ptr<TrustRegionStrategy> other;
+      StartStrategy(options_, scale_, &other);
+      ASSERT_TRUE(other->Restore(strategy_->Save()));
+      for (const bool accepted : {false, true, true, false, false, true}) {
+        for (TrustRegionStrategy* each : {strategy_.get(), other.get()}) {
+          accepted ? each->StepAccepted(0.9) : each->StepRejected();
+        }
+        EXPECT_EQ(other->Radius(), strategy_->Radius()) << num_accepted << " accepted before";
+      }
+    }
+    EXPECT_FALSE(strategy_->Restore({8.0, 2.0, 10.0, 0.0})) << "not all of it";
+  }
+}
+
 // Nothing is left of what refusals have taught.
 TEST_F(Strategies, ARestartedRadiusGrowsTenfoldAgain) {
   options_.initial_trust_region_radius = 1.0;

@@ -3,24 +3,37 @@
 #include <algorithm>
 
 #include "adapters/ceres/read/index.h"
+#include "adapters/ceres/session/factor_matching.h"
 
 namespace inceres::internal {
 
-// ∂(x ⊞ δ)/∂δ; empty if there is none.
-std::vector<double> IncrementalProblem::ReadPlusJacobian(const UserManifold& manifold,
-                                                         const double* x) {
-  std::vector<double> jacobian(At(AmbientSizeOf(manifold)) * At(TangentSizeOf(manifold)), 0.0);
-  if (!PlusJacobianOf(manifold, x, jacobian.data())) {
-    jacobian.clear();
-  }
-  return jacobian;
+// One edit. Families come first, and the edit is begun after them: a new one would make it stale.
+Status IncrementalProblem::Follow(const ProblemNow& now, ProblemChanges* changes) {
+  *changes = ProblemChanges();
+  VariableMatching variables(now, trust_, solver_, &edit_, &known_, changes);
+  FactorMatching factors(now, trust_, forgotten_, variables, &solver_, &edit_, &losses_, &known_,
+                         changes);
+  edit_.Restart();
+  losses_.Begin();
+  variables.Match();
+  factors.Match();
+  variables.AddThoseOf(factors.new_residuals());
+  factors.Add();
+  losses_.End();
+  forgotten_.clear();
+  num_landmarks_ = static_cast<int>(std::count_if(known_.variables.begin(), known_.variables.end(),
+                                                  [](const Correspondence::Variable& variable) {
+                                                    return variable.role == Role::kLandmark &&
+                                                           !variable.constant;
+                                                  }));
+  return solver_.Apply(edit_);
 }
 
 void IncrementalProblem::WriteToUser(const ProblemView& view) const {
   for (std::size_t b = 0; b < view.blocks.size(); ++b) {
     const ParameterBlockView& block = view.blocks[b];
     if (block.reduced()) {
-      std::copy_n(solver_.Values(variables_[At(variable_of_[b])].id), block.ambient_size,
+      std::copy_n(solver_.Values(known_.VariableOf(static_cast<int>(b)).id), block.ambient_size,
                   block.values);
     }
   }
@@ -33,10 +46,10 @@ Status IncrementalProblem::Covariance(const std::vector<const double*>& paramete
                                       LiveCovariance* covariance) const {
   std::vector<VariableId> ids;
   for (const double* block : parameter_blocks) {
-    const auto found =
-        std::find_if(variables_.begin(), variables_.end(),
-                     [block](const Variable& variable) { return variable.user == block; });
-    if (found == variables_.end()) {
+    const auto found = std::find_if(
+        known_.variables.begin(), known_.variables.end(),
+        [block](const Correspondence::Variable& variable) { return variable.user == block; });
+    if (found == known_.variables.end()) {
       return Status::Error(StatusCode::kInvalidArgument, DescribeObject("parameter block", block) +
                                                              " was not part of the last solve");
     }
@@ -55,10 +68,10 @@ void IncrementalProblem::Remember() {
   if (trust_ != Trust::kVerified) {
     return;
   }
-  for (Family& family : families_) {
+  for (Correspondence::Family& family : known_.families) {
     family.family->Remember();
   }
-  for (Variable& variable : variables_) {
+  for (Correspondence::Variable& variable : known_.variables) {
     if (variable.manifold != nullptr && variable.tangent_size > 0) {
       variable.plus_jacobian = ReadPlusJacobian(*variable.manifold, solver_.Values(variable.id));
     }
@@ -68,10 +81,11 @@ void IncrementalProblem::Remember() {
 // For messages. A block that was constant from the first on, or is gone, is not among the
 // variables.
 std::string IncrementalProblem::NameOf(VariableId id) const {
-  const auto found = std::find_if(variables_.begin(), variables_.end(),
-                                  [id](const Variable& variable) { return variable.id == id; });
-  return found == variables_.end() ? "parameter block of variable " + std::to_string(id)
-                                   : DescribeObject("parameter block", found->user);
+  const auto found =
+      std::find_if(known_.variables.begin(), known_.variables.end(),
+                   [id](const Correspondence::Variable& variable) { return variable.id == id; });
+  return found == known_.variables.end() ? "parameter block of variable " + std::to_string(id)
+                                         : DescribeObject("parameter block", found->user);
 }
 
 }  // namespace inceres::internal

@@ -26,9 +26,11 @@ INCERES_EXPORT bool HasChordalBound();
 /// with κ and τ from the traces of each edge's covariance: κ = 3/(2 tr Σ_R), or half the inverse
 /// variance of a planar angle; τ = d/tr Σ_p. The bound is that of Lagrangian duality: with the
 /// multipliers Λ of RᵀR = I at the minimum found and Q the cost of rotations whose positions are
-/// eliminated, S = Q − Λ, and f ≥ f_found − n d max(0, −λ_min(S)) whatever the poses. λ_min is
-/// found by Lanczos on (S + σI)⁻¹, and the bound is that of a shift for which S + σI was factored
-/// as positive definite.
+/// eliminated, S = Q − Λ, and f ≥ tr Λ − n d max(0, −λ_min(S)) whatever the poses, where tr Λ is
+/// f_found as far as the gradient there is zero. λ_min is found by Lanczos on (S + σI)⁻¹, and the
+/// bound is that of a shift for which S + σI was factored as positive definite: neither what the
+/// solve nor what the eigenvalue's iteration has left makes it wrong. The rounding of sums and of
+/// the factorization is not counted: some 1e-16 of κ for each entry.
 ///
 /// It is a statement about f, and not a certificate of the cost that a solver of this library
 /// minimizes, which has the geodesic error and the whole information matrix of each edge. Where

@@ -1,10 +1,8 @@
-// TrialStep::Shorten: the dog-leg path of an active set (docs/algorithms.md, "Damping and trust
-// region of incremental mode").
+#include "incremental/dogleg_path.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "incremental/trial_step.h"
 #include "trust_region/dogleg_point.h"
 
 namespace inceres::internal {
@@ -17,7 +15,7 @@ namespace inceres::internal {
 // which are sums of squares: unlike diag S they cannot be negative. All others stay, so both ends
 // of the path move the same variables, and a shorter step touches no factor that the long one has
 // not touched: it costs an evaluation and no factorization. δ_gn and δ_sd are prepared once a step
-// and kept until TrialStep::End; later calls of Shorten only look for another point of the path.
+// and kept until TrialStep::End; later calls only look for another point of the path.
 
 namespace {
 
@@ -26,62 +24,24 @@ constexpr double kLeastDiagonal = 1e-12;
 
 }  // namespace
 
-// Calls visit(first entry in the padded vectors, size, function from coordinate to diag H) for
-// every variable that moves.
-template <typename Function>
-void TrialStep::ForEachActive(Function&& visit) const {
-  moved_.ForEach([&](std::int32_t i) {
-    const double* C = schur_.FrameDiagonal(i);
-    visit(std::ptrdiff_t{schur_.frames()[i].quad} * kQuad, schur_.frames()[i].size,
-          [C](int k) { return C[k]; });
-  });
-  visited_.ForEach([&](std::int32_t l) {
-    const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    const double* P = schur_.blocks().P(l);
-    visit(std::ptrdiff_t{landmark.quad} * kQuad, landmark.size,
-          [P](int k) { return P[k * kQuad + k]; });
-  });
-}
-
-// ‖Dδ‖, the length that the trust region measures: it does not depend on the variables' units.
-double TrialStep::ScaledNorm() const {
-  double squared = 0.0;
-  ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
-    for (int k = 0; k < size; ++k) {
-      squared += diagonal(k) * step_[first + k] * step_[first + k];
-    }
-  });
-  return std::sqrt(squared);
-}
-
-// In the variables' own units, for the trace and the parameter tolerance.
-double TrialStep::Norm() const {
-  double squared = 0.0;
-  ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
-    for (int k = 0; k < size; ++k) {
-      squared += step_[first + k] * step_[first + k];
-    }
-  });
-  return std::sqrt(squared);
-}
-
 // The Cauchy point t D⁻²η with t = ‖D⁻¹η‖² / ‖J D⁻²η‖², over the active variables.
-void TrialStep::PrepareDogleg() {
-  dogleg_prepared_ = true;
-  // A step of which Evaluate was not asked yet, because it is longer than the radius, has no list.
-  NameTouched();
-  // step_ is overwritten by points of the path from now on.
-  gauss_newton_.assign(step_.begin(), step_.end());
+void DoglegPath::Prepare(const ActiveVariables& active, const ActiveBounds& bounds,
+                         const std::vector<std::vector<std::int32_t>>& touched,
+                         std::vector<IncrementalFamily>* families) {
+  is_prepared_ = true;
+  const AlignedVector<double>& step = active.step();
+  // The step is overwritten by points of the path from now on.
+  gauss_newton_.assign(step.begin(), step.end());
   // Holds η first: minus the gradient of the touched factors, which are all factors of what moves.
-  cauchy_.assign(step_.size(), 0.0);
-  for (const IncrementalFamily& family : families_) {
-    family.SubtractGradient(touched_lists_[family.id()], cauchy_.data());
+  cauchy_.assign(step.size(), 0.0);
+  for (const IncrementalFamily& family : *families) {
+    family.SubtractGradient(touched[family.id()], cauchy_.data());
   }
   // A touched factor has variables that stay put: their entries are no part of the direction.
-  direction_.assign(step_.size(), 0.0);
+  direction_.assign(step.size(), 0.0);
   double squared_gradient = 0.0;
-  ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
-    const char* held = bounds_.held(static_cast<std::int32_t>(first / kQuad));
+  active.ForEachBlock([&](std::ptrdiff_t first, int size, const auto& diagonal) {
+    const char* held = bounds.held(static_cast<std::int32_t>(first / kQuad));
     for (int k = 0; k < size; ++k) {
       // A coordinate that is held at a bound has no part in the descent.
       const double eta = held != nullptr && held[k] != 0 ? 0.0 : cauchy_[first + k];
@@ -93,9 +53,9 @@ void TrialStep::PrepareDogleg() {
   // ‖J D⁻²η‖² from the products Jδ that PredictDecrease leaves with each factor. It overwrites
   // those of the refused step; Evaluate makes new ones for the shortened step.
   double curvature = 0.0;
-  for (IncrementalFamily& family : families_) {
-    family.PredictDecrease(touched_lists_[family.id()], direction_.data());
-    for (const std::int32_t i : touched_lists_[family.id()]) {
+  for (IncrementalFamily& family : *families) {
+    family.PredictDecrease(touched[family.id()], direction_.data());
+    for (const std::int32_t i : touched[family.id()]) {
       double slope = 0.0;
       double squared = 0.0;
       family.Slope(i, &slope, &squared);
@@ -109,15 +69,12 @@ void TrialStep::PrepareDogleg() {
                  [t](double entry) { return t * entry; });
 }
 
-void TrialStep::Shorten(double scaled_norm) {
-  if (!dogleg_prepared_) {
-    PrepareDogleg();
-  }
+void DoglegPath::Take(double scaled_norm, ActiveVariables* active) const {
   // ‖Dδ_sd‖², (Dδ_sd)ᵀD(δ_gn − δ_sd), ‖D(δ_gn − δ_sd)‖²
   double a = 0.0;
   double b = 0.0;
   double c = 0.0;
-  ForEachActive([&](std::ptrdiff_t first, int size, const auto& diagonal) {
+  active->ForEachBlock([&](std::ptrdiff_t first, int size, const auto& diagonal) {
     for (int k = 0; k < size; ++k) {
       const double difference = gauss_newton_[first + k] - cauchy_[first + k];
       a += diagonal(k) * cauchy_[first + k] * cauchy_[first + k];
@@ -137,18 +94,13 @@ void TrialStep::Shorten(double scaled_norm) {
     // any β will do.
     beta = c > 0.0 ? std::clamp(DoglegShare(squared, a, b, c), 0.0, 1.0) : 1.0;
   }
-  ForEachActive([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
+  AlignedVector<double>& step = active->step();
+  active->ForEachBlock([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
     for (int k = 0; k < size; ++k) {
-      step_[first + k] =
+      step[first + k] =
           alpha * cauchy_[first + k] + beta * (gauss_newton_[first + k] - cauchy_[first + k]);
     }
   });
-  // δ_gn was cut off at bounds, but a point between two points of the box plus rounding, or a
-  // Cauchy point, may leave it. Frames and landmarks are cut off alike, coordinate by coordinate.
-  moved_.ForEach(
-      [this](std::int32_t i) { CutOff(schur_.frames()[i].id, schur_.frames()[i].quad); });
-  visited_.ForEach(
-      [this](std::int32_t l) { CutOff(schur_.landmarks()[l].id, schur_.landmarks()[l].quad); });
 }
 
 }  // namespace inceres::internal

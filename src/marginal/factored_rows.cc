@@ -1,4 +1,4 @@
-// CovarianceSystem by orthogonal transformations of the Jacobian: CovarianceAlgorithm::kQr.
+// FactoredNormals by orthogonal transformations of the Jacobian: CovarianceAlgorithm::kQr.
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <Eigen/Dense>
 
 #include "linear/front_qr.h"
-#include "marginal/covariance_system.h"
+#include "marginal/factored_normals.h"
 
 namespace inceres::internal {
 
@@ -21,7 +21,7 @@ namespace inceres::internal {
 // from the rows.
 
 // Diagonal of S, from the rows of a root of it.
-void CovarianceSystem::AddSquares(const RowsOfBlocks& rows) {
+void FactoredNormals::AddSquares(const RowsOfBlocks& rows) {
   Eigen::Index column = 0;
   // Before the rows are moved into a front. Sums of squares: an entry of this diagonal has no
   // cancellation, where C − Y Yᵀ may.
@@ -34,7 +34,7 @@ void CovarianceSystem::AddSquares(const RowsOfBlocks& rows) {
 
 // The rows that all landmarks and the other factors leave for the frames. A landmark that its own
 // rows do not determine is an error.
-Status CovarianceSystem::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
+Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>* rows) {
   // From now on FindDirections finds nothing, and columns are made by rows.
   by_rows_ = std::make_unique<OrthogonalElimination>(graph_, layout_, evaluator_);
   const auto num_landmarks = static_cast<std::size_t>(layout_.num_landmarks());
@@ -73,7 +73,7 @@ Status CovarianceSystem::EliminateByRows(double least, std::vector<RowsOfBlocks>
 
 // Landmarks, fronts, gauge. L is in factor_ afterwards, as after a Cholesky factorization, so that
 // solves and the selected inverse do not know the difference.
-Status CovarianceSystem::FactorizeRows() {
+Status FactoredNormals::FactorizeRows() {
   // For its diagonal alone: the squared norms of the columns of J.
   hessian_.Accumulate();
   const std::vector<double>& squares = hessian_.diagonal();
@@ -104,22 +104,6 @@ Status CovarianceSystem::FactorizeRows() {
                                      "there is no covariance: the gauge is free, or a variable is "
                                      "not determined (" +
                                          status.message + ")");
-}
-
-// V = −W P⁻¹ = −Tᵀ R⁻ᵀ, and P⁻¹ = R⁻¹ R⁻ᵀ.
-void CovarianceSystem::MakeColumnByRows(int landmark, Column* column) {
-  OrthogonalElimination::Landmark eliminated = by_rows_->Eliminate(landmark);
-  // P = RᵀR and W = TᵀR, since Q drops out of J_cᵀJ_l.
-  const Eigen::MatrixXd R_inv = eliminated.InverseOfR();
-  column->frames = std::move(eliminated.rest.blocks);
-  // The frames are those of its factors, ascending, as T has its columns.
-  int rows = 0;
-  for (const int frame : column->frames) {
-    column->rows.push_back(rows);
-    rows += layout_.TangentSize(frame);
-  }
-  column->V = -eliminated.T.transpose() * R_inv.transpose();
-  column->P_inv = R_inv * R_inv.transpose();
 }
 
 }  // namespace inceres::internal

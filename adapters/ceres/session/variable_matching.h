@@ -1,0 +1,77 @@
+#pragma once
+
+#include <vector>
+
+#include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/read/ceres_adapters.h"
+#include "adapters/ceres/read/factor_shapes.h"
+#include "adapters/ceres/session/correspondence.h"
+#include "inceres/ceres/solve.h"
+#include "inceres/problem/graph_edit.h"
+#include "inceres/solver/incremental_solver.h"
+
+namespace inceres::internal {
+
+/// What a block was in the last solve.
+enum class PastRole : char { kNone, kFrame, kLandmark };
+
+/// Roles of the parameter blocks in a solve that follows another. To change a role costs as much as
+/// to remove the block and add it anew, so roles are sticky: landmarks stay landmarks as long as no
+/// two meet in a residual block, and frames become landmarks when the selection makes them so. With
+/// `given` (by the user) the selection rules alone, but for constants, which keep their roles.
+///
+/// Requires that no two blocks of the selection meet in a residual block. Cost: linear in slots.
+std::vector<Role> ChooseIncrementalRoles(const ProblemView& view,
+                                         const LandmarkSelection& selection, bool given,
+                                         const std::vector<PastRole>& past);
+
+/// ∂(x ⊞ δ)/∂δ; empty if there is none.
+std::vector<double> ReadPlusJacobian(const UserManifold& manifold, const double* x);
+
+/// What a problem looks like this time.
+struct ProblemNow {
+  const ProblemView& view;
+  const ShapeTable& shapes;
+  const LandmarkSelection& landmarks;
+  bool landmarks_given;  ///< by the user
+};
+
+/// The parameter blocks' half of following a problem: those that were known are matched with those
+/// that are there, what is gone is removed, and what is new is added, all in one edit.
+class VariableMatching {
+ public:
+  /// Chooses the roles. `known` is what was known, and becomes what is.
+  VariableMatching(const ProblemNow& now, Trust trust, const IncrementalSolver& solver,
+                   GraphEdit* edit, Correspondence* known, ProblemChanges* changes);
+
+  const std::vector<Role>& roles() const { return roles_; }
+
+  /// What was known stays or goes.
+  void Match();
+  /// Whether a variable that was known goes.
+  bool Goes(VariableId id) const { return going_[At(id)] != 0; }
+  /// Whether the caller has set the block to other values.
+  bool IsRevalued(int block) const { return revalued_[At(known_.variable_of[At(block)])] != 0; }
+  /// The blocks of these residual blocks that are not known yet.
+  void AddThoseOf(const std::vector<int>& residuals);
+
+ private:
+  bool IsSame(const Correspondence::Variable& variable, const ParameterBlockView& block,
+              Role role) const;
+  void TakeOver(int b, Correspondence::Variable variable);
+  void Keep(int b, Correspondence::Variable variable, bool revalued);
+  void Add(int b, Role role);
+
+  const ProblemView& view_;
+  const Trust trust_;
+  const IncrementalSolver& solver_;
+  GraphEdit& edit_;
+  Correspondence& known_;
+  ProblemChanges& changes_;
+  std::vector<Role> roles_;     // per block
+  std::vector<char> revalued_;  // per entry of known_.variables
+  std::vector<char> going_;     // per variable id
+  ManifoldTable manifolds_;
+};
+
+}  // namespace inceres::internal

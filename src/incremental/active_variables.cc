@@ -1,0 +1,51 @@
+#include "incremental/active_variables.h"
+
+#include <algorithm>
+
+namespace inceres::internal {
+
+void ActiveVariables::Grow(std::int32_t num_quads) {
+  frames_.Grow(schur_.frames().size());
+  landmarks_.Grow(schur_.landmarks().size());
+  const std::size_t entries = static_cast<std::size_t>(num_quads) * kQuad;
+  if (entries > step_.size()) {
+    step_.resize(entries, 0.0);
+  }
+}
+
+// ‖Dδ‖, the length that the trust region measures: it does not depend on the variables' units.
+double ActiveVariables::ScaledNorm() const {
+  double squared = 0.0;
+  ForEachBlock([&](std::ptrdiff_t first, int size, const auto& diagonal) {
+    for (int k = 0; k < size; ++k) {
+      squared += diagonal(k) * step_[first + k] * step_[first + k];
+    }
+  });
+  return std::sqrt(squared);
+}
+
+// In the variables' own units, for the trace and the parameter tolerance.
+double ActiveVariables::Norm() const {
+  double squared = 0.0;
+  ForEachBlock([&](std::ptrdiff_t first, int size, const auto& /*diagonal*/) {
+    for (int k = 0; k < size; ++k) {
+      squared += step_[first + k] * step_[first + k];
+    }
+  });
+  return std::sqrt(squared);
+}
+
+void ActiveVariables::LeaveOut(std::int32_t landmark) {
+  landmarks_.Remove(landmark);
+  std::fill_n(step(schur_.landmarks()[landmark].quad), schur_.landmarks()[landmark].size, 0.0);
+}
+
+// Zeros for the next step, whose factors read the steps of all their variables. Only of what moves:
+// the vector is as long as the problem.
+void ActiveVariables::Clear() {
+  ForEach([this](const auto& moved) { std::fill_n(step(moved.quad), moved.size, 0.0); });
+  frames_.Clear();
+  landmarks_.Clear();
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "incremental/incremental_schur.h"
+#include "linearize/incremental_family.h"
+#include "linearize/variable_store.h"
+
+namespace inceres::internal {
+
+/// The cost of a living problem, kept by difference: what a factor's has been goes out, what it is
+/// goes in.
+class RunningCost {
+ public:
+  double value() const { return value_; }
+  void Add(double change) {
+    value_ += change;
+    peak_ = std::max(peak_, value_);
+    ++num_changes_;
+  }
+  /// Back to what it was before changes that have failed.
+  void TakeBack(double value) { value_ = value; }
+
+  /// Sums it anew after as many changes as there are factors, so that rounding does not pile up,
+  /// and when it has fallen far, for what is left of it would be rounding. In the order of the
+  /// factors' places.
+  void Resum(const std::vector<IncrementalFamily>& families, int num_factors);
+
+ private:
+  double value_ = 0.0;
+  double peak_ = 0.0;             // the largest it has been since it was summed
+  std::int64_t num_changes_ = 0;  // since then
+};
+
+/// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes
+/// of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over
+/// the frames, or over the landmarks where no frame can move.
+double RoundingOfCost(const FactorGraph& graph, const VariableStore& variables,
+                      const IncrementalSchur& schur);
+
+}  // namespace inceres::internal

@@ -1,0 +1,217 @@
+#include "marginal/factored_normals.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "linear/small_cholesky.h"
+#include "marginal/null_space.h"
+
+namespace inceres::internal {
+
+// What is delicate is rank. A pivot says little: rounding makes singular matrices definite. So
+// three tests ask by how much a variance exceeds the one with all else known: of each landmark for
+// known frames, of a probe of the whole gauge, and of each variable that is asked for
+// (CheckVariance). A NaN fails all of them.
+
+namespace {
+
+// A share of a direction worth naming, and how many of them.
+constexpr double kShare = 0.01;
+constexpr int kMostShares = 8;
+constexpr int kMostDirections = 32;
+
+}  // namespace
+
+FactoredNormals::FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
+                                 const CovarianceOptions& options)
+    // graph, options and state are the caller's: nothing of them is copied but the values.
+    : graph_(graph),
+      options_(options),
+      executor_(options.num_threads),
+      layout_(graph, /*eliminate_landmarks=*/true),
+      evaluator_(graph, layout_, executor_),
+      incidences_(evaluator_),
+      plans_(evaluator_, incidences_),
+      hessian_(evaluator_, incidences_, plans_),
+      elimination_(evaluator_, incidences_, plans_, hessian_),
+      factor_(executor_) {
+  evaluator_.points().SetCurrent(state);
+}
+
+// The message names one variable and counts directions; who is in them is in deficiency_.
+Status FactoredNormals::NotDetermined(VariableId id, const char* why) {
+  FindDirections();
+  std::string found = deficiency_.CountDirections();
+  if (!found.empty()) {
+    found.insert(0, "; ");
+  }
+  return Status::Error(StatusCode::kSingular,
+                       "variable " + std::to_string(id) + " has no covariance: " + why + found);
+}
+
+// Once, and only after a failure: it costs a factorization and many solves.
+void FactoredNormals::FindDirections() {
+  // by rows S is not formed
+  if (diagonal_.size() == 0 || !deficiency_.directions.empty() || by_rows_ != nullptr) {
+    return;
+  }
+  const Eigen::MatrixXd directions =
+      FindNullSpace(plans_.pattern, elimination_.S(), diagonal_, 1.0 / options_.max_inflation,
+                    // One more than are told, to know whether there are more.
+                    kMostDirections + 1, executor_);
+  deficiency_.has_more = directions.cols() > kMostDirections;
+  for (Eigen::Index c = 0; c < std::min<Eigen::Index>(directions.cols(), kMostDirections); ++c) {
+    std::vector<std::pair<VariableId, double>> shares;
+    shares.reserve(static_cast<std::size_t>(layout_.num_frames));
+    for (int frame = 0; frame < layout_.num_frames; ++frame) {
+      // In units of the diagonal of S the direction has length one: shares of all frames add up to
+      // one.
+      shares.emplace_back(layout_.variables[frame],
+                          directions.col(c)
+                              .segment(layout_.packed_offset[frame], layout_.TangentSize(frame))
+                              .squaredNorm());
+    }
+    const auto end = std::remove_if(shares.begin(), shares.end(),
+                                    [](const auto& share) { return share.second < kShare; });
+    shares.erase(end, shares.end());
+    // Equal shares stay in the order of the frames.
+    std::stable_sort(shares.begin(), shares.end(),
+                     [](const auto& a, const auto& b) { return a.second > b.second; });
+    shares.resize(std::min<std::size_t>(shares.size(), kMostShares));
+    deficiency_.directions.push_back({std::move(shares)});
+  }
+}
+
+// Landmarks are tested before they are eliminated: one that is open would spoil S, and be blamed on
+// a frame.
+Status FactoredNormals::Factorize() {
+  double cost = 0.0;
+  // Nothing was evaluated at this state before.
+  Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
+  if (!status.ok()) {
+    return status;
+  }
+  // The same from here on without S, in covariance_by_rows.cc.
+  if (options_.algorithm == CovarianceAlgorithm::kQr) {
+    return FactorizeRows();
+  }
+  hessian_.Accumulate();
+  status = CheckLandmarks();
+  // A vector of zeros, since damping is an argument of the elimination and of the factorization.
+  const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
+  if (status.ok()) {
+    status = elimination_.Eliminate(no_damping.data());
+  }
+  if (!status.ok() || layout_.num_frames == 0) {
+    return status;
+  }
+  // Before the factorization: if that fails, directions are looked for in units of it.
+  diagonal_ = DiagonalOfS();
+  const ReducedMatrix S(plans_.pattern, elimination_.S(), no_damping.data());
+  status = factor_.Analyze(S);
+  if (status.ok()) {
+    status = factor_.Factorize(S, {});
+  }
+  // A pivot that is not positive: the same as a gauge that the probe finds free, only plainer.
+  if (status.code == StatusCode::kSingular) {
+    FindDirections();
+    return Status::Error(
+        StatusCode::kSingular,
+        "there is no covariance: the gauge is free, or a variable is not determined (" +
+            status.message + ")");
+  }
+  return status.ok() ? CheckGauge() : status;
+}
+
+Status FactoredNormals::CheckLandmarks() {
+  const double no_damping[kQuad] = {};
+  for (int l = 0; l < layout_.num_landmarks(); ++l) {
+    const int size = incidences_.sizes[l];
+    // U_inv is a lower triangle, rows four apart, and P⁻¹ = U_invᵀ U_inv: the variance of
+    // coordinate i is the sum of squares of column i, from row i down.
+    double U_inv[4 * kQuad] = {};
+    bool determined = InvertCholeskyFactor(size, hessian_.P(l), no_damping, U_inv);
+    for (int i = 0; determined && i < size; ++i) {
+      double variance = 0.0;
+      for (int k = i; k < size; ++k) {
+        variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
+      }
+      // The variance over 1 / P_ii, with all else known: of units that cancel.
+      determined = variance * hessian_.P(l)[i * kQuad + i] <= options_.max_inflation;
+    }
+    if (!determined) {
+      deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
+    }
+  }
+  return deficiency_.landmarks.empty()
+             ? Status::Ok()
+             : NotDetermined(deficiency_.landmarks.front(),
+                             "the landmark is not determined by its factors");
+}
+
+// Of the last block of each row.
+Eigen::VectorXd FactoredNormals::DiagonalOfS() const {
+  const BlockPattern& pattern = plans_.pattern;
+  Eigen::VectorXd diagonal(pattern.size());
+  for (int row = 0; row < pattern.num_blocks(); ++row) {
+    const double* block = elimination_.S() + pattern.value_begin[pattern.row_begin[row + 1] - 1];
+    for (int i = 0; i < pattern.block_size(row); ++i) {
+      diagonal[pattern.offsets[row] + i] = block[i * pattern.block_size(row) + i];
+    }
+  }
+  return diagonal;
+}
+
+// A Cholesky factor of a singular matrix often exists, thanks to rounding. Then a right-hand side
+// with a share along the null space has a huge solution: one of mixed signs, in units of the
+// diagonal, has such a share.
+// In units of √diag(S) the probe has entries of ±1; what is open blows up its share of the
+// solution. Signs come from a fixed sequence: the same verdict in each run.
+Status FactoredNormals::CheckGauge() {
+  const Eigen::VectorXd scale = diagonal_.cwiseSqrt();
+  Eigen::MatrixXd probe = scale;
+  std::uint32_t bits = 1;
+  for (Eigen::Index i = 0; i < probe.size(); ++i) {
+    // Of a linear congruential generator the highest bit is the one to trust.
+    bits = bits * 1664525u + 1013904223u;
+    probe(i) *= (bits >> 31) != 0 ? 1.0 : -1.0;
+  }
+  Eigen::MatrixXd solution;
+  const Status status = Solve(probe, &solution);
+  if (!status.ok()) {
+    return status;
+  }
+  Eigen::Index largest = 0;
+  const double inflation = (scale.array() * solution.col(0).array()).abs().maxCoeff(&largest);
+  if (inflation <= options_.max_inflation) {
+    return Status::Ok();
+  }
+  // The frame that the scalar belongs to: the last one that begins at or before it.
+  const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(),
+                                      static_cast<int>(largest));
+  return NotDetermined(layout_.variables[after - plans_.pattern.offsets.begin() - 1],
+                       "the gauge is free, or what determines it is lost to rounding");
+}
+
+// Column by column; a solution that overflows is no solution.
+Status FactoredNormals::Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left) {
+  left->resize(right.rows(), right.cols());
+  Status status;
+  for (Eigen::Index c = 0; status.ok() && c < right.cols(); ++c) {
+    status = factor_.Solve(right.col(c).data(), {}, {}, left->col(c).data());
+  }
+  return status.ok() && !left->allFinite()
+             ? Status::Error(StatusCode::kSingular,
+                             "there is no covariance: a solution is not finite")
+             : status;
+}
+
+// Variance times S_kk: over what it would be with all other variables known.
+Status FactoredNormals::CheckVariance(int frame, int k, double variance) {
+  return variance * diagonal_[layout_.packed_offset[frame] + k] <= options_.max_inflation
+             ? Status::Ok()
+             : NotDetermined(layout_.variables[frame], "what determines it is lost to rounding");
+}
+
+}  // namespace inceres::internal

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/executor.h"
+#include "inceres/solver/covariance.h"
+#include "linear/sparse_cholesky.h"
+#include "linearize/evaluator.h"
+#include "linearize/hessian.h"
+#include "marginal/orthogonal_elimination.h"
+#include "schur/elimination.h"
+
+namespace inceres::internal {
+
+/// The undamped normal equations of a graph at a state, landmarks eliminated, and a Cholesky factor
+/// of their S; of kQr the same from the Jacobian, which is never squared. Whatever is not
+/// determined is found out and named: a factor of a singular S often exists, thanks to rounding.
+class FactoredNormals {
+ public:
+  FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
+                  const CovarianceOptions& options);
+
+  /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
+  Status Factorize();
+  /// left := S⁻¹ right, column by column.
+  Status Solve(const Eigen::MatrixXd& right, Eigen::MatrixXd* left);
+  /// Of a frame's coordinate: kSingular if its variance is that of rounding.
+  Status CheckVariance(int frame, int k, double variance);
+  /// What has been found to be open.
+  const RankDeficiency& deficiency() const { return deficiency_; }
+
+  const FactorGraph& graph() const { return graph_; }
+  const Executor& executor() const { return executor_; }
+  const Layout& layout() const { return layout_; }
+  const Evaluator& evaluator() const { return evaluator_; }
+  const LandmarkIncidences& incidences() const { return incidences_; }
+  const BlockPattern& pattern() const { return plans_.pattern; }
+  const Hessian& hessian() const { return hessian_; }
+  const SparseCholesky& factor() const { return factor_; }
+  /// Null but of kQr.
+  OrthogonalElimination* by_rows() const { return by_rows_.get(); }
+
+ private:
+  Status FactorizeRows();
+  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
+  void AddSquares(const RowsOfBlocks& rows);
+  Status CheckLandmarks();
+  Status CheckGauge();
+  Status NotDetermined(VariableId id, const char* why);
+  void FindDirections();
+  Eigen::VectorXd DiagonalOfS() const;
+
+  const FactorGraph& graph_;
+  const CovarianceOptions& options_;
+  Executor executor_;
+  Layout layout_;
+  Evaluator evaluator_;
+  LandmarkIncidences incidences_;
+  FramePlans plans_;
+  Hessian hessian_;
+  Elimination elimination_;
+  SparseCholesky factor_;
+  Eigen::VectorXd diagonal_;                        // of S
+  std::unique_ptr<OrthogonalElimination> by_rows_;  // of kQr
+  RankDeficiency deficiency_;
+};
+
+}  // namespace inceres::internal
