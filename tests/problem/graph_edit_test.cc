@@ -301,6 +301,22 @@ TEST_F(Edit, ValidateFindsAPlainFactorOfARemovedVariable) {
   EXPECT_NE(graph_.Validate().message.find("slot 1 names variable 3, which has been removed"),
             std::string::npos);
 }
+// Lists are first made while an edit is looked at that fills a place: its factor has no variables
+// yet, and joins the lists when it comes.
+TEST_F(Edit, AFactorThatComesToAFreePlaceIsListedFromTheStart) {
+  GraphEdit edit(graph_);
+  edit.RemoveFactor({views_, 1});
+  Apply(edit);
+  EXPECT_FALSE(graph_.TracksFactors());
+  edit.Restart();
+  EXPECT_EQ(edit.AddFactor(views_, 99, {0, 2}).index, 1);
+  edit.RemoveVariable(4);
+  Apply(edit);
+  EXPECT_TRUE(graph_.TracksFactors()) << "or each later edit walks over all factors";
+  EXPECT_EQ(FactorsOf(&graph_, 2), (Factors{{0, 1}, {0, 0}}));
+  EXPECT_EQ(FactorsOf(&graph_, 0), (Factors{{0, 1}, {0, 2}, {0, 0}}));
+}
+
 
 TEST_F(Edit, ACopyIsAGraphOfItsOwn) {
   GraphEdit edit(graph_);
