@@ -6,11 +6,13 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/problem/ambient_family.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/solver/solver.h"
@@ -271,6 +273,68 @@ TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_NE(status.message.find("variable 0"), std::string::npos) << status.message;
   EXPECT_EQ(solver.graph().num_variables(), 0);
+}
+
+// One residual x − m; setting a measurement throws when it is told to.
+class MoodyPriors final : public AmbientFamily<MoodyPriors> {
+ public:
+  using Measurement = double;
+  MoodyPriors() : AmbientFamily(1, {{1, 1}}) {}
+  void Place(int index, double measurement) {
+    if (broken) {
+      throw std::runtime_error("no measurement today");
+    }
+    PlaceIn(&measurements_, index, measurement);
+  }
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "moody prior"; }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    residuals[0] = parameters[0][0] - measurements_[static_cast<std::size_t>(i)];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 1.0;
+    }
+    return true;
+  }
+
+  bool broken = false;
+
+ private:
+  std::vector<double> measurements_;
+};
+
+// What a family throws passes through, and neither the graph nor the solver has followed the edit.
+TEST(IncrementalSolver, AFamilyThatThrowsLeavesTheEditUndone) {
+  IncrementalOptions options;
+  options.batch_share = 2.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<MoodyPriors>());
+  const double start = 0.0;
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  const FactorId first = edit.AddFactor(family, 1.0, {x});
+  const FactorId second = edit.AddFactor(family, 2.0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 1.5, 1e-6);
+  const std::int64_t revision = solver.graph().revision();
+
+  edit.Restart();
+  edit.RemoveFactor(first);
+  edit.SetMeasurement(second, family, 4.0);
+  family->broken = true;
+  EXPECT_THROW(static_cast<void>(solver.Apply(edit)), std::runtime_error);
+  EXPECT_EQ(solver.graph().revision(), revision);
+  EXPECT_EQ(solver.graph().num_factors(), 2);
+  EXPECT_TRUE(solver.graph().HasFactor(first.family, first.index));
+  EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 1.5, 1e-6);
+
+  family->broken = false;
+  ASSERT_TRUE(solver.Apply(edit).ok()) << "it can be tried again";
+  EXPECT_EQ(solver.graph().num_factors(), 1);
+  ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 4.0, 1e-6);
 }
 
 TEST(IncrementalOptions, EachFieldIsValidatedByName) {
