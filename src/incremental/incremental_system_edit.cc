@@ -274,6 +274,8 @@ void IncrementalSystem::Hold(VariableId id, bool constant) {
   // Set free, it is put in by the next Relinearize; held, it is only found to be outside.
   dirty_landmarks_.Add(landmark);
   if (constant) {
+    // Bounds of a constant do not count, so nothing is held at them. (Frames: HoldAtBounds.)
+    bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
     return;
   }
   // A factor of two landmarks, one of them always constant, belongs to the free one.
