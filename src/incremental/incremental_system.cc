@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -30,22 +31,23 @@ constexpr double kCostDrop = 1e4;
 // Operations on numbers of full size that a residual is taken to come of.
 constexpr double kOperations = 16.0;
 
+int CountAll(const std::vector<IndexSet>& sets) {
+  return std::accumulate(sets.begin(), sets.end(), 0,
+                         [](int count, const IndexSet& set) { return count + set.count(); });
+}
+
 }  // namespace
 
 int IncrementalSystem::NumDirtyFactors() const {
-  int count = 0;
-  for (const IndexSet& dirty : dirty_) {
-    count += dirty.count();
-  }
-  return count;
+  return CountAll(dirty_);
+}
+
+int IncrementalSystem::NumWaitingFactors() const {
+  return CountAll(waiting_);
 }
 
 int IncrementalSystem::NumReweighedFactors() const {
-  int count = 0;
-  for (const IndexSet& reweighed : reweighed_) {
-    count += reweighed.count();
-  }
-  return count;
+  return CountAll(reweighed_);
 }
 
 // By difference a dirty factor takes its old one's place, and with it its landmark; anew,
@@ -273,6 +275,9 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
   }
   schur_.DropKept();
   dirty.Clear();
+  if (family->id() < static_cast<FamilyId>(waiting_.size())) {
+    waiting_[family->id()].Clear();
+  }
   return Status::Ok();
 }
 

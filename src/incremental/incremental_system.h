@@ -157,6 +157,10 @@ class IncrementalSystem {
   int AcceptValues();
 
   int NumDirtyFactors() const;
+  /// The factors that are dirty now are so only because others have moved their variables: they
+  /// wait, until they are linearized or removed.
+  void LetDirtyWait() { waiting_ = dirty_; }
+  int NumWaitingFactors() const;
   /// Marked for another weight, and not dirty.
   int NumReweighedFactors() const;
   /// Whether what is cached of it is not what it is now.
@@ -182,6 +186,10 @@ class IncrementalSystem {
   std::int64_t Bytes() const;
 
  private:
+  bool IsWaiting(FactorRef ref) const {
+    return ref.family < static_cast<FamilyId>(waiting_.size()) &&
+           waiting_[ref.family].Reaches(ref.factor) && waiting_[ref.family].Has(ref.factor);
+  }
   void Enter(VariableId id);
   void Attach(FactorRef ref);
   void Detach(FactorRef ref);
@@ -228,6 +236,7 @@ class IncrementalSystem {
   std::int64_t cost_changes_ = 0;  // since then
 
   std::vector<IndexSet> dirty_;      // per family: to be relinearized
+  std::vector<IndexSet> waiting_;    // per family, of those: nothing but their place has changed
   std::vector<IndexSet> reweighed_;  // per family: to take another weight
   std::vector<FactorRef> reweighed_list_;
   IndexSet dirty_landmarks_;  // to be eliminated anew

@@ -210,6 +210,10 @@ void IncrementalSystem::Attach(FactorRef ref) {
 
 void IncrementalSystem::RemoveFactor(FactorRef ref) {
   Detach(ref);
+  // Not in Detach: a factor that is attached again goes on waiting.
+  if (IsWaiting(ref)) {
+    waiting_[ref.family].Remove(ref.factor);
+  }
   --num_factors_;
 }
 
