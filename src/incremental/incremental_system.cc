@@ -243,6 +243,7 @@ Status IncrementalSystem::LinearizeFamily(IncrementalFamily* family, bool by_dif
       const VariableId id = family->variables(i)[s];
       // M = ∂(x ⊞ δ)/∂δ of each variable, at most once a move, before threads read it.
       if (!variables_.RefreshMap(graph_, id)) {
+        cost_ = cost;
         return Status::Error(
             StatusCode::kEvaluationFailed,
             "the manifold of variable " + std::to_string(id) + " has no Jacobian here");

@@ -264,6 +264,48 @@ TEST(IncrementalSolver, AFailureAfterAStepKeepsTheStepAndItsCost) {
   EXPECT_EQ(solver.cost(), failed.final_cost);
 }
 
+// A line whose map has no Jacobian below 0.5.
+class HalfLine final : public Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    *x_plus_delta = *x + *delta;
+    return true;
+  }
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    *jacobian = 1.0;
+    return *x > 0.5;
+  }
+};
+
+// The same where it is the manifold that fails.
+TEST(IncrementalSolver, AManifoldThatFailsAfterAStepKeepsTheStepAndItsCost) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const* parameters, double* residuals, double** jacobians) {
+        residuals[0] = std::exp(parameters[0][0]);
+        if (jacobians != nullptr) {
+          jacobians[0][0] = residuals[0];
+        }
+        return true;
+      }));
+  const double start = 1.0;
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame, std::make_shared<HalfLine>());
+  edit.AddFactor(family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary failed = solver.Update();
+  EXPECT_EQ(failed.termination, Termination::kFailure);
+  EXPECT_NE(failed.message.find("has no Jacobian here"), std::string::npos) << failed.message;
+  EXPECT_LT(*solver.Values(x), 0.5);
+  EXPECT_NEAR(failed.final_cost, 0.5 * std::exp(2.0 * *solver.Values(x)), 1e-12);
+  EXPECT_EQ(solver.cost(), failed.final_cost);
+}
+
 TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
   IncrementalSolver solver{IncrementalOptions{}};
   const double start = std::nan("");
