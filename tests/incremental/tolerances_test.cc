@@ -61,6 +61,37 @@ TEST(Tolerances, AShortStepEndsAnUpdate) {
   EXPECT_LT(iterations, to_the_end.num_iterations);
 }
 
+// Two gradients that overflow, one each way: their sum is no number, and not small.
+TEST(Tolerances, AGradientThatIsNoNumberEndsNothing) {
+  IncrementalOptions options = Endless();
+  options.gradient_tolerance = 1e-3;
+  int num_rows = 0;
+  options.callback = [&](const UpdateIteration& row) {
+    ++num_rows;
+    EXPECT_FALSE(row.gradient_max_norm <= options.gradient_tolerance) << row.gradient_max_norm;
+    return ObserverAction::kContinue;
+  };
+  const double start = 0.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int i, const double* const* parameters, double* residuals, double** jacobians) {
+        residuals[0] = 1e300 * parameters[0][0] + (i == 0 ? 1e10 : -1e10);
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 1e300;
+        }
+        return true;
+      }));
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  edit.AddFactor(family, 0, {x});
+  edit.AddFactor(family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  EXPECT_NE(summary.message.rfind("Gradient", 0), 0u) << summary.message;
+  EXPECT_GT(num_rows, 0);
+}
+
 TEST(Tolerances, AtTheMinimumThereIsNothingToDo) {
   IncrementalOptions options = Endless();
   options.gradient_tolerance = 1e-4;
