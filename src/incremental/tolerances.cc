@@ -69,10 +69,16 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 
 IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
   // The step first: it costs norms only.
-  if (options_.parameter_tolerance > 0.0 && IsLastStepShort()) {
-    return Verdict::kConverged;
+  const bool is_short = options_.parameter_tolerance > 0.0 && IsLastStepShort();
+  const Verdict verdict = is_short                            ? Verdict::kConverged
+                          : options_.gradient_tolerance > 0.0 ? JudgeGradient()
+                                                              : Verdict::kGoOn;
+  // No step was solved for here: what the summary has is of before the last one, or of none at all,
+  // and the next Update (MostLeft) must not build on it.
+  if (verdict == Verdict::kConverged) {
+    left_ = HUGE_VAL;
   }
-  return options_.gradient_tolerance > 0.0 ? JudgeGradient() : Verdict::kGoOn;
+  return verdict;
 }
 
 bool IncrementalMinimizer::IsLastStepShort() {

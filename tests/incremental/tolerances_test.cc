@@ -113,6 +113,36 @@ TEST(Tolerances, AtTheMinimumThereIsNothingToDo) {
   EXPECT_GT(bundle.solver.Update().num_iterations, 0);
 }
 
+// No system was solved where the gradient or the last step has ended an Update: what is left there
+// is not known, and the next one must not go by it.
+TEST(Tolerances, WhatHasEndedAnUpdateDoesNotSayWhatIsLeft) {
+  for (const bool by_gradient : {true, false}) {
+    IncrementalOptions options;
+    options.batch_share = 2.0;
+    IncrementalBundle bundle(options, 1);
+    for (int i = 0; i < 8; ++i) {
+      bundle.AddFrame();
+    }
+    bundle.Apply();
+    ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+    IncrementalOptions loose = options;
+    (by_gradient ? loose.gradient_tolerance : loose.parameter_tolerance) = 1e6;
+    bundle.solver.SetOptions(loose);
+    bundle.AddPrior(bundle.frames()[3], 10.0);
+    bundle.Apply();
+    const UpdateSummary early = bundle.solver.Update();
+    ASSERT_EQ(early.message.rfind(by_gradient ? "Gradient" : "Parameter", 0), 0u) << early.message;
+    // Next to nothing comes, but much is left of before.
+    bundle.solver.SetOptions(options);
+    bundle.AddPrior(bundle.frames()[3], 1e-6);
+    bundle.Apply();
+    const UpdateSummary next = bundle.solver.Update();
+    EXPECT_EQ(next.termination, Termination::kConvergence) << next.message;
+    const double minimum = bundle.FreshMinimum(options, /*from_values_held=*/true);
+    EXPECT_NEAR(next.final_cost, minimum, 1e-5 * minimum) << by_gradient;
+  }
+}
+
 TEST(Tolerances, AreValidated) {
   IncrementalOptions options;
   options.gradient_tolerance = -1.0;
