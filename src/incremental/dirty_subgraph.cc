@@ -152,6 +152,9 @@ Status DirtySubgraph::Linearize(bool by_difference) {
       return linearized;
     }
     factors_[family.id()].Clear();
+    if (family.id() < static_cast<FamilyId>(waiting_.size())) {
+      waiting_[family.id()].Clear();
+    }
   }
   return Status::Ok();
 }

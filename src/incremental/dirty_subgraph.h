@@ -75,6 +75,16 @@ class DirtySubgraph {
     factors_[ref.family].Remove(ref.factor);
     reweighed_[ref.family].Remove(ref.factor);
   }
+  /// The factors that are dirty now are so only because others have moved their variables: they
+  /// wait, until they are linearized or removed.
+  void LetWait() { waiting_ = factors_; }
+  void StopWaiting(FactorRef ref) {
+    if (ref.family < static_cast<FamilyId>(waiting_.size()) &&
+        waiting_[ref.family].Reaches(ref.factor) && waiting_[ref.family].Has(ref.factor)) {
+      waiting_[ref.family].Remove(ref.factor);
+    }
+  }
+  int NumWaiting() const { return Count(waiting_); }
   void DropLandmark(std::int32_t landmark) { landmarks_.Remove(landmark); }
 
   bool Has(FactorRef ref) const {
@@ -121,6 +131,7 @@ class DirtySubgraph {
   RunningCost& cost_;
 
   std::vector<IndexSet> factors_;    // per family: to be relinearized
+  std::vector<IndexSet> waiting_;    // per family, of those: nothing but their place has changed
   std::vector<IndexSet> reweighed_;  // per family: to take another weight
   IndexSet landmarks_;               // to be eliminated anew
   int num_recentered_ = 0;           // since the last Begin

@@ -87,8 +87,9 @@ void DoglegPath::Take(double scaled_norm, ActiveVariables* active) const {
   double alpha = 1.0;  // of δ_sd
   double beta = 0.0;   // of δ_gn − δ_sd
   if (a >= squared) {
-    // The Cauchy point is outside: the path is cut on its first leg.
-    alpha = scaled_norm / std::sqrt(a);
+    // The Cauchy point is outside: the path is cut on its first leg. Where that point is zero there
+    // is no first leg, and the only length that is not beyond it is zero too.
+    alpha = a > 0.0 ? scaled_norm / std::sqrt(a) : 0.0;
   } else {
     // The clamp is for a radius beyond δ_gn, where the whole step is taken. Where both ends agree
     // any β will do.

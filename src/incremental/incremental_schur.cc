@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/larger_of.h"
+
 namespace inceres::internal {
 
 // S and b by difference (docs/algorithms.md, "Incremental Schur complement"). The rule that keeps
@@ -292,7 +294,7 @@ void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
       if (held != nullptr && held[k] != 0) {
         continue;
       }
-      largest = std::max(largest, std::fabs(rhs[k]));
+      largest = LargerOf(largest, std::fabs(rhs[k]));
       squared += rhs[k] * rhs[k];
     }
   };

@@ -20,9 +20,9 @@ namespace inceres {
 // brings the graph up to date before the batch solver works on it, and the living system takes them
 // back afterwards. The living system is made only when it is needed.
 //
-// Two kinds of dirty factors are told apart by num_waiting_: those that edits have changed, and
-// those that only wait to be linearized where the batch solver has left the values. The former
-// decide whether an Update goes to the batch solver again.
+// Two kinds of dirty factors are told apart: those that edits have changed, and those that only
+// wait (IncrementalSystem::LetDirtyWait) to be linearized where the batch solver has left the
+// values. The former decide whether an Update goes to the batch solver again.
 //
 // After a failure, or when an observer takes an Update back, nothing that was cached survives: the
 // values are good, what was computed halfway is not.
@@ -70,8 +70,9 @@ void IncrementalSolver::Impl::Form() {
     Restart();
     // All factors are dirty in a system that was just made. They are nothing new if the batch
     // solver has been there.
-    num_waiting_ = in_batch_ ? live->NumDirtyFactors() : 0;
-    in_batch_ = false;
+    if (std::exchange(in_batch_, false)) {
+      live->LetDirtyWait();
+    }
   }
 }
 
@@ -189,7 +190,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
     live.reset();
     Restart();
   }
-  num_waiting_ = live->NumDirtyFactors();
+  live->LetDirtyWait();
   return outcome.finished;
 }
 
@@ -262,7 +263,6 @@ void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
     shown_state_ = nullptr;
     stop = false;
     held_back_ = false;
-    num_waiting_ = 0;
     cost_ = start_cost;
     PutBackStart();
     throw;
@@ -272,8 +272,8 @@ void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
   // Factors that only wait to be linearized where the batch solver left them are nothing new.
   // Without a living system all are new, unless the batch solver has just left them.
-  const double num_new = live != nullptr
-                             ? live->NumDirtyFactors() - num_waiting_ + live->NumReweighedFactors()
+  const double num_new = live != nullptr ? live->NumDirtyFactors() - live->NumWaitingFactors() +
+                                               live->NumReweighedFactors()
                          : in_batch_ ? 0
                                      : graph.num_factors();
   begun_ = true;
@@ -303,7 +303,6 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     const bool failed_at_once = trace->summary().termination == Termination::kFailure &&
                                 trace->summary().iterations.size() == rows_before;
     cost_ = failed_at_once ? cost_ : live->cost();  // what could not be evaluated has no cost
-    num_waiting_ = 0;
   }
 }
 

@@ -71,7 +71,6 @@ class IncrementalSolver::Impl {
   std::unique_ptr<internal::UndampedFactor> undamped_;  // of the system that lives
   // the batch solver was the last to move, and there was no incremental system
   bool in_batch_ = false;
-  int num_waiting_ = 0;  // factors dirty only because the batch solver was the last to move
   internal::LatestValue<ValueSnapshot> snapshots_;
   std::int64_t num_snapshots_ = 0;
 };

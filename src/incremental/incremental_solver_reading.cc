@@ -45,7 +45,7 @@ Status IncrementalSolver::Impl::PrepareAnew(bool factorize) {
   if (!status.ok() && status.code != StatusCode::kSingular) {
     Restart();
   }
-  num_waiting_ = live->NumDirtyFactors();
+  live->LetDirtyWait();
   return status;
 }
 

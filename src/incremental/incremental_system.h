@@ -126,6 +126,9 @@ class IncrementalSystem {
   int AcceptValues();
 
   int NumDirtyFactors() const { return dirty_.NumFactors(); }
+  /// DirtySubgraph::LetWait.
+  void LetDirtyWait() { dirty_.LetWait(); }
+  int NumWaitingFactors() const { return dirty_.NumWaiting(); }
   /// Marked for another weight, and not dirty.
   int NumReweighedFactors() const { return dirty_.NumReweighed(); }
   /// Whether what is cached of it is not what it is now.

@@ -109,6 +109,8 @@ void Membership::Attach(FactorRef ref) {
 
 void Membership::RemoveFactor(FactorRef ref) {
   Detach(ref);
+  // Not in Detach: a factor that is attached again goes on waiting.
+  dirty_.StopWaiting(ref);
   --num_factors_;
 }
 
@@ -170,6 +172,8 @@ void Membership::Hold(VariableId id, bool constant) {
   // Set free, it is put in by the next Relinearize; held, it is only found to be outside.
   dirty_.MarkLandmark(landmark);
   if (constant) {
+    // Bounds of a constant do not count, so nothing is held at them. (Frames: HoldAtBounds.)
+    bounds_.Release(variables_.quad(id), graph_.TangentSize(id));
     return;
   }
   // A factor of two landmarks, one of them always constant, belongs to the free one.

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "base/formatted.h"
+#include "base/larger_of.h"
 #include "incremental/incremental_minimizer.h"
 #include "linearize/tangent.h"
 
@@ -29,7 +30,7 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
   // x − (x − g) without its rounding.
   if (manifold == nullptr && bounds == nullptr) {
     for (int k = 0; k < tangent; ++k) {
-      largest = std::max(largest, std::fabs(g[k]));
+      largest = LargerOf(largest, std::fabs(g[k]));
     }
     return largest;
   }
@@ -43,7 +44,7 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
     if (bounds != nullptr) {
       moved[k] = std::clamp(moved[k], bounds->lower[k], bounds->upper[k]);
     }
-    largest = std::max(largest, std::fabs(x[k] - moved[k]));
+    largest = LargerOf(largest, std::fabs(x[k] - moved[k]));
   }
   return largest;
 }
@@ -68,10 +69,16 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 
 IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
   // The step first: it costs norms only.
-  if (options_.parameter_tolerance > 0.0 && IsLastStepShort()) {
-    return Verdict::kConverged;
+  const bool is_short = options_.parameter_tolerance > 0.0 && IsLastStepShort();
+  const Verdict verdict = is_short                            ? Verdict::kConverged
+                          : options_.gradient_tolerance > 0.0 ? JudgeGradient()
+                                                              : Verdict::kGoOn;
+  // No step was solved for here: what the summary has is of before the last one, or of none at all,
+  // and the next Update (MostLeft) must not build on it.
+  if (verdict == Verdict::kConverged) {
+    left_ = HUGE_VAL;
   }
-  return options_.gradient_tolerance > 0.0 ? JudgeGradient() : Verdict::kGoOn;
+  return verdict;
 }
 
 bool IncrementalMinimizer::IsLastStepShort() {
@@ -104,7 +111,8 @@ bool IncrementalMinimizer::IsLastStepShort() {
 IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeGradient() {
   double largest = 0.0, norm = 0.0;
   system_.schur().RhsNorms(&largest, &norm);
-  if (largest > options_.gradient_tolerance) {
+  // Written so that a NaN is no convergence.
+  if (!(largest <= options_.gradient_tolerance)) {
     return Verdict::kGoOn;
   }
   // Any error at all, which the rules of relinearization would allow.
@@ -154,7 +162,7 @@ double IncrementalMinimizer::GradientMaxNorm() const {
     double* g = minus_gradient.data() + std::ptrdiff_t{quad} * kQuad;
     // SubtractGradient leaves η, and ProjectedMaxNorm wants g.
     std::transform(g, g + system_.graph().TangentSize(id), g, [](double entry) { return -entry; });
-    largest = std::max(largest,
+    largest = LargerOf(largest,
                        ProjectedMaxNorm(system_.graph(), id, system_.variables().current(id), g));
   });
   return largest;

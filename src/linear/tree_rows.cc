@@ -79,22 +79,26 @@ void TreeRows::Forget(int row) {
     TakeFrom(&rows_[neighbor].neighbors, row);
   }
   rows_[row].neighbors.clear();
-  tree_.Remove(row);
+  // A row that still waits for its place (Rebuild) is in no clique.
+  if (tree_.Has(row)) {
+    tree_.Remove(row);
+  }
 }
 
 // A row that has gone, or has come back as another, or without a block that it had.
 // The comparison of values would not show it: it visits the blocks that S has.
 void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
   for (const int row : pending_) {
-    if (!tree_.Has(row)) {
-      continue;
-    }
     ListNeighbors(S, row, &neighbors_);
     const std::vector<int>& known = rows_[row].neighbors;
     // Both lists ascend.
-    if (S.size_of(row) != tree_.SizeOf(row) ||
+    if ((tree_.Has(row) && S.size_of(row) != tree_.SizeOf(row)) ||
         !std::includes(neighbors_.begin(), neighbors_.end(), known.begin(), known.end())) {
       Forget(row);
+    }
+    // It may have left S while it was waiting.
+    if (S.size_of(row) == 0) {
+      TakeFrom(&new_rows_, row);
     }
   }
 }

@@ -38,6 +38,10 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   // From now on a family may hold more measurements than factors: AddFactor has placed them, also
   // where the edit is refused.
   edits_->edited = true;
+  // Of an edit that was checked and not carried out.
+  edits_->coming_pins.clear();
+  edits_->coming_bounds.clear();
+  edits_->measurements_placed = false;
   Status status;
   try {
     status = internal::EditCheck(this, edit, removed).Run();
@@ -89,6 +93,8 @@ Status EditCheck::Run() {
   if (status.ok()) {
     ReserveVariables();
     ReserveFactors();
+    PreparePins();
+    PrepareBounds();
   }
   return status;
 }

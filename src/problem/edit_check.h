@@ -24,6 +24,11 @@ class EditCheck {
   /// The edit must have been begun on this graph at its present revision.
   Status Run();
 
+  /// Places the measurements that a checked edit sets, if that was not done yet: the one part of an
+  /// edit that runs code of the user's, and so goes ahead of all that cannot be undone. What it
+  /// throws passes through: graphs have not changed, measurements placed before it stay.
+  static void PlaceMeasurements(FactorGraph* graph, const GraphEdit& edit);
+
  private:
   using Graph = FactorGraph;
 
@@ -42,6 +47,8 @@ class EditCheck {
   Status CheckBounds() const;
   void ReserveVariables() const;
   void ReserveFactors() const;
+  void PreparePins() const;
+  void PrepareBounds() const;
 
   Place PlaceOf(FactorId id) const;
   Place& MutablePlace(FactorId id);

@@ -1,4 +1,5 @@
-// Room for an edit, made while it may still fail, and the edit itself, which then cannot.
+// Room for an edit, made while it may still fail, and the edit itself, which then cannot: but for
+// what a family of the user's throws, before anything is changed.
 #include <algorithm>
 #include <cassert>
 
@@ -8,8 +9,9 @@ namespace inceres {
 
 // The second half of a transaction. Check has found nothing wrong, and has made room in every
 // vector that grows here, by as much as it grows: push_back and insert do not allocate, so nothing
-// is left half done for want of memory in them. Ids and places were given out by GraphEdit from the
-// ends of the free lists; they are taken off here in the same order, which the assertions look at.
+// is left half done for want of memory in them. Pins and bounds are nodes of maps: Check makes
+// them, and here they change hands. Ids and places were given out by GraphEdit from the ends of the
+// free lists; they are taken off here in the same order, which the assertions look at.
 
 namespace internal {
 namespace {
@@ -78,6 +80,47 @@ void EditCheck::ReserveFactors() const {
   }
 }
 
+// The last word on each variable: a later entry writes over an earlier one, or takes it away.
+void EditCheck::PreparePins() const {
+  for (const auto& [id, offset] : edit_.pins()) {
+    if (offset == GraphEdit::kNoValues) {
+      edits_.coming_pins.erase(id);
+    } else {
+      const double* values = edit_.values().data() + offset;
+      edits_.coming_pins[id].assign(values, values + See(id).record->ambient_size);
+    }
+  }
+}
+
+void EditCheck::PrepareBounds() const {
+  const auto values = [this](std::size_t offset) {
+    return offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset;
+  };
+  for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
+    VariableBounds made;
+    if (MakeBounds(values(bounds.lower), values(bounds.upper), See(bounds.id).record->ambient_size,
+                   &made)) {
+      edits_.coming_bounds[bounds.id] = std::move(made);
+    } else {
+      edits_.coming_bounds.erase(bounds.id);
+    }
+  }
+}
+
+void EditCheck::PlaceMeasurements(FactorGraph* graph, const GraphEdit& edit) {
+  EditState& edits = *graph->edits_;
+  if (edits.measurements_placed) {
+    return;
+  }
+  for (const auto& [id, place] : edit.measurements()) {
+    // Null: the caller has written to his family himself.
+    if (place != nullptr) {
+      place();
+    }
+  }
+  edits.measurements_placed = true;
+}
+
 /// Carries out one checked edit, in the order that GraphEdit documents. What is freed enters the
 /// free lists last: the edit's own ids were taken from them as they were before.
 class EditCommit {
@@ -88,6 +131,9 @@ class EditCommit {
   // What goes first: its ids and places are still named by the factors that go, and unlinked from
   // their lists while they are.
   void Run() {
+    // What this throws is the user's, and passes through while the graph is as it was. A factor
+    // that comes has its place in the family already.
+    EditCheck::PlaceMeasurements(&graph_, edit_);
     std::for_each(removed_.begin(), removed_.end(), [this](FactorId id) { RemoveFactor(id); });
     for (const VariableId id : edit_.removed_variables()) {
       RemoveVariable(id);
@@ -100,6 +146,7 @@ class EditCommit {
     }
     Settle();
     Free();
+    edits_.measurements_placed = false;
     ++graph_.revision_;
   }
 
@@ -186,17 +233,11 @@ class EditCommit {
     }
   }
 
-  // In the order that GraphEdit documents, each list in the order of the calls: of two for the same
-  // variable the later one holds.
+  // In the order that GraphEdit documents, measurements aside, which nothing here looks at; each
+  // list in the order of the calls: of two for the same variable the later one holds.
   void Settle() {
     for (const auto& [id, loss] : edit_.losses()) {
       graph_.SetLoss(id.family, id.index, loss);
-    }
-    for (const auto& [id, place] : edit_.measurements()) {
-      // Null: the caller has written to his family himself.
-      if (place != nullptr) {
-        place();
-      }
     }
     for (const auto& [id, constant] : edit_.constants()) {
       graph_.SetConstant(id, constant);
@@ -204,16 +245,16 @@ class EditCommit {
     for (const auto& [id, offset] : edit_.new_values()) {
       graph_.SetValues(id, edit_.values().data() + offset);
     }
+    // What was there goes, so that every prepared node finds its place free: the nodes are moved,
+    // which allocates nothing.
     for (const auto& [id, offset] : edit_.pins()) {
-      graph_.PinLinearization(
-          id, offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset);
+      graph_.pins_.erase(id);
     }
+    graph_.pins_.merge(edits_.coming_pins);
     for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
-      const auto values = [this](std::size_t offset) {
-        return offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset;
-      };
-      graph_.SetBounds(bounds.id, values(bounds.lower), values(bounds.upper));
+      graph_.bounds_.erase(bounds.id);
     }
+    graph_.bounds_.merge(edits_.coming_bounds);
   }
 
   // After everything has come: what this edit frees is for the next one, whose ids are given out in

@@ -49,6 +49,10 @@ struct EditState {
   std::vector<Touch> first_touches;    // one a variable, once tracked
   std::vector<VariableMark> marks;     // scratch of Check
   std::vector<VariableRecord> comers;  // scratch of Check: the variables that come
+  // What the edit leaves of pins and bounds, made by Check, so that Commit need not allocate.
+  std::map<VariableId, std::vector<double>> coming_pins;
+  std::map<VariableId, VariableBounds> coming_bounds;
+  bool measurements_placed = false;  // those of the edit that was checked last
 };
 
 /// Removed variables by their size: borrowed ones have no room of their own, so theirs are kept
@@ -59,5 +63,7 @@ inline int FreeKey(int ambient_size, bool borrowed) {
 
 VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold);
 VariableRecord MakeBorrowed(const double* values, int ambient_size);
+/// As FactorGraph::SetBounds takes them; false if no value is bounded.
+bool MakeBounds(const double* lower, const double* upper, int size, VariableBounds* bounds);
 
 }  // namespace inceres::internal

@@ -69,6 +69,23 @@ VariableRecord MakeBorrowed(const double* values, int ambient_size) {
   return variable;
 }
 
+// Bounds of ∓infinity, or of ∓the largest double as in Ceres, are none.
+bool MakeBounds(const double* lower, const double* upper, int size, VariableBounds* bounds) {
+  constexpr double kMax = std::numeric_limits<double>::max();
+  const auto count = static_cast<std::size_t>(size);
+  const auto take = [count](const double* values, double none) {
+    return values != nullptr ? std::vector<double>(values, values + count)
+                             : std::vector<double>(count, none);
+  };
+  bounds->lower = take(lower, -kMax);
+  bounds->upper = take(upper, kMax);
+  // A NaN stays, for Validate() to find.
+  return std::any_of(bounds->lower.begin(), bounds->lower.end(),
+                     [](double b) { return !(b <= -kMax); }) ||
+         std::any_of(bounds->upper.begin(), bounds->upper.end(),
+                     [](double b) { return !(b >= kMax); });
+}
+
 EditStateOwner::EditStateOwner() : state_(std::make_unique<EditState>()) {
 }
 // A copy of a graph has an edit state of its own, marks and lists included: edits are begun on one
@@ -239,25 +256,14 @@ void FactorGraph::SetLoss(FamilyId family, int factor, std::shared_ptr<const Los
   }
 }
 
-// Bounds of ∓infinity, or of ∓the largest double as in Ceres, are none: a variable with nothing
-// else is not bounded.
+// A variable with nothing but bounds that are none is not bounded.
 void FactorGraph::SetBounds(VariableId id, const double* lower, const double* upper) {
-  constexpr double kMax = std::numeric_limits<double>::max();
   assert(id >= 0 && id < num_variables() && "FactorGraph::SetBounds: no such variable");
-  const std::size_t size = Index(AmbientSize(id));
   VariableBounds bounds;
-  bounds.lower = lower != nullptr ? std::vector<double>(lower, lower + size)
-                                  : std::vector<double>(size, -kMax);
-  bounds.upper =
-      upper != nullptr ? std::vector<double>(upper, upper + size) : std::vector<double>(size, kMax);
-  // A NaN stays, for Validate() to find.
-  const bool none =
-      std::all_of(bounds.lower.begin(), bounds.lower.end(), [](double b) { return b <= -kMax; }) &&
-      std::all_of(bounds.upper.begin(), bounds.upper.end(), [](double b) { return b >= kMax; });
-  if (none) {
-    bounds_.erase(id);
-  } else {
+  if (internal::MakeBounds(lower, upper, AmbientSize(id), &bounds)) {
     bounds_[id] = std::move(bounds);
+  } else {
+    bounds_.erase(id);
   }
 }
 

@@ -50,8 +50,11 @@ void FactorGraph::TrackFactors() {
     FamilyEditState& edits = edits_->families[Index(id)];
     edits.links.assign(record.variables.size(), Link());
     for (int factor = 0; factor < record.num_factors; ++factor) {
-      // Free places name no variables.
-      if (edits.places.empty() || edits.places[Index(factor)] != internal::Place::kFree) {
+      // Free places name no variables, and no more do those that the edit under check fills: such a
+      // factor joins the lists when it comes.
+      const internal::Place place =
+          edits.places.empty() ? internal::Place::kIncremental : edits.places[Index(factor)];
+      if (place != internal::Place::kFree && place != internal::Place::kComing) {
         LinkFactor(id, factor);
       }
     }

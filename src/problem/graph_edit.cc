@@ -1,10 +1,31 @@
 #include "inceres/problem/graph_edit.h"
 
 #include <algorithm>
+#include <string>
 
 #include "problem/find_fault.h"
 
 namespace inceres {
+
+namespace {
+
+// Notes that values were given for a variable that is not there, whose size is not known, so that
+// they cannot be kept. Check would come too late: the edit may have added a variable of that id by
+// then, for which missing values mean something else (no pin, no bound). The first misuse is kept.
+void RequireVariable(const char* call, const FactorGraph& graph, VariableId id, int ambient_size,
+                     Status* misuse) {
+  if (ambient_size >= 0 || !misuse->ok()) {
+    return;
+  }
+  const bool was_there = id >= 0 && id < graph.num_variables();
+  *misuse =
+      internal::Invalid(std::string(call) + ": " + internal::VariableName(id) +
+                        (was_there ? std::string(" has been removed")
+                                   : " does not exist: the graph has " +
+                                         std::to_string(graph.num_variables()) + " variables"));
+}
+
+}  // namespace
 
 // An edit is a list of wishes. It writes nothing to the graph, but gives out at once the ids that
 // Apply is going to use: the k-th new variable of a size takes the k-th id from the back of that
@@ -142,14 +163,17 @@ std::size_t GraphEdit::Store(VariableId id, const double* values) {
 }
 
 void GraphEdit::SetValues(VariableId id, const double* values) {
+  RequireVariable("SetValues", *graph_, id, AmbientSize(id), &misuse_);
   new_values_.emplace_back(id, Store(id, values));
 }
 
 void GraphEdit::PinLinearization(VariableId id, const double* values) {
+  RequireVariable("PinLinearization", *graph_, id, AmbientSize(id), &misuse_);
   pins_.emplace_back(id, Store(id, values));
 }
 
 void GraphEdit::SetBounds(VariableId id, const double* lower, const double* upper) {
+  RequireVariable("SetBounds", *graph_, id, AmbientSize(id), &misuse_);
   const std::size_t low = Store(id, lower);
   bounds_.push_back({id, low, Store(id, upper)});
 }

@@ -152,6 +152,12 @@ void IterativeModel::MakePreconditioner(Status* status) {
   }
 }
 
+// The tolerance of a step follows the gradients of its own solve.
+void IterativeModel::BeginSolve() {
+  eta_ = options_.eta;
+  gradient_norm_ = 0.0;
+}
+
 // Once a linearization. What depends on the damping waits for Solve: after a refused step C, the
 // gradient and η are still good.
 void IterativeModel::Refresh() {

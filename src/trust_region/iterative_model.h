@@ -30,6 +30,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   IterativeModel(const ConjugateGradientsOptions& options, Unfinished unfinished,
                  const Evaluator& evaluator, Status* status);
 
+  void BeginSolve() override;
   void Refresh() override;
   const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
   const std::vector<double>& Diagonal() const override { return hessian_.diagonal(); }

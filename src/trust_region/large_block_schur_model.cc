@@ -238,6 +238,7 @@ Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
   damping_ = damping;
   num_iterations_ = 0;
   converged_ = true;
+  leaves_landmarks_ = false;
   Status status = FactorEliminated();
   clock_->Charge(&seconds_->elimination);
   if (status.ok() && !kept_.empty()) {
@@ -246,6 +247,8 @@ Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
     clock_->Charge(&seconds_->factorization);
   }
   if (status.ok()) {
+    // Not of an iteration that broke down, which leaves no step at all.
+    leaves_landmarks_ = options_.explicit_schur_complement && !converged_;
     BackSubstitute(step);
     clock_->Charge(&seconds_->back_substitution);
   }
@@ -366,7 +369,7 @@ void LargeBlockSchurModel::BackSubstitute(double* step) const {
     }
     Eigen::Map<VectorXd> to(step + Offset(variable), Size(variable));
     to = eliminated_inverse_[e] * x;
-    if (left_out_landmarks()) {
+    if (leaves_landmarks_) {
       to.setZero();
     }
   }

@@ -36,9 +36,8 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   }
   void Describe(WorkCounts* work) const override;
   void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
-  bool left_out_landmarks() const override {
-    return options_.explicit_schur_complement && !converged_;
-  }
+  bool left_out_landmarks() const override { return leaves_landmarks_; }
+  bool is_iterative() const override { return true; }
   int num_iterations() const override { return num_iterations_; }
 
  private:
@@ -87,6 +86,7 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   const double* scale_ = nullptr;
   int num_iterations_ = 0;
   bool converged_ = false;
+  bool leaves_landmarks_ = false;
 };
 
 }  // namespace inceres::internal

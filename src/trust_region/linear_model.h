@@ -33,6 +33,10 @@ class LinearModel {
     clock_ = clock;
   }
 
+  /// Ahead of the first Refresh of each solve: a model that has served another one forgets what it
+  /// has learned there, so that no solve depends on those before.
+  virtual void BeginSolve() {}
+
   /// Takes over the evaluator's new residuals and Jacobians.
   virtual void Refresh() = 0;
 

@@ -24,11 +24,13 @@ namespace {
 // Rows a task.
 constexpr int kRowTask = 64;
 
-// Ids are the caller's: each may name a family or a place that does not exist, or that was freed.
+// Ids are the caller's: each may name a family or a place that does not exist, or that was freed,
+// or the factor that had the place before.
 bool AreThere(const FactorGraph& graph, const std::vector<FactorId>& subset) {
   return std::all_of(subset.begin(), subset.end(), [&](const FactorId& id) {
     return id.family >= 0 && id.family < graph.num_families() && id.index >= 0 &&
-           id.index < graph.NumFactors(id.family) && graph.HasFactor(id.family, id.index);
+           graph.HasFactor(id.family, id.index) &&
+           (id.generation < 0 || id.generation == graph.Generation(id.family, id.index));
   });
 }
 

@@ -57,6 +57,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
   // From here on clock_ is read at the borders of stages, and each stage charges what went by
   // since.
   model->TimeInto(&summary->seconds, &clock_);
+  model->BeginSolve();
   // What is returned if nothing at all is accepted.
   best_state_ = evaluator->points().current();
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);

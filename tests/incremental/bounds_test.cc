@@ -306,6 +306,39 @@ TEST(Bounds, WhatIsHeldHasNoCovariance) {
   EXPECT_TRUE(lifted.ok()) << lifted.message;
 }
 
+// Bounds of a constant do not count, so nothing is held at them any more.
+TEST(Bounds, WhatIsHeldAndThenMadeConstantIsInNobodysWay) {
+  for (const Role role : {Role::kFrame, Role::kLandmark}) {
+    IncrementalBundle bundle(Tight(2.0), 1);
+    bundle.Grow(8, 24, 3);
+    bundle.solver.Update();
+    const VariableId id = role == Role::kFrame ? bundle.frames()[3] : bundle.landmarks()[3];
+    const int size = bundle.solver.graph().AmbientSize(id);
+    std::vector<double> lower(bundle.solver.Values(id), bundle.solver.Values(id) + size);
+    // The optimum is below.
+    std::for_each(lower.begin(), lower.end(), [](double& bound) { bound += 0.1; });
+    bundle.SetBounds(id, lower, {});
+    bundle.Apply();
+    bundle.solver.Update();
+    const VariableId asked = bundle.frames()[1];
+    LiveCovariance covariance;
+    ASSERT_EQ(bundle.solver.MarginalCovariance(asked, LiveCovarianceOptions(), &covariance).code,
+              StatusCode::kUnavailable);
+    bundle.SetConstant(id, true);
+    bundle.Apply();
+    bundle.solver.Update();
+    const Status constant =
+        bundle.solver.MarginalCovariance(asked, LiveCovarianceOptions(), &covariance);
+    EXPECT_TRUE(constant.ok()) << constant.message;
+    // Set free it is held again.
+    bundle.SetConstant(id, false);
+    bundle.Apply();
+    bundle.solver.Update();
+    EXPECT_EQ(bundle.solver.MarginalCovariance(asked, LiveCovarianceOptions(), &covariance).code,
+              StatusCode::kUnavailable);
+  }
+}
+
 // A coordinate that its manifold holds is none of the tangent space: bounds are by value.
 TEST(Bounds, OfAVariableWithConstantCoordinates) {
   IncrementalSolver solver(Tight(2.0));

@@ -6,11 +6,13 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/problem/ambient_family.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/solver/solver.h"
@@ -262,6 +264,48 @@ TEST(IncrementalSolver, AFailureAfterAStepKeepsTheStepAndItsCost) {
   EXPECT_EQ(solver.cost(), failed.final_cost);
 }
 
+// A line whose map has no Jacobian below 0.5.
+class HalfLine final : public Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    *x_plus_delta = *x + *delta;
+    return true;
+  }
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    *jacobian = 1.0;
+    return *x > 0.5;
+  }
+};
+
+// The same where it is the manifold that fails.
+TEST(IncrementalSolver, AManifoldThatFailsAfterAStepKeepsTheStepAndItsCost) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const* parameters, double* residuals, double** jacobians) {
+        residuals[0] = std::exp(parameters[0][0]);
+        if (jacobians != nullptr) {
+          jacobians[0][0] = residuals[0];
+        }
+        return true;
+      }));
+  const double start = 1.0;
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame, std::make_shared<HalfLine>());
+  edit.AddFactor(family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary failed = solver.Update();
+  EXPECT_EQ(failed.termination, Termination::kFailure);
+  EXPECT_NE(failed.message.find("has no Jacobian here"), std::string::npos) << failed.message;
+  EXPECT_LT(*solver.Values(x), 0.5);
+  EXPECT_NEAR(failed.final_cost, 0.5 * std::exp(2.0 * *solver.Values(x)), 1e-12);
+  EXPECT_EQ(solver.cost(), failed.final_cost);
+}
+
 TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
   IncrementalSolver solver{IncrementalOptions{}};
   const double start = std::nan("");
@@ -271,6 +315,68 @@ TEST(IncrementalSolver, AnEditThatCannotBeIsRefusedUntouched) {
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_NE(status.message.find("variable 0"), std::string::npos) << status.message;
   EXPECT_EQ(solver.graph().num_variables(), 0);
+}
+
+// One residual x − m; setting a measurement throws when it is told to.
+class MoodyPriors final : public AmbientFamily<MoodyPriors> {
+ public:
+  using Measurement = double;
+  MoodyPriors() : AmbientFamily(1, {{1, 1}}) {}
+  void Place(int index, double measurement) {
+    if (broken) {
+      throw std::runtime_error("no measurement today");
+    }
+    PlaceIn(&measurements_, index, measurement);
+  }
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "moody prior"; }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    residuals[0] = parameters[0][0] - measurements_[static_cast<std::size_t>(i)];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 1.0;
+    }
+    return true;
+  }
+
+  bool broken = false;
+
+ private:
+  std::vector<double> measurements_;
+};
+
+// What a family throws passes through, and neither the graph nor the solver has followed the edit.
+TEST(IncrementalSolver, AFamilyThatThrowsLeavesTheEditUndone) {
+  IncrementalOptions options;
+  options.batch_share = 2.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<MoodyPriors>());
+  const double start = 0.0;
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  const FactorId first = edit.AddFactor(family, 1.0, {x});
+  const FactorId second = edit.AddFactor(family, 2.0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 1.5, 1e-6);
+  const std::int64_t revision = solver.graph().revision();
+
+  edit.Restart();
+  edit.RemoveFactor(first);
+  edit.SetMeasurement(second, family, 4.0);
+  family->broken = true;
+  EXPECT_THROW(static_cast<void>(solver.Apply(edit)), std::runtime_error);
+  EXPECT_EQ(solver.graph().revision(), revision);
+  EXPECT_EQ(solver.graph().num_factors(), 2);
+  EXPECT_TRUE(solver.graph().HasFactor(first.family, first.index));
+  EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 1.5, 1e-6);
+
+  family->broken = false;
+  ASSERT_TRUE(solver.Apply(edit).ok()) << "it can be tried again";
+  EXPECT_EQ(solver.graph().num_factors(), 1);
+  ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+  EXPECT_NEAR(*solver.Values(x), 4.0, 1e-6);
 }
 
 TEST(IncrementalOptions, EachFieldIsValidatedByName) {

@@ -133,6 +133,36 @@ TEST(DoglegPath, StartsDownTheGradient) {
       << "so short a step does what the gradient says";
 }
 
+// Where the gradient is zero there is no Cauchy point but zero: a path of no length ends there.
+TEST(DoglegPath, OfNoLengthAtAStationaryPointIsNoStep) {
+  FactorGraph graph;
+  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int, const double* const* x, double* residuals, double** jacobians) {
+        residuals[0] = x[0][0];
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 1.0;
+        }
+        return true;
+      }));
+  const double zero = 0.0;
+  const VariableId x = graph.AddVariable(&zero, 1, Role::kFrame);
+  graph.AddFactor(family, 0, {x});
+  IncrementalSystem system(graph, 1);
+  system.AddVariable(x);
+  system.AddFactor({family, 0});
+  RelinearizeWork work;
+  ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  system.step().SetFrame(0, &zero);
+  system.step().Shorten(0.0);
+  EXPECT_EQ(*system.step().Frame(0), 0.0);
+  double change = 0.0;
+  double predicted = 0.0;
+  ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
+  EXPECT_EQ(change, 0.0);
+  EXPECT_EQ(predicted, 0.0);
+}
+
 TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   Star star(5);
   IncrementalSystem& system = star.system();

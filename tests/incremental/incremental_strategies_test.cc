@@ -68,6 +68,34 @@ TEST(BatchPhase, TakesAnUpdateThatIsMostlyNewAndNoOther) {
   }
 }
 
+// Factors that wait and are removed are no longer there to be waited for: those that have come in
+// their places are new.
+TEST(BatchPhase, TakesAnUpdateWhoseFactorsWereExchangedWhileTheyWaited) {
+  IncrementalBundle bundle(IncrementalOptions(), 1);
+  bundle.Grow(8, 60, 3);
+  ASSERT_GT(bundle.solver.Update().num_batch_iterations, 0);
+  const std::vector<VariableId> old = bundle.landmarks();
+  for (const VariableId landmark : old) {
+    bundle.RemoveVariable(landmark);
+  }
+  bundle.Apply();
+  for (std::size_t k = 0; k < old.size(); ++k) {
+    const std::size_t first = k % 6;
+    bundle.AddLandmark(
+        {bundle.frames()[first], bundle.frames()[first + 1], bundle.frames()[first + 2]});
+  }
+  bundle.Apply();
+  EXPECT_GT(bundle.solver.Update().num_batch_iterations, 0);
+  // And what comes and goes again leaves the others waiting.
+  const VariableId guest = bundle.AddLandmark({bundle.frames()[0], bundle.frames()[1]});
+  bundle.Apply();
+  bundle.RemoveVariable(guest);
+  bundle.Apply();
+  bundle.AddLandmark({bundle.frames()[0], bundle.frames()[1]});
+  bundle.Apply();
+  EXPECT_EQ(bundle.solver.Update().num_batch_iterations, 0);
+}
+
 struct Variant {
   const char* name;
   void (*apply)(IncrementalOptions* options);

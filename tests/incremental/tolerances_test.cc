@@ -61,6 +61,37 @@ TEST(Tolerances, AShortStepEndsAnUpdate) {
   EXPECT_LT(iterations, to_the_end.num_iterations);
 }
 
+// Two gradients that overflow, one each way: their sum is no number, and not small.
+TEST(Tolerances, AGradientThatIsNoNumberEndsNothing) {
+  IncrementalOptions options = Endless();
+  options.gradient_tolerance = 1e-3;
+  int num_rows = 0;
+  options.callback = [&](const UpdateIteration& row) {
+    ++num_rows;
+    EXPECT_FALSE(row.gradient_max_norm <= options.gradient_tolerance) << row.gradient_max_norm;
+    return ObserverAction::kContinue;
+  };
+  const double start = 0.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [](int i, const double* const* parameters, double* residuals, double** jacobians) {
+        residuals[0] = 1e300 * parameters[0][0] + (i == 0 ? 1e10 : -1e10);
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 1e300;
+        }
+        return true;
+      }));
+  GraphEdit edit(solver.graph());
+  const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+  edit.AddFactor(family, 0, {x});
+  edit.AddFactor(family, 0, {x});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  EXPECT_NE(summary.message.rfind("Gradient", 0), 0u) << summary.message;
+  EXPECT_GT(num_rows, 0);
+}
+
 TEST(Tolerances, AtTheMinimumThereIsNothingToDo) {
   IncrementalOptions options = Endless();
   options.gradient_tolerance = 1e-4;
@@ -80,6 +111,36 @@ TEST(Tolerances, AtTheMinimumThereIsNothingToDo) {
   options.gradient_tolerance = 1e-9;
   bundle.solver.SetOptions(options);
   EXPECT_GT(bundle.solver.Update().num_iterations, 0);
+}
+
+// No system was solved where the gradient or the last step has ended an Update: what is left there
+// is not known, and the next one must not go by it.
+TEST(Tolerances, WhatHasEndedAnUpdateDoesNotSayWhatIsLeft) {
+  for (const bool by_gradient : {true, false}) {
+    IncrementalOptions options;
+    options.batch_share = 2.0;
+    IncrementalBundle bundle(options, 1);
+    for (int i = 0; i < 8; ++i) {
+      bundle.AddFrame();
+    }
+    bundle.Apply();
+    ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
+    IncrementalOptions loose = options;
+    (by_gradient ? loose.gradient_tolerance : loose.parameter_tolerance) = 1e6;
+    bundle.solver.SetOptions(loose);
+    bundle.AddPrior(bundle.frames()[3], 10.0);
+    bundle.Apply();
+    const UpdateSummary early = bundle.solver.Update();
+    ASSERT_EQ(early.message.rfind(by_gradient ? "Gradient" : "Parameter", 0), 0u) << early.message;
+    // Next to nothing comes, but much is left of before.
+    bundle.solver.SetOptions(options);
+    bundle.AddPrior(bundle.frames()[3], 1e-6);
+    bundle.Apply();
+    const UpdateSummary next = bundle.solver.Update();
+    EXPECT_EQ(next.termination, Termination::kConvergence) << next.message;
+    const double minimum = bundle.FreshMinimum(options, /*from_values_held=*/true);
+    EXPECT_NEAR(next.final_cost, minimum, 1e-5 * minimum) << by_gradient;
+  }
 }
 
 TEST(Tolerances, AreValidated) {

@@ -9,6 +9,7 @@
 
 #include "linear/growing_system.h"
 #include "support/dense_oracle.h"
+#include "support/suitesparse_memory.h"
 
 namespace inceres::internal {
 namespace {
@@ -145,6 +146,37 @@ TEST_F(BayesTreeTest, ARowThatComesBackMayHaveOtherNeighbors) {
     ASSERT_TRUE(Update(&system, {row, &rows}, 0).ok());
     EXPECT_LE(ErrorOf(system), 1e-11) << row;
   }
+}
+
+// A row that had come when memory ran out, and has gone again before the next try, is not waited
+// for; and when it comes back it is as new as any.
+TEST_F(BayesTreeTest, ARowThatGoesWhileNoMemoryIsThereIsForgotten) {
+  test::SuiteSparseMemory memory;
+  if (!memory.IsReachable()) {
+    GTEST_SKIP() << "this SuiteSparse does not let its allocator be replaced";
+  }
+  GrowingSystem system = LoopyPath(30, 3, 4);
+  ASSERT_TRUE(Update(&system, {}, 0).ok());
+  system.AddRow(3, 2, false);
+  memory.Deny();
+  EXPECT_EQ(Update(&system, {30}, 0).code, StatusCode::kUnavailable);
+  memory.Grant();
+  const std::vector<int> rows{30};
+  system.RemoveRow(30);
+  ASSERT_TRUE(Update(&system, {30, &rows}, 0).ok());
+  EXPECT_FALSE(tree_.tree().Has(30)) << "a clique of no size";
+  EXPECT_LE(ErrorOf(system), 1e-11);
+  // Back, with the same neighbors, of which nothing is told.
+  system.S.ReviveRow(30, 3);
+  system.Perturb(30);
+  for (const int neighbor : {28, 29}) {
+    system.Couple(30, neighbor);
+  }
+  for (std::vector<double>* vector : {&system.damping, &system.b, &system.x}) {
+    vector->insert(vector->end(), 3, 1.0);
+  }
+  ASSERT_TRUE(Update(&system, {30, &rows}, 0).ok());
+  EXPECT_LE(ErrorOf(system), 1e-11);
 }
 
 // Each step leaves out what is below the threshold; what is left out does not add up.

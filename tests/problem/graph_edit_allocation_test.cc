@@ -71,5 +71,31 @@ TEST(GraphEdit, AllocatesNothingInASlidingWindow) {
   }
 }
 
+// Pins and bounds take memory, which Check asks for: Commit has to go through.
+TEST(GraphEdit, PinsAndBoundsAreAllocatedByCheck) {
+  if (!test::CanCountAllocations()) {
+    GTEST_SKIP() << "this build has an allocator of its own";
+  }
+  FactorGraph graph;
+  for (int i = 0; i < 3; ++i) {
+    graph.AddVariable(kValues, 3, Role::kFrame);
+  }
+  GraphEdit edit(graph);
+  std::vector<FactorId> removed;
+  for (const bool sets : {true, true, false}) {  // anew, over what is there, and away
+    edit.Restart();
+    for (VariableId id = 0; id < 3; ++id) {
+      edit.PinLinearization(id, sets ? kValues : nullptr);
+      edit.SetBounds(id, sets ? kValues : nullptr, nullptr);
+    }
+    ASSERT_TRUE(graph.Check(edit, &removed).ok());
+    const std::int64_t before = test::NumAllocations();
+    graph.Commit(edit, removed);
+    EXPECT_EQ(test::NumAllocations(), before);
+    EXPECT_EQ(graph.HasPins(), sets);
+    EXPECT_EQ(graph.HasBounds(), sets);
+  }
+}
+
 }  // namespace
 }  // namespace inceres

@@ -449,6 +449,37 @@ TEST_F(EditErrors, SetValuesOfNoVariable) {
   ExpectRefused("SetValues: variable 17 does not exist");
 }
 
+// Of a variable that comes later the size is not known when the call is made, so what it was given
+// cannot be kept.
+TEST_F(EditErrors, SettingsOfAVariableThatTheEditAddsOnlyLater) {
+  const std::string expected = ": variable 6 does not exist: the graph has 6 variables";
+  const auto add = [this] { return edit_.AddVariable(kValues, 2, Role::kFrame); };
+  edit_.SetValues(6, kValues);
+  ASSERT_EQ(add(), 6);
+  ExpectRefused("SetValues" + expected);
+  edit_.Restart();
+  edit_.PinLinearization(6, kValues);
+  ASSERT_EQ(add(), 6);
+  ExpectRefused("PinLinearization" + expected);
+  edit_.Restart();
+  edit_.SetBounds(6, kValues, nullptr);
+  ASSERT_EQ(add(), 6);
+  ExpectRefused("SetBounds" + expected);
+  // The id of a removed variable, which the next one of its size is given.
+  edit_.Restart();
+  edit_.PinLinearization(5, kValues);
+  ASSERT_EQ(edit_.AddVariable(kValues, 3, Role::kLandmark), 5);
+  ExpectRefused("PinLinearization: variable 5 has been removed");
+  // The right way round.
+  edit_.Restart();
+  ASSERT_EQ(add(), 6);
+  edit_.PinLinearization(6, kValues);
+  edit_.SetBounds(6, nullptr, kValues + 4);
+  ASSERT_TRUE(graph_.Apply(edit_).ok());
+  EXPECT_NE(graph_.PinnedValues(6), nullptr);
+  EXPECT_NE(graph_.bounds(6), nullptr);
+}
+
 TEST_F(EditErrors, SetValuesOfABorrowedConstant) {
   edit_.SetValues(4, kValues);
   ExpectRefused("SetValues: variable 4 is a borrowed constant");

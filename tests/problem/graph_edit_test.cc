@@ -1,6 +1,8 @@
 // What an edit does to its graph.
 #include "inceres/problem/graph_edit.h"
 
+#include <stdexcept>
+
 #include <gtest/gtest.h>
 
 #include "inceres/problem/losses.h"
@@ -23,7 +25,12 @@ class NotedFamily final : public FactorFamily {
 
   explicit NotedFamily(Slots slots) : FactorFamily(1, std::move(slots)) {}
   void Add(int measurement) { notes.push_back(measurement); }
-  void Place(int index, int measurement) { PlaceIn(&notes, index, measurement); }
+  void Place(int index, int measurement) {
+    if (is_broken) {
+      throw std::runtime_error("no notes today");
+    }
+    PlaceIn(&notes, index, measurement);
+  }
   int size() const override { return static_cast<int>(notes.size()); }
   const char* Name() const override { return "noted"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override {
@@ -31,6 +38,7 @@ class NotedFamily final : public FactorFamily {
   }
 
   std::vector<int> notes;
+  bool is_broken = false;
 };
 
 std::vector<std::pair<int, int>> FactorsOf(FactorGraph* graph, VariableId id) {
@@ -293,6 +301,22 @@ TEST_F(Edit, PlainAdditionsJoinTheListsOfFactors) {
   EXPECT_EQ(FactorsOf(&graph_, 1), (Factors{{0, 5}, {0, 1}}));
 }
 
+// Lists are first made while an edit is looked at that fills a place: its factor has no variables
+// yet, and joins the lists when it comes.
+TEST_F(Edit, AFactorThatComesToAFreePlaceIsListedFromTheStart) {
+  GraphEdit edit(graph_);
+  edit.RemoveFactor({views_, 1});
+  Apply(edit);
+  EXPECT_FALSE(graph_.TracksFactors());
+  edit.Restart();
+  EXPECT_EQ(edit.AddFactor(views_, 99, {0, 2}).index, 1);
+  edit.RemoveVariable(4);
+  Apply(edit);
+  EXPECT_TRUE(graph_.TracksFactors()) << "or each later edit walks over all factors";
+  EXPECT_EQ(FactorsOf(&graph_, 2), (Factors{{0, 1}, {0, 0}}));
+  EXPECT_EQ(FactorsOf(&graph_, 0), (Factors{{0, 1}, {0, 2}, {0, 0}}));
+}
+
 TEST_F(Edit, ValidateFindsAPlainFactorOfARemovedVariable) {
   GraphEdit edit(graph_);
   edit.RemoveVariable(3);
@@ -300,6 +324,58 @@ TEST_F(Edit, ValidateFindsAPlainFactorOfARemovedVariable) {
   graph_.AddFactor(views_, 2, {1, 3});
   EXPECT_NE(graph_.Validate().message.find("slot 1 names variable 3, which has been removed"),
             std::string::npos);
+}
+
+// Pins and bounds are prepared by Check; of two for a variable the later one holds, also where one
+// of them lets go.
+TEST_F(Edit, OfPinsAndBoundsTheLastOneHolds) {
+  GraphEdit edit(graph_);
+  edit.PinLinearization(0, kValues);
+  edit.PinLinearization(0, kValues + 1);
+  edit.PinLinearization(1, kValues);
+  edit.PinLinearization(1, nullptr);
+  edit.SetBounds(2, kValues, nullptr);
+  edit.SetBounds(2, kValues + 1, kValues + 4);
+  edit.SetBounds(3, kValues, kValues + 4);
+  edit.SetBounds(3, nullptr, nullptr);
+  Apply(edit);
+  ASSERT_NE(graph_.PinnedValues(0), nullptr);
+  EXPECT_EQ(graph_.PinnedValues(0)[0], 2.0);
+  EXPECT_EQ(graph_.PinnedValues(1), nullptr);
+  ASSERT_NE(graph_.bounds(2), nullptr);
+  EXPECT_EQ(graph_.bounds(2)->lower, (std::vector<double>{2.0, 3.0, 4.0}));
+  EXPECT_EQ(graph_.bounds(2)->upper, (std::vector<double>{5.0, 6.0, 7.0}));
+  EXPECT_EQ(graph_.bounds(3), nullptr);
+  // Over those that are there, and lifted again; what was checked and never carried out is not.
+  edit.Restart();
+  edit.PinLinearization(1, kValues);
+  std::vector<FactorId> removed;
+  ASSERT_TRUE(graph_.Check(edit, &removed).ok());
+  edit.Restart();
+  edit.PinLinearization(0, kValues + 5);
+  edit.SetBounds(2, nullptr, nullptr);
+  Apply(edit);
+  EXPECT_EQ(graph_.PinnedValues(0)[0], 6.0);
+  EXPECT_EQ(graph_.PinnedValues(1), nullptr);
+  EXPECT_FALSE(graph_.HasBounds());
+}
+
+// What the user's family throws passes through; of the graph nothing has changed.
+TEST_F(Edit, AFamilyThatThrowsLeavesTheGraphAsItWas) {
+  GraphEdit edit(graph_);
+  edit.RemoveVariable(3);
+  edit.AddFactor(views_, 99, {1, 2});
+  edit.SetMeasurement({views_, 0}, views_, 50);
+  edit.SetConstant(0, true);
+  const std::string before = Dump(graph_);
+  views_->is_broken = true;
+  EXPECT_THROW(static_cast<void>(graph_.Apply(edit)), std::runtime_error);
+  EXPECT_EQ(Dump(graph_), before);
+  EXPECT_TRUE(graph_.Validate().ok());
+  views_->is_broken = false;
+  Apply(edit);
+  EXPECT_EQ(views_->notes[0], 50);
+  EXPECT_EQ(graph_.num_factors(), 5);
 }
 
 TEST_F(Edit, ACopyIsAGraphOfItsOwn) {

@@ -95,5 +95,35 @@ TEST_F(EditedGraph, RemovedVariablesDoNotMatter) {
       std::equal(untouched.state().begin(), untouched.state().end(), graph_.state().begin()));
 }
 
+// A factor's id does not reach another one that was given its place.
+TEST_F(EditedGraph, ASubsetThatNamesARemovedFactorIsRefused) {
+  GraphEdit edit(graph_);
+  edit.RemoveFactor({pairs_, 2});
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  edit.Restart();
+  const FactorId first = edit.AddFactor(pairs_, 0, {0, 3});
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  edit.Restart();
+  edit.RemoveFactor(first);
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  edit.Restart();
+  const FactorId second = edit.AddFactor(pairs_, 0, {2, 3});
+  ASSERT_TRUE(graph_.Apply(edit).ok());
+  ASSERT_EQ(first.index, second.index);
+  SolverOptions options;
+  options.linear_model = LinearModelKind::kIterativePlain;
+  options.conjugate_gradients.preconditioner = PreconditionerKind::kSubset;
+  for (const FactorId& id : {first, second, FactorId{pairs_, 2}}) {
+    options.conjugate_gradients.subset =
+        std::make_shared<const std::vector<FactorId>>(std::vector<FactorId>{id});
+    const Summary summary = Solve(options, &graph_);
+    EXPECT_EQ(summary.IsSolutionUsable(), id.generation != first.generation) << summary.message;
+  }
+  options.conjugate_gradients.subset =
+      std::make_shared<const std::vector<FactorId>>(std::vector<FactorId>{first});
+  const std::string message = Solve(options, &graph_).message;
+  EXPECT_NE(message.find("subset names a factor that is not there"), std::string::npos) << message;
+}
+
 }  // namespace
 }  // namespace inceres::test

@@ -1,6 +1,8 @@
 // Steps by conjugate gradients: solved to the end they are those of the factorizations, with any
 // preconditioner, with S formed or not, with landmarks and without.
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,6 +10,8 @@
 
 #include "inceres/solver/solver.h"
 #include "support/random_graph.h"
+#include "support/test_families.h"
+#include "trust_region/loop_options.h"
 
 namespace inceres {
 namespace {
@@ -133,6 +137,36 @@ TEST_P(IterativeModelTest, ToleranceThatFollowsTheGradientTightens) {
             by[0].iterations.back().linear_solver_iterations);
 }
 
+// The tolerance of a solve begins with the options', also where the gradient begins far below that
+// which a solve before has ended with.
+TEST_P(IterativeModelTest, ToleranceThatFollowsTheGradientIsForgottenBetweenSolves) {
+  SolverOptions options =
+      ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, false);
+  options.conjugate_gradients.eta = 0.5;
+  options.conjugate_gradients.eta_follows_gradient = true;
+  SolverOptions short_options = options;
+  short_options.max_num_iterations = 1;
+  Solver reused;
+  reused.Solve(short_options, &MakeBundle(Mixed(GetParam()))->graph());
+  Solver fresh;
+  Summary by[2];
+  for (Solver* solver : {&reused, &fresh}) {
+    const auto bundle = MakeBundle(Mixed(GetParam()));
+    Solve(SolverOptions(), &bundle->graph());  // to near its minimum
+    by[solver == &fresh ? 1 : 0] = solver->Solve(options, &bundle->graph());
+  }
+  EXPECT_TRUE(by[0].structure_reused);
+  EXPECT_FALSE(by[1].structure_reused);
+  ASSERT_EQ(by[0].iterations.size(), by[1].iterations.size());
+  for (std::size_t k = 0; k < by[0].iterations.size(); ++k) {
+    EXPECT_EQ(by[0].iterations[k].cost, by[1].iterations[k].cost) << k;
+    EXPECT_EQ(by[0].iterations[k].linear_solver_iterations,
+              by[1].iterations[k].linear_solver_iterations)
+        << k;
+  }
+  EXPECT_EQ(by[0].work.num_conjugate_gradients, by[1].work.num_conjugate_gradients);
+}
+
 INSTANTIATE_TEST_SUITE_P(LandmarkSizes, IterativeModelTest, ::testing::Values(1, 2, 3, 4));
 
 TEST(IterativeModel, ByASubsetOfAllFactorsTakesOneIteration) {
@@ -164,6 +198,64 @@ TEST(IterativeModel, ByASubsetOfAllFactorsTakesOneIteration) {
     subset->push_back({0, 1 << 20});
     EXPECT_NE(Solve(options, &bundle->graph()).message.find("subset"), std::string::npos);
   }
+}
+
+// Residuals 2 (x − 1) + c y and 2 y of an x that is eliminated and a y that is kept. Without c the
+// system is 4 I.
+Summary SolveWithEliminated(const SolverOptions& options, double coupling) {
+  FactorGraph graph;
+  const auto family = graph.AddFamily(std::make_shared<test::FunctionFamily>(
+      2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+      [coupling](int, const double* const* x, double* residuals, double** jacobians) {
+        residuals[0] = 2.0 * (x[0][0] - 1.0) + coupling * x[1][0];
+        residuals[1] = 2.0 * x[1][0];
+        const double J[2][2] = {{2.0, 0.0}, {coupling, 2.0}};
+        for (int s = 0; jacobians != nullptr && s < 2; ++s) {
+          if (jacobians[s] != nullptr) {
+            std::copy_n(J[s], 2, jacobians[s]);
+          }
+        }
+        return true;
+      }));
+  const double start = 3.0;
+  const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+  const VariableId y = graph.AddVariable(&start, 1, Role::kFrame);
+  graph.AddFactor(family, 0, {x, y});
+  const std::vector<VariableId> eliminated = {x};
+  internal::LoopOptions loop;
+  loop.eliminated = &eliminated;
+  Solver solver;
+  Summary summary;
+  internal::SolveWith(options, loop, &graph, &solver, &summary);
+  return summary;
+}
+
+TEST(LargeBlockSchurModel, ItsIterationsAreCounted) {
+  SolverOptions options =
+      ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kIdentity, false);
+  options.conjugate_gradients.eta = 2.0;
+  const Summary summary = SolveWithEliminated(options, 0.5);
+  ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_NE(summary.reduced_solver.find("large blocks"), std::string::npos);
+  std::int64_t count = 0;
+  for (const IterationSummary& iteration : summary.iterations) {
+    count += iteration.linear_solver_iterations;
+  }
+  EXPECT_GT(count, 0);
+  EXPECT_GE(summary.work.num_conjugate_gradients, count) << "the last step may have no row";
+}
+
+// The first iteration solves the system to the last bit, which Ceres takes for a breakdown where
+// its own test is not met: there is no step, and so none that has left landmarks out.
+TEST(LargeBlockSchurModel, ABreakdownLeavesNothingOut) {
+  SolverOptions options =
+      ToTheEnd(LinearModelKind::kIterativeSchur, PreconditionerKind::kSchurJacobi, true);
+  options.conjugate_gradients.eta = 0.1;
+  options.initial_trust_region_radius = options.max_trust_region_radius = 1e300;
+  const Summary summary = SolveWithEliminated(options, 0.0);
+  EXPECT_EQ(summary.termination, Termination::kFailure) << summary.message;
+  EXPECT_GT(summary.work.num_conjugate_gradients, 0);
+  EXPECT_EQ(summary.work.num_steps_without_landmarks, 0);
 }
 
 TEST(IterativeModelOptions, TellWhatDoesNotGoTogether) {

@@ -214,9 +214,9 @@ class INCERES_EXPORT FactorGraph {
   /// nothing that can be seen, but it reserves what Commit needs; so it counts as writing. In the
   /// steady state it allocates nothing. `removed` is empty after an error.
   Status Check(const GraphEdit& edit, std::vector<FactorId>* removed);
-  /// The second half: carries out an edit that Check has passed, with the factors it named; the
-  /// graph must be as it was then. Cannot fail, and allocates nothing of its own (a measurement set
-  /// by the edit may).
+  /// The second half: carries out an edit that Check has passed, with the factors it named, on the
+  /// graph as it was then. Cannot fail and allocates nothing, but for the measurements it sets:
+  /// these are placed first, and what a family throws there leaves the graph unchanged.
   void Commit(const GraphEdit& edit, const std::vector<FactorId>& removed);
 
   /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun

@@ -18,9 +18,9 @@ namespace inceres {
 /// graph only after Apply. One edit at a time: an edit begun before another one was applied is
 /// refused.
 ///
-/// Order within an edit: factors go, variables go, variables and factors come, then losses,
-/// measurements, constants, values, pins and bounds are set. So room that this edit frees is used
-/// by the next one.
+/// Order within an edit: measurements are set, factors go, variables go, variables and factors
+/// come, then losses, constants, values, pins and bounds are set. So room that this edit frees is
+/// used by the next one.
 ///
 /// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into
 /// the family at once, at a place no factor uses.
@@ -97,7 +97,7 @@ class INCERES_EXPORT GraphEdit {
 
   /// Whether nothing has been asked for since it began.
   bool empty() const;
-  /// What is wrong with a handle that a call was given: the edit is refused for it.
+  /// What is wrong with a handle, or an id, that a call was given: the edit is refused for it.
   const Status& misuse() const { return misuse_; }
 
   /// A variable that the edit adds. This and what follows is what Apply reads.
