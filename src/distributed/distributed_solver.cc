@@ -279,6 +279,7 @@ DistributedSummary DistributedSolver::Impl::Solve(const GraphPart& part) {
     solve.message = failure.status().message;
   } catch (const std::exception& exception) {
     // Nobody else knows of it, and all wait for this rank.
+    ForgetPetsc();
     ranks_.Abort(exception.what());
   }
   // What it refers to is gone.
