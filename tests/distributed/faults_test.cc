@@ -207,6 +207,17 @@ TEST(Faults, WhatIsNotSupportedIsRefused) {
                 "is listed twice");
 }
 
+TEST(Faults, OneFrameUnderTwoVariablesIsRefusedWithTheRankThatListsItTwice) {
+  BalPart part(Street());
+  // On the last rank alone: all others list frame 0 once.
+  if (Rank() == NumRanks() - 1) {
+    const VariableId second = part.graph().AddVariable(Street().CameraData(0), 9, Role::kFrame);
+    part.part().frames.push_back({0, second});
+  }
+  ExpectRefused(DistributedSolver(MPI_COMM_WORLD, Options()).Solve(part.part()).solve,
+                "frame 0 is listed twice by rank " + std::to_string(NumRanks() - 1));
+}
+
 Summary SolveStreet(const DistributedOptions& options) {
   return DistributedSolver(MPI_COMM_WORLD, options).Solve(BalPart(Street()).part()).solve;
 }
