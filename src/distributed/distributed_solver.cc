@@ -256,8 +256,8 @@ void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
     solve.detail = evaluated.message;
     solve.initial_cost = solve.final_cost = evaluated.ok() ? cost : -1.0;
   }
-  RankReport own = traffic.Report(*part.graph, workspace->layout, workspace->frames,
-                                  *workspace->model, ranks_.rank());
+  RankReport own =
+      traffic.Report(*part.graph, workspace->layout, workspace->frames, *workspace->model);
   own.bytes = solve.work.bytes;
   own.seconds = NowInSeconds() - start;
   GatherReports(ranks_, own, summary);
