@@ -171,7 +171,8 @@ class INCERES_EXPORT LivingGnc {
   LivingGnc(const LivingGnc&) = delete;
   LivingGnc& operator=(const LivingGnc&) = delete;
 
-  /// From the next Update on the factor may be an outlier. To be called once its edit is applied.
+  /// From the next Update on the factor may be an outlier, and a loss of its own is replaced, as by
+  /// SolveGnc. To be called once its edit is applied.
   void Watch(FactorId factor);
   /// The factor was edited: its history begins anew, with full weight. Others keep theirs. No
   /// effect on a factor that is not watched.
