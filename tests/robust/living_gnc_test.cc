@@ -178,6 +178,33 @@ TEST(LivingGnc, ReplacesLossesOfSuspects) {
   EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-6 * expected.final_cost);
 }
 
+// A suspect that is reset is one that has just come, with the weight of its error now.
+TEST(LivingGnc, AResetSuspectIsAsOneThatHasJustCome) {
+  LivingWorld reset(PoseGraphWorld(2, 60, 20, 6, 0.01, 4));
+  LivingWorld watched(PoseGraphWorld(2, 60, 20, 6, 0.01, 4));
+  for (int i = 0; i < 60; ++i) {
+    reset.AddPose(i);
+    watched.AddPose(i);
+  }
+  int num_outliers = 0;
+  for (const GncVerdict& verdict : watched.gnc_.Update().verdicts) {
+    num_outliers += verdict.inlier ? 0 : 1;
+    watched.gnc_.Forget(verdict.factor);
+    watched.gnc_.Watch(verdict.factor);
+  }
+  EXPECT_GT(num_outliers, 2);
+  reset.gnc_.Update();
+  reset.gnc_.ResetAll();
+  const GncSummary expected = watched.gnc_.Update();
+  const GncSummary summary = reset.gnc_.Update();
+  ASSERT_EQ(summary.rounds.size(), expected.rounds.size());
+  for (std::size_t k = 0; k < summary.rounds.size(); ++k) {
+    EXPECT_EQ(summary.rounds[k].mu, expected.rounds[k].mu) << k;
+    EXPECT_EQ(summary.rounds[k].num_none, expected.rounds[k].num_none) << k;
+    EXPECT_EQ(summary.rounds[k].cost, expected.rounds[k].cost) << k;
+  }
+}
+
 TEST(LivingGnc, NamesASuspectThatIsGoneUntilItIsForgotten) {
   LivingWorld living(PoseGraphWorld(2, 60, 20, 0, 0.01, 4));
   for (int i = 0; i < 60; ++i) {
