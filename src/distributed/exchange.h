@@ -11,8 +11,8 @@
 
 namespace inceres::internal {
 
-// Names of MPI in parentheses: where PETSc's headers came first they are macros, which count what is
-// sent, to the own rank too, and these templates would differ from one source to the other.
+// Names of MPI in parentheses: where PETSc's headers came first they are macros, which count what
+// is sent, to the own rank too, and these templates would differ from one source to the other.
 
 /// Sends to_rank[r] to each rank r; what all ranks have sent here, in the order of the ranks.
 /// Throws std::length_error if that is 2 GiB or more. Collective.

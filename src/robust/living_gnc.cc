@@ -20,9 +20,9 @@ namespace inceres {
 // linearization: cached Jacobians are scaled (docs/algorithms.md, "Incremental Schur complement",
 // other weights). Hence small changes are not worth telling, and decided suspects rest.
 //
-// Kept between Updates: of each suspect its phase, μ, threshold, and the loss that it has been given
-// in the solver's graph, with its weight. Any other loss there is not from here: the suspect has
-// come with it, or was edited, and the next Update replaces it.
+// Kept between Updates: of each suspect its phase, μ, threshold, and the loss that it has been
+// given in the solver's graph, with its weight. Any other loss there is not from here: the suspect
+// has come with it, or was edited, and the next Update replaces it.
 
 namespace internal {
 namespace {
