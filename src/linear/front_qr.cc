@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include <Eigen/QR>
+
+#include "linear/rows_by_size.h"
 
 namespace inceres::internal {
 
@@ -35,13 +36,8 @@ using Eigen::MatrixXd;
 constexpr Index kWorthReducing = 128;
 constexpr Index kTimesColumns = 3;
 
-// Largest first; ties keep their order, so that the bits follow from the rows alone.
 MatrixXd Sorted(const MatrixXd& rows, Index num_rows) {
-  const Eigen::VectorXd sizes = rows.topRows(num_rows).cwiseAbs().rowwise().maxCoeff();
-  std::vector<Index> order(static_cast<std::size_t>(num_rows));
-  std::iota(order.begin(), order.end(), Index{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Index> order = LargestRowsFirst(rows.topRows(num_rows));
   MatrixXd sorted(num_rows, rows.cols());
   for (Index row = 0; row < num_rows; ++row) {
     sorted.row(row) = rows.row(order[static_cast<std::size_t>(row)]);

@@ -7,6 +7,8 @@
 
 #include <Eigen/Dense>
 
+#include "linear/rows_by_size.h"
+
 namespace inceres::internal {
 
 // Elimination of landmarks without normal equations (docs/algorithms.md, "Covariance"):
@@ -24,14 +26,10 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-// Largest first, so that a row keeps its digits beside a much larger one; ties keep their order.
+// By the largest entry over all columns, for Q mixes whole rows: a row keeps its digits beside a
+// much larger one.
 MatrixXd SortedBySize(const MatrixXd& A) {
-  // By the largest entry, over all columns: Q mixes whole rows.
-  const Eigen::VectorXd sizes = A.cwiseAbs().rowwise().maxCoeff();
-  std::vector<Index> order(static_cast<std::size_t>(A.rows()));
-  std::iota(order.begin(), order.end(), Index{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Index> order = LargestRowsFirst(A);
   MatrixXd sorted(A.rows(), A.cols());
   for (Index row = 0; row < A.rows(); ++row) {
     sorted.row(row) = A.row(order[static_cast<std::size_t>(row)]);

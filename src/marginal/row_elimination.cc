@@ -6,6 +6,8 @@
 
 #include <Eigen/QR>
 
+#include "linear/rows_by_size.h"
+
 namespace inceres::internal {
 
 // Householder QR that is exact row by row (Cox & Higham 1998; docs/algorithms.md,
@@ -19,18 +21,13 @@ namespace inceres::internal {
 
 namespace {
 
-// Largest first, by what they say about the columns of J. Ties keep their order.
+// Largest first, by what they say about the columns of J.
 void SortRows(Eigen::MatrixXd* A) {
   if (A->cols() < 2) {
     return;
   }
   // f does not count: a large residual does not make a row a heavy one.
-  const Eigen::VectorXd sizes = A->leftCols(A->cols() - 1).cwiseAbs().rowwise().maxCoeff();
-  std::vector<Eigen::Index> order(static_cast<std::size_t>(A->rows()));
-  std::iota(order.begin(), order.end(), Eigen::Index{0});
-  // Stable: the result is the same in every run.
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Eigen::Index> order = LargestRowsFirst(A->leftCols(A->cols() - 1));
   Eigen::MatrixXd sorted(A->rows(), A->cols());
   for (Eigen::Index row = 0; row < A->rows(); ++row) {
     sorted.row(row) = A->row(order[static_cast<std::size_t>(row)]);
