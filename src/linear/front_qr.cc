@@ -20,8 +20,10 @@ namespace inceres::internal {
 // and T is what it leaves to its parent. Q is not kept.
 //
 // Rows come in order of size, which reflections need to be accurate row by row where weights are
-// very different, as those of a tight prior are (Cox & Higham 1998). The signs of the rows of R are
-// free; with no negative diagonal Rᵀ is the Cholesky factor.
+// very different, as those of a tight prior are. A bound row by row takes columns in order of
+// their norms as well (Cox & Higham 1998); here they stay in the order of elimination, as L has
+// it, and a stiff row that hardly has the first column of a front costs weak ones digits. The signs
+// of the rows of R are free; with no negative diagonal Rᵀ is the Cholesky factor.
 //
 // Rows and triangles are given up as they are used; what waits are the triangles of fronts whose
 // parent is still to come.
