@@ -4,7 +4,7 @@
 #include <climits>
 #include <numeric>
 #include <tuple>
-#include <type_traits>
+#include <utility>
 
 namespace inceres::internal {
 
@@ -24,7 +24,7 @@ namespace inceres::internal {
 
 namespace {
 
-// As MPI counts values: no rank sends more than 16 GiB of a matrix.
+// As MPI counts values: no rank sends more than 16 GiB of a matrix, nor 2 GiB of places.
 // MPI takes counts as int. Throws on this rank alone: the caller's Agreement, or the end of the
 // program, tells the others.
 int ToCount(std::int64_t count) {
@@ -86,45 +86,35 @@ void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) co
 
 // Shares are concatenated by rank of destination, and `shares_` keeps that order for PackShares.
 // Places travel once; afterwards position k in the stream of values means place k. A rank sends to
-// itself like to others, so that one loop sums all; only bytes to others are counted.
+// itself like to others, so that one loop sums all.
 void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_rank) {
   const auto num_ranks = of_rank.size();
-  const MPI_Comm comm = system_.ranks().comm();
-  // Places go as bytes.
-  static_assert(std::is_trivially_copyable_v<Place>);
-  std::vector<Place> own_places;
-  std::vector<int> place_bytes(num_ranks), received_bytes(num_ranks);
-  send_counts_.assign(num_ranks, 0);
-  receive_counts_.assign(num_ranks, 0);
+  const Communicator& ranks = system_.ranks();
+  std::vector<std::vector<Place>> places(num_ranks);
+  to_ranks_.counts.assign(num_ranks, 0);
+  from_ranks_.counts.assign(num_ranks, 0);
   for (std::size_t r = 0; r < num_ranks; ++r) {
     std::int64_t num_values = 0;
     for (const Share& share : of_rank[r]) {
       shares_.push_back(share);
-      own_places.push_back(share.place);
+      places[r].push_back(share.place);
       num_values += std::int64_t{share.place.rows} * share.place.columns;
     }
-    send_counts_[r] = ToCount(num_values);
-    place_bytes[r] = ToCount(static_cast<std::int64_t>(of_rank[r].size() * sizeof(Place)));
-    if (static_cast<int>(r) != system_.ranks().rank()) {
-      bytes_per_assembly_ += num_values * static_cast<std::int64_t>(sizeof(double));
-    }
+    to_ranks_.counts[r] = ToCount(num_values);
   }
-  // Receivers learn the counts first: of values, and of the bytes of places.
-  MPI_Alltoall(send_counts_.data(), 1, MPI_INT, receive_counts_.data(), 1, MPI_INT, comm);
-  MPI_Alltoall(place_bytes.data(), 1, MPI_INT, received_bytes.data(), 1, MPI_INT, comm);
-  send_begins_ = BeginsOf(send_counts_);
-  receive_begins_ = BeginsOf(receive_counts_);
-  const std::vector<int> begins = BeginsOf(place_bytes);
-  const std::vector<int> received_begins = BeginsOf(received_bytes);
+  // Receivers learn the counts of values first.
+  MPI_Alltoall(to_ranks_.counts.data(), 1, MPI_INT, from_ranks_.counts.data(), 1, MPI_INT,
+               ranks.comm());
+  to_ranks_.begins = BeginsOf(to_ranks_.counts);
+  from_ranks_.begins = BeginsOf(from_ranks_.counts);
+  const std::vector<Place> received = ranks.SendToEach(std::move(places));
   // The last begin and the last count give the total.
-  std::vector<Place> received(
-      static_cast<std::size_t>(received_begins.back() + received_bytes.back()) / sizeof(Place));
-  MPI_Alltoallv(own_places.data(), place_bytes.data(), begins.data(), MPI_BYTE, received.data(),
-                received_bytes.data(), received_begins.data(), MPI_BYTE, comm);
-  sent_.resize(static_cast<std::size_t>(send_begins_.back()) +
-               static_cast<std::size_t>(send_counts_.back()));
-  received_.resize(static_cast<std::size_t>(receive_begins_.back()) +
-                   static_cast<std::size_t>(receive_counts_.back()));
+  const auto total = [](const Communicator::Parts& parts) {
+    return static_cast<std::size_t>(parts.begins.back()) +
+           static_cast<std::size_t>(parts.counts.back());
+  };
+  sent_.resize(total(to_ranks_));
+  received_.resize(total(from_ranks_));
   PlanSums(received);
 }
 
@@ -240,9 +230,7 @@ void AssembledSystem::AddDamping() {
 void AssembledSystem::Assemble() {
   const LogStage stage("inceres assemble S");
   PackShares();
-  MPI_Alltoallv(sent_.data(), send_counts_.data(), send_begins_.data(), MPI_DOUBLE,
-                received_.data(), receive_counts_.data(), receive_begins_.data(), MPI_DOUBLE,
-                system_.ranks().comm());
+  system_.ranks().SendParts(sent_.data(), to_ranks_, received_.data(), from_ranks_);
   // Sums begin at zero on every call, and blocks arrive by ascending rank.
   std::fill(sums_.begin(), sums_.end(), 0.0);
   const double* from = received_.data();

@@ -27,8 +27,6 @@ class AssembledSystem {
   void Assemble();
 
   Mat matrix() const { return matrix_.get(); }
-  /// Bytes that this rank sends to others in one Assemble.
-  std::int64_t bytes_per_assembly() const { return bytes_per_assembly_; }
   std::int64_t Bytes() const;
 
  private:
@@ -60,13 +58,12 @@ class AssembledSystem {
 
   const Form form_;
   const ReducedSystem& system_;
-  std::vector<Share> shares_;                                                     // by rank
-  std::vector<int> send_counts_, send_begins_, receive_counts_, receive_begins_;  // values
-  std::vector<std::int64_t> targets_;  // per block received: where its values are summed
+  std::vector<Share> shares_;                  // by rank
+  Communicator::Parts to_ranks_, from_ranks_;  // values
+  std::vector<std::int64_t> targets_;          // per block received: where its values are summed
   std::vector<std::int64_t> target_sizes_;
   std::vector<OwnedBlock> owned_;
   std::vector<double> sent_, received_, sums_;
-  std::int64_t bytes_per_assembly_ = 0;
   PetscOwned<Mat, MatDestroy> matrix_;
 };
 

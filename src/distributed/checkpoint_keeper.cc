@@ -10,6 +10,8 @@
 #include <system_error>
 #include <unordered_map>
 
+#include "distributed/write_all.h"
+
 namespace inceres::internal {
 
 // Checkpoints of a distributed solve: where the trust-region loop stands, the values of all
@@ -26,32 +28,27 @@ namespace inceres::internal {
 
 namespace {
 
-Status FileError(const std::string& path, const char* what) {
+Status FileError(const std::string& path, const char* what, int error) {
   return Status::Error(StatusCode::kIo,
-                       path + ": " + what + ": " + std::generic_category().message(errno));
+                       path + ": " + what + ": " + std::generic_category().message(error));
 }
 
 // Writes into a file that exists, at this rank's offset; other ranks write elsewhere in it at the
-// same time. pwrite may write less than asked for, hence the loop.
+// same time.
 Status WriteAt(const std::string& path, std::int64_t offset, const std::vector<char>& bytes) {
   const int file = open(path.c_str(), O_WRONLY | O_CLOEXEC);
   if (file < 0) {
-    return FileError(path, "cannot open for writing");
+    return FileError(path, "cannot open for writing", errno);
   }
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t count = pwrite(file, bytes.data() + done, bytes.size() - done,
-                                 static_cast<off_t>(offset) + static_cast<off_t>(done));
-    if (count <= 0) {
-      break;
-    }
-    done += static_cast<std::size_t>(count);
-  }
+  int error = WriteAll(bytes, offset, [&](const char* from, std::size_t count, std::int64_t at) {
+    return pwrite(file, from, count, static_cast<off_t>(at));
+  });
   // The bytes are on the disk before the file gets its name.
-  const bool written = done == bytes.size() && fsync(file) == 0;
-  const Status status = written ? Status::Ok() : FileError(path, "cannot write");
+  if (error == 0 && Uninterrupted([&] { return fsync(file); }) != 0) {
+    error = errno;
+  }
   close(file);
-  return status;
+  return error == 0 ? Status::Ok() : FileError(path, "cannot write", error);
 }
 
 // Rank 0 alone truncates, and all others open afterwards: a leftover of an earlier attempt may be
@@ -59,7 +56,7 @@ Status WriteAt(const std::string& path, std::int64_t offset, const std::vector<c
 Status MakeEmpty(const std::string& path) {
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) {
-    return FileError(path, "cannot open for writing");
+    return FileError(path, "cannot open for writing", errno);
   }
   close(file);
   return Status::Ok();
@@ -190,7 +187,7 @@ Status CheckpointKeeper::Write(const LoopPosition& position,
   // After the agreement all sections are on the disk.
   const bool renamed = !root || std::rename(partial.c_str(), options_.checkpoint.path.c_str()) == 0;
   return ranks_.Agree(renamed ? Status::Ok()
-                              : FileError(options_.checkpoint.path, "cannot rename to it"));
+                              : FileError(options_.checkpoint.path, "cannot rename to it", errno));
 }
 
 // Each rank reads the file by itself; Try makes the first failure that of all.

@@ -24,6 +24,9 @@ constexpr int kMaxExtraSpace = 1000;
 // INFOG is global, unlike INFO: the same on all ranks. −9 is for real workspace, −8 for integers.
 constexpr int kMumpsSpaceTooSmall = -9;  // its INFOG(1)
 constexpr int kMumpsSpaceTooSmallToo = -8;
+// For a matrix that is said to be positive definite (its SYM = 1) MUMPS takes negative pivots as
+// they come, and counts them here: L D Lᵀ of an indefinite matrix is no error to it.
+constexpr int kMumpsNegativePivots = 12;  // its INFOG of that
 
 class CholeskySolver final : public DistributedReducedSolver {
  public:
@@ -61,12 +64,13 @@ class CholeskySolver final : public DistributedReducedSolver {
       if (reason > 0) {
         break;
       }
+      is_set_up_ = false;  // PETSc keeps a failed factor as failed
       if (!IsSpaceTooSmall() || extra_space_ >= kMaxExtraSpace) {
-        is_set_up_ = false;  // PETSc keeps a failed factor as failed
-        return Status::Error(StatusCode::kSingular,
-                             "the reduced system is not positive definite, MUMPS says");
+        return Indefinite();
       }
-      is_set_up_ = false;
+    }
+    if (Infog(kMumpsNegativePivots) > 0) {
+      return Indefinite();
     }
     Copy(x_.get(), x);
     return Status::Ok();
@@ -94,16 +98,27 @@ class CholeskySolver final : public DistributedReducedSolver {
     is_set_up_ = true;
   }
 
+  static Status Indefinite() {
+    return Status::Error(StatusCode::kSingular,
+                         "the reduced system is not positive definite, MUMPS says");
+  }
+
   // Asked only after a solve that did not converge: PETSc reports a failed factorization as a
   // reason, and MUMPS's own code tells why.
   bool IsSpaceTooSmall() const {
+    const PetscInt info = Infog(1);
+    return info == kMumpsSpaceTooSmall || info == kMumpsSpaceTooSmallToo;
+  }
+
+  // What MUMPS says of its last call, the same on all ranks.
+  PetscInt Infog(int entry) const {
     PC pc = nullptr;
     Mat factor = nullptr;
-    PetscInt info = 0;
+    PetscInt value = 0;
     Check(KSPGetPC(ksp_.get(), &pc), "KSPGetPC");
     Check(PCFactorGetMatrix(pc, &factor), "PCFactorGetMatrix");
-    Check(MatMumpsGetInfog(factor, 1, &info), "MatMumpsGetInfog");
-    return info == kMumpsSpaceTooSmall || info == kMumpsSpaceTooSmallToo;
+    Check(MatMumpsGetInfog(factor, entry, &value), "MatMumpsGetInfog");
+    return value;
   }
 
   AssembledSystem matrix_;

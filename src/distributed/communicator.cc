@@ -71,9 +71,9 @@ Communicator::~Communicator() {
 
 // The one reduction: counted as what this rank has for each of the others.
 void Communicator::AllGather(const double* own, int count, double* all) const {
-  const StageTimer timer(&seconds_);
+  const StageTimer timer(&reductions_.seconds);
   MPI_Allgather(own, count, MPI_DOUBLE, all, count, MPI_DOUBLE, comm_);
-  bytes_sent_ += static_cast<std::int64_t>(sizeof(double)) * count * (size_ - 1);
+  reductions_.bytes += static_cast<std::int64_t>(sizeof(double)) * count * (size_ - 1);
   ++num_reductions_;
 }
 
@@ -198,6 +198,21 @@ ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observer
   return static_cast<ObserverAction>(static_cast<int>(Max(static_cast<double>(own))));
 }
 
+// What a rank has for itself is no message.
+void Communicator::CountMessage(std::size_t to_rank, std::size_t bytes) const {
+  messages_.bytes += static_cast<int>(to_rank) == rank_ ? 0 : static_cast<std::int64_t>(bytes);
+}
+
+void Communicator::SendParts(const double* sent, const Parts& to, double* received,
+                             const Parts& from) const {
+  const StageTimer timer(&messages_.seconds);
+  for (std::size_t r = 0; r < to.counts.size(); ++r) {
+    CountMessage(r, static_cast<std::size_t>(to.counts[r]) * sizeof(double));
+  }
+  MPI_Alltoallv(sent, to.counts.data(), to.begins.data(), MPI_DOUBLE, received, from.counts.data(),
+                from.begins.data(), MPI_DOUBLE, comm_);
+}
+
 // The message comes first, since MPI may kill this process at once.
 void Communicator::Abort(const char* what) const {
   std::fprintf(stderr, "inceres: rank %d cannot go on, and ends the program: %s\n", rank_, what);
@@ -224,7 +239,7 @@ std::vector<double> Communicator::GatherNumbers(const std::vector<double>& own) 
 // takes counts and places as int.
 std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
                                               const std::vector<std::int64_t>& counts) const {
-  const StageTimer timer(&seconds_);
+  const StageTimer timer(&reductions_.seconds);
   const std::int64_t total = std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
   if (total > INT_MAX) {  // the same on all ranks
     throw std::length_error("the ranks have more than 2³¹ numbers to sum at once");
@@ -236,7 +251,7 @@ std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
   std::vector<double> all(static_cast<std::size_t>(total));
   MPI_Allgatherv(own.data(), static_cast<int>(own.size()), MPI_DOUBLE, all.data(), sizes.data(),
                  begins.data(), MPI_DOUBLE, comm_);
-  bytes_sent_ += static_cast<std::int64_t>(own.size() * sizeof(double)) * (size_ - 1);
+  reductions_.bytes += static_cast<std::int64_t>(own.size() * sizeof(double)) * (size_ - 1);
   ++num_reductions_;
   return all;
 }

@@ -67,12 +67,19 @@ class Communicator final : public Agreement {
   /// std::length_error if that is 2 GiB or more.
   template <typename T>
   std::vector<T> SendToEach(std::vector<std::vector<T>> to_rank) const {
-    const StageTimer timer(&seconds_);
-    for (const std::vector<T>& part : to_rank) {
-      bytes_sent_ += static_cast<std::int64_t>(part.size() * sizeof(T));
+    const StageTimer timer(&messages_.seconds);
+    for (std::size_t r = 0; r < to_rank.size(); ++r) {
+      CountMessage(r, to_rank[r].size() * sizeof(T));
     }
     return Exchange(comm_, std::move(to_rank));
   }
+  /// Where in an array the values for each rank are, or of each.
+  struct Parts {
+    std::vector<int> counts;
+    std::vector<int> begins;
+  };
+  /// The same of numbers, into an array, by parts that are known on both sides.
+  void SendParts(const double* sent, const Parts& to, double* received, const Parts& from) const;
 
   /// Ends the program on all ranks, with a message: for what nobody can be told in time.
   [[noreturn]] void Abort(const char* what) const;
@@ -82,22 +89,29 @@ class Communicator final : public Agreement {
   /// Says which factor it is that throws, after one has.
   void FindThrowersBy(std::function<std::string()> find) { find_thrower_ = std::move(find); }
 
-  /// Seconds spent in calls of this class, waiting included, and bytes sent by them.
-  double seconds() const { return seconds_; }
-  std::int64_t bytes_sent() const { return bytes_sent_; }
+  /// What was sent to other ranks so far, and seconds spent in it, waiting included.
+  struct Traffic {
+    std::int64_t bytes = 0;
+    double seconds = 0.0;
+  };
+  /// Of reductions, which are gatherings: what all get.
+  const Traffic& reductions() const { return reductions_; }
+  /// Of SendToEach and SendParts: what one rank gets.
+  const Traffic& messages() const { return messages_; }
   /// Reductions so far.
   std::int64_t num_reductions() const { return num_reductions_; }
 
  private:
   void AllGather(const double* own, int count, double* all) const;
+  void CountMessage(std::size_t to_rank, std::size_t bytes) const;
 
   MPI_Comm comm_ = MPI_COMM_NULL;
   int rank_ = 0;
   int size_ = 1;
   std::function<std::string()> find_thrower_;
   mutable std::vector<double> gathered_;
-  mutable double seconds_ = 0.0;
-  mutable std::int64_t bytes_sent_ = 0;
+  mutable Traffic reductions_;
+  mutable Traffic messages_;
   mutable std::int64_t num_reductions_ = 0;
 };
 

@@ -256,8 +256,8 @@ void DistributedSolver::Impl::SolveAgreed(const GraphPart& part, double start,
     solve.detail = evaluated.message;
     solve.initial_cost = solve.final_cost = evaluated.ok() ? cost : -1.0;
   }
-  RankReport own = traffic.Report(*part.graph, workspace->layout, workspace->frames,
-                                  *workspace->model, ranks_.rank());
+  RankReport own =
+      traffic.Report(*part.graph, workspace->layout, workspace->frames, *workspace->model);
   own.bytes = solve.work.bytes;
   own.seconds = NowInSeconds() - start;
   GatherReports(ranks_, own, summary);
@@ -279,6 +279,7 @@ DistributedSummary DistributedSolver::Impl::Solve(const GraphPart& part) {
     solve.message = failure.status().message;
   } catch (const std::exception& exception) {
     // Nobody else knows of it, and all wait for this rank.
+    ForgetPetsc();
     ranks_.Abort(exception.what());
   }
   // What it refers to is gone.

@@ -11,6 +11,9 @@
 
 namespace inceres::internal {
 
+// Names of MPI in parentheses: where PETSc's headers came first they are macros, which count what
+// is sent, to the own rank too, and these templates would differ from one source to the other.
+
 /// Sends to_rank[r] to each rank r; what all ranks have sent here, in the order of the ranks.
 /// Throws std::length_error if that is 2 GiB or more. Collective.
 template <typename T>
@@ -33,7 +36,7 @@ std::vector<T> Exchange(MPI_Comm comm, std::vector<std::vector<T>> to_rank) {
     sent.insert(sent.end(), part.begin(), part.end());
     std::vector<T>().swap(part);
   }
-  MPI_Alltoall(sizes.data(), 1, MPI_INT, received.data(), 1, MPI_INT, comm);
+  (MPI_Alltoall)(sizes.data(), 1, MPI_INT, received.data(), 1, MPI_INT, comm);
   std::int64_t incoming = 0;
   for (std::size_t r = 0; r < num_ranks; ++r) {
     places[r] = static_cast<int>(incoming);
@@ -43,8 +46,8 @@ std::vector<T> Exchange(MPI_Comm comm, std::vector<std::vector<T>> to_rank) {
     }
   }
   std::vector<T> result(static_cast<std::size_t>(incoming) / sizeof(T));
-  MPI_Alltoallv(sent.data(), sizes.data(), begins.data(), MPI_BYTE, result.data(), received.data(),
-                places.data(), MPI_BYTE, comm);
+  (MPI_Alltoallv)(sent.data(), sizes.data(), begins.data(), MPI_BYTE, result.data(),
+                  received.data(), places.data(), MPI_BYTE, comm);
   return result;
 }
 

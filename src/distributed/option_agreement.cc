@@ -39,9 +39,15 @@ Status DistributedOptions::Validate() const {
       : solver.dynamic_sparsity ? "solver.dynamic_sparsity is for one process"
       : solver.use_nonmonotonic_steps && !checkpoint.path.empty()
           ? "solver.use_nonmonotonic_steps: a checkpoint does not remember the costs before"
+      // kCholesky forms S in any case; kAutomatic may become either.
       : solver.conjugate_gradients.explicit_schur_complement &&
-              linear_solver == DistributedLinearSolver::kConjugateGradients
-          ? "solver.conjugate_gradients.explicit_schur_complement: with kKsp only"
+              (linear_solver == DistributedLinearSolver::kConjugateGradients ||
+               linear_solver == DistributedLinearSolver::kAutomatic)
+          ? "solver.conjugate_gradients.explicit_schur_complement: with kKsp only, or kCholesky, "
+            "which forms S without it"
+      // A sum over factors stands for H, and what is solved here is S.
+      : solver.conjugate_gradients.preconditioner == PreconditionerKind::kSubset
+          ? "solver.conjugate_gradients.preconditioner: kSubset is for one process"
       : solver.conjugate_gradients.preconditioner == PreconditionerKind::kClusterJacobi ||
               solver.conjugate_gradients.preconditioner == PreconditionerKind::kClusterTridiagonal
           ? "solver.conjugate_gradients.preconditioner: clusters are for one process; use kTwoLevel"

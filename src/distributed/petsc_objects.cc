@@ -3,6 +3,7 @@
 #include <petscsys.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 
 namespace inceres::internal {
@@ -27,6 +28,19 @@ std::string Describe(PetscErrorCode code, const char* call) {
     text += std::string(": ") + specific;
   }
   return text;
+}
+
+bool ends_petsc = false;
+
+// At exit, of what EnsurePetsc has started. PetscFinalize ends MPI too if PetscInitialize began it.
+// Whoever began MPI himself may have ended it, and then nothing of PETSc can be called.
+void EndPetsc() {
+  PetscBool ended = PETSC_TRUE;
+  int mpi_ended = 1;
+  if (ends_petsc && PetscFinalized(&ended) == 0 && ended == PETSC_FALSE &&
+      MPI_Finalized(&mpi_ended) == MPI_SUCCESS && mpi_ended == 0) {
+    static_cast<void>(PetscFinalize());
+  }
 }
 
 }  // namespace
@@ -67,11 +81,16 @@ void EnsurePetsc() {
   Check(PetscInitialized(&initialized), "PetscInitialized");
   if (initialized == PETSC_FALSE) {
     Check(PetscInitializeNoArguments(), "PetscInitialize");
-    Check(PetscRegisterFinalizeAll(), "PetscRegisterFinalizeAll");
+    // Before the first solver is complete, so after the last one in static storage is destroyed.
+    ends_petsc = std::atexit(&EndPetsc) == 0;
   }
   // Handlers are a stack of the process: pushed once, however many solvers are made.
   static const bool kReturnsErrors = PetscPushErrorHandler(PetscReturnErrorHandler, nullptr) == 0;
   static_cast<void>(kReturnsErrors);
+}
+
+void ForgetPetsc() {
+  ends_petsc = false;
 }
 
 // Stages are known by name in the whole process, and registered when the name first comes. Logging

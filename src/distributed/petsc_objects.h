@@ -54,8 +54,11 @@ class PetscOwned {
 void Copy(const std::vector<double>& from, Vec to);
 void Copy(Vec from, std::vector<double>* to);
 
-/// Starts PETSc and MPI, if nobody has; from then on PETSc's errors are returned, not printed.
+/// Starts PETSc and MPI, if nobody has; from then on PETSc's errors are returned, not printed. What
+/// is started here is ended when the program exits, unless ForgetPetsc was called or MPI has ended.
 void EnsurePetsc();
+/// Before the program ends on this rank alone: the end of PETSc is collective, and nobody comes.
+void ForgetPetsc();
 
 /// Begins a stage of PETSc's log (-log_view) by its name, and ends it.
 class LogStage {

@@ -14,7 +14,8 @@ namespace inceres::internal {
 // send. Counters run from TrafficCounter's making, after set-up, so the differences are those of
 // the loop.
 //
-// Exchanges of frames are counted by PETSc, for the whole process; gatherings by Communicator.
+// Exchanges of frames are counted by PETSc, for the whole process; gatherings, and what goes to the
+// owners of blocks of S and of rows, by Communicator.
 // exchange_bytes_per_product is not counted but follows from the plan.
 
 namespace {
@@ -87,13 +88,12 @@ void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout&
 TrafficCounter::TrafficCounter(const Communicator& ranks)
     : ranks_(ranks),
       petsc_bytes_(PetscBytesSent()),
-      reduction_bytes_(ranks.bytes_sent()),
-      reduction_seconds_(ranks.seconds()) {
+      messages_(ranks.messages()),
+      reductions_(ranks.reductions()) {
 }
 
 RankReport TrafficCounter::Report(const FactorGraph& graph, const Layout& layout,
-                                  const SharedFrames& frames, const DistributedModel& model,
-                                  int rank) const {
+                                  const SharedFrames& frames, const DistributedModel& model) const {
   RankReport report;
   report.num_factors = CountFactors(graph);
   report.num_landmarks = layout.num_landmarks();
@@ -108,15 +108,16 @@ RankReport TrafficCounter::Report(const FactorGraph& graph, const Layout& layout
           static_cast<std::int64_t>(sizeof(double)) * place.sizes[FramePlace::kTangent];
     }
   }
-  static_cast<void>(rank);
   report.peak_resident_bytes = PeakResidentBytes();
   report.exchange_bytes_per_product = model.exchange().bytes_per_round();
   report.num_products = model.num_products();
-  report.bytes_sent = static_cast<std::int64_t>(PetscBytesSent() - petsc_bytes_);
-  report.reduction_bytes_sent = ranks_.bytes_sent() - reduction_bytes_;
+  report.bytes_sent = static_cast<std::int64_t>(PetscBytesSent() - petsc_bytes_) +
+                      ranks_.messages().bytes - messages_.bytes;
+  report.reduction_bytes_sent = ranks_.reductions().bytes - reductions_.bytes;
   report.product_seconds = model.product_seconds();
-  report.exchange_seconds = model.exchange().seconds();
-  report.reduction_seconds = ranks_.seconds() - reduction_seconds_;
+  report.exchange_seconds =
+      model.exchange().seconds() + ranks_.messages().seconds - messages_.seconds;
+  report.reduction_seconds = ranks_.reductions().seconds - reductions_.seconds;
   return report;
 }
 

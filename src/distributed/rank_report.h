@@ -16,13 +16,13 @@ class TrafficCounter {
  public:
   explicit TrafficCounter(const Communicator& ranks);
   RankReport Report(const FactorGraph& graph, const Layout& layout, const SharedFrames& frames,
-                    const DistributedModel& model, int rank) const;
+                    const DistributedModel& model) const;
 
  private:
   const Communicator& ranks_;
   double petsc_bytes_;
-  std::int64_t reduction_bytes_;
-  double reduction_seconds_;
+  Communicator::Traffic messages_;
+  Communicator::Traffic reductions_;
 };
 
 /// The reports of all ranks, and how unequal they are. Collective.

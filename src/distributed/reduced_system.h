@@ -31,7 +31,7 @@ class ReducedSystem {
   Status MakeTwoLevel(const LandmarkIncidences& incidences, const RankedAggregates& aggregates);
   /// C and the Jacobians are new.
   void Refresh();
-  /// After each elimination. `frame_damping`: of the frames here, packed; stays where it is.
+  /// After each elimination. `frame_damping`: of the frames here, packed; copied.
   void SetDamping(const double* frame_damping);
   /// The scale of the columns, for preconditioner kIdentity; of the frames here.
   void SetScale(const double* frame_scale);

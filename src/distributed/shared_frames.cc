@@ -157,21 +157,15 @@ struct SharedFrames::Group {
   int owner;
 };
 
-// What of a record is not as the rank before has it: words to stand before two ranks; or null.
-// `last` is the record before, or the first itself: records of one frame are sorted by rank, so the
-// same rank twice stands next to itself.
-const char* SharedFrames::FindDifference(const Record& first, const Record& last,
-                                         const Record& record) {
+// What of a record is not as the first one has it: words to stand before two ranks; or null.
+const char* SharedFrames::FindDifference(const Record& first, const Record& record) {
   if (record.ambient_size != first.ambient_size || record.tangent_size != first.tangent_size) {
     return " has another size on rank ";
   }
   if (record.constant != first.constant) {
     return " is constant on only one of rank ";
   }
-  if (record.values != first.values) {
-    return " starts from other values on rank ";
-  }
-  return &last != &record && last.rank == record.rank ? " is listed twice, by rank " : nullptr;
+  return record.values != first.values ? " starts from other values on rank " : nullptr;
 }
 
 Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Group>* groups) {
@@ -180,9 +174,13 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
     Group group{begin, begin, 0, -1};
     for (; group.end < all.size() && all[group.end].id == first.id; ++group.end) {
       const Record& record = all[group.end];
-      // The record before this one; of the first one itself.
-      const Record& last = all[std::max(begin + 1, group.end) - 1];
-      if (const char* differs = FindDifference(first, last, record)) {
+      // Records of one frame are sorted by rank, so the same rank twice stands next to itself.
+      if (group.end > begin && all[group.end - 1].rank == record.rank) {
+        return Status::Error(
+            StatusCode::kInvalidArgument,
+            NameOf(first.id) + " is listed twice by rank " + std::to_string(record.rank));
+      }
+      if (const char* differs = FindDifference(first, record)) {
         return Status::Error(StatusCode::kInvalidArgument,
                              NameOf(first.id) + differs + std::to_string(record.rank) +
                                  " and rank " + std::to_string(first.rank));

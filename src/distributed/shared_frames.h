@@ -52,7 +52,7 @@ class SharedFrames {
   struct Record;
   struct Group;
   Status Collect(const GraphPart& part, const Layout& layout, std::vector<Record>* own) const;
-  static const char* FindDifference(const Record& first, const Record& last, const Record& record);
+  static const char* FindDifference(const Record& first, const Record& record);
   static Status FindGroups(const std::vector<Record>& all, std::vector<Group>* groups);
   static void ChooseOwners(const std::vector<Record>& all, int num_ranks,
                            std::vector<Group>* groups);

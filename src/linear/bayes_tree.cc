@@ -1,10 +1,10 @@
 #include "linear/bayes_tree.h"
 
 #include <cstddef>
-#include <string>
 
 #include "linear/dense_panel.h"
 #include "linear/front_elimination.h"
+#include "linear/not_positive_definite.h"
 
 namespace inceres::internal {
 
@@ -125,9 +125,7 @@ Status BayesTree::FactorizeAsPlanned(const ReducedMatrix& A) {
   for (; done < stale_.size(); ++done) {
     const int failed = Eliminate(A, stale_[done]);
     if (failed >= 0) {
-      factored_ = Status::Error(
-          StatusCode::kSingular,
-          "the reduced system is not positive definite at block row " + std::to_string(failed));
+      factored_ = NotPositiveDefinite(failed);
       break;
     }
     Clique& clique = tree_.clique(stale_[done]);

@@ -1,8 +1,8 @@
 #include "linear/block_jacobi.h"
 
 #include <algorithm>
-#include <string>
 
+#include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
@@ -39,9 +39,7 @@ Status BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& ch
     }
     blocks_[row].size = A.constant() != nullptr && A.constant()[row] != 0 ? 0 : S.size_of(row);
     if (!Invert(A, row)) {
-      return Status::Error(
-          StatusCode::kSingular,
-          "the reduced system is not positive definite at block row " + std::to_string(row));
+      return NotPositiveDefinite(row);
     }
     num_inverted_ += IsFree(row);
   }

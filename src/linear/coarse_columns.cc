@@ -117,6 +117,15 @@ void CoarseColumns::OrthonormalizeAggregate(int aggregate,
       }
     }
   };
+  // Not by a product, which leaves what is no number.
+  const auto clear = [&](int column) {
+    for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
+      double* v = V(members_[m]);
+      for (int r = 0; r < block_size(members_[m]); ++r, v += stride) {
+        v[column] = 0.0;
+      }
+    }
+  };
   for (int k = 0; k < shape_.widths[aggregate]; ++k) {
     // A length of rounding alone may be the root of a negative number.
     const double length = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
@@ -128,7 +137,11 @@ void CoarseColumns::OrthonormalizeAggregate(int aggregate,
     const double left = std::sqrt(std::max(0.0, Product(aggregate, k, k, blocks)));
     // The inverse may be infinite where the length is not zero.
     const bool independent = left > kDependent * length && std::isfinite(1.0 / left);
-    add(0.0, k, independent ? 1.0 / left : 0.0, k);
+    if (independent) {
+      add(0.0, k, 1.0 / left, k);
+    } else {
+      clear(k);
+    }
   }
 }
 

@@ -1,9 +1,9 @@
 #include "linear/dense_cholesky.h"
 
 #include <algorithm>
-#include <string>
 
 #include "linear/dense_panel.h"
+#include "linear/not_positive_definite.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -159,9 +159,7 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
     const auto place =
         std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) -
         order_.offsets.begin() - 1;
-    factored_ = Status::Error(StatusCode::kSingular,
-                              "the reduced system is not positive definite at frame " +
-                                  std::to_string(order_.blocks[place]));
+    factored_ = NotPositiveDefinite(order_.blocks[place]);
   }
   return factored_;
 }

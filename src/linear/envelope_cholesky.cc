@@ -1,9 +1,9 @@
 #include "linear/envelope_cholesky.h"
 
 #include <algorithm>
-#include <string>
 
 #include "linear/envelope_order.h"
+#include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
@@ -63,9 +63,7 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
   for (int i = first; i < num_rows; ++i) {
     CopyRow(S, order, damping, held, i);
     if (!FactorRow(i)) {
-      return Status::Error(StatusCode::kSingular,
-                           "the reduced system is not positive definite at block row " +
-                               std::to_string(order.row(i)));
+      return NotPositiveDefinite(order.row(i));
     }
     num_valid_rows_ = i + 1;
   }

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include <Eigen/QR>
+
+#include "linear/rows_by_size.h"
 
 namespace inceres::internal {
 
@@ -19,8 +20,10 @@ namespace inceres::internal {
 // and T is what it leaves to its parent. Q is not kept.
 //
 // Rows come in order of size, which reflections need to be accurate row by row where weights are
-// very different, as those of a tight prior are (Cox & Higham 1998). The signs of the rows of R are
-// free; with no negative diagonal Rᵀ is the Cholesky factor.
+// very different, as those of a tight prior are. A bound row by row takes columns in order of
+// their norms as well (Cox & Higham 1998); here they stay in the order of elimination, as L has
+// it, and a stiff row that hardly has the first column of a front costs weak ones digits. The signs
+// of the rows of R are free; with no negative diagonal Rᵀ is the Cholesky factor.
 //
 // Rows and triangles are given up as they are used; what waits are the triangles of fronts whose
 // parent is still to come.
@@ -35,13 +38,8 @@ using Eigen::MatrixXd;
 constexpr Index kWorthReducing = 128;
 constexpr Index kTimesColumns = 3;
 
-// Largest first; ties keep their order, so that the bits follow from the rows alone.
 MatrixXd Sorted(const MatrixXd& rows, Index num_rows) {
-  const Eigen::VectorXd sizes = rows.topRows(num_rows).cwiseAbs().rowwise().maxCoeff();
-  std::vector<Index> order(static_cast<std::size_t>(num_rows));
-  std::iota(order.begin(), order.end(), Index{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Index> order = LargestRowsFirst(rows.topRows(num_rows));
   MatrixXd sorted(num_rows, rows.cols());
   for (Index row = 0; row < num_rows; ++row) {
     sorted.row(row) = rows.row(order[static_cast<std::size_t>(row)]);

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <functional>
-#include <string>
 
 #include "linear/dense_panel.h"
 #include "linear/front_elimination.h"
+#include "linear/not_positive_definite.h"
 
 namespace inceres::internal {
 
@@ -67,11 +67,7 @@ Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/
 
 // `failed`: the block of S at which there is no factor; or none.
 Status SparseCholesky::End(int failed) {
-  factored_ = failed == FrontTree::kNone
-                  ? Status::Ok()
-                  : Status::Error(StatusCode::kSingular,
-                                  "the reduced system is not positive definite at frame " +
-                                      std::to_string(failed));
+  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(failed);
   return factored_;
 }
 

@@ -41,7 +41,8 @@ constexpr double kWorthOfHalves = 1.05;
 
 // When a front is joined with its parent: up to so many scalar columns of both, while zeros make up
 // less than such a share of their entries; the first without a limit, and without their zeros being
-// counted; the last share whatever the columns. The rule of CHOLMOD's analysis, for blocks of 6.
+// counted; the last share whatever the columns. The rule, and the shares, are those of CHOLMOD's
+// analysis, whose columns are 4, 16 and 48; these are 4, 8 and 16 frames of 6.
 constexpr double kJoinedColumns[] = {24.0, 48.0, 96.0};
 constexpr double kZeroShare[] = {0.8, 0.1, 0.05};
 

@@ -38,10 +38,10 @@ bool BorrowsValues(const FactorGraph& graph) {
 }
 
 // Of the factors from begin to end, at the point where they were evaluated; robustifies them if
-// with Jacobians.
+// with Jacobians, up to the first whose loss cannot be.
 // The order within a group is that of the factors.
 double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
-                Linearization* family_cache) {
+                Linearization* family_cache, EvaluationFailure* failure) {
   Linearization& cache = *family_cache;
   const FactorGraph& graph = *cache.graph;
   double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
@@ -57,11 +57,16 @@ double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
   double cost = 0.0;
   for (int i = begin; i < end; ++i) {
     double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const Loss* loss = graph.loss(cache.id, i);
-    cost += jacobians
-                ? RobustifyFactor(loss, rows, num_slots, cache.slots.data(), i,
-                                  cache.tangent_offsets.data() + i * offset_stride, curvature, f)
-                : RobustCost(loss, f, rows);
+    const LossValue value(graph.loss(cache.id, i), f, rows);
+    cost += value.cost();
+    if (jacobians && !value.HasRoot()) {
+      *failure = {i, kLossWithoutRoot};
+      return cost;
+    }
+    if (jacobians) {
+      RobustifyFactor(value, rows, num_slots, cache.slots.data(), i,
+                      cache.tangent_offsets.data() + i * offset_stride, curvature, f);
+    }
   }
   return cost;
 }
@@ -235,14 +240,14 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
     // at.
     PlaceInTangent(layout_, cache.Entry(chunk->begin), cache.Entry(chunk->end), &cache);
   }
-  const EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
-                                              : cache.EvaluateCandidate(chunk->begin, chunk->end);
+  EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
+                                        : cache.EvaluateCandidate(chunk->begin, chunk->end);
   // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
     double* sum = sums_.data() + chunk->first_sum;
-    for (int begin = chunk->begin; begin < chunk->end;) {
+    for (int begin = chunk->begin; begin < chunk->end && !failure.failed();) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
-      *sum++ = SumCosts(jacobians, loss_curvature_, begin, end, &cache);
+      *sum++ = SumCosts(jacobians, loss_curvature_, begin, end, &cache, &failure);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {

@@ -52,7 +52,8 @@ RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
       curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
   const bool takes_negative =
       curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
-  // Here ρ' is not asked to be positive: a zero makes root infinite and J NaN.
+  // Here ρ' is not asked to be positive: HasRoot() says whether it is, and who has no answer to
+  // that gets a root that is infinite, and J that is NaN.
   if (s > 0.0 && rho2 > 0.0 && takes_positive) {
     root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
   } else if (s > 0.0 && rho1 > 0.0 && rho2 < 0.0 && takes_negative) {
@@ -113,12 +114,10 @@ double RobustCost(const Loss* loss, const double* f, int residual_size) {
   return LossValue(loss, f, residual_size).cost();
 }
 
-// A factor without a loss, or whose loss is ρ(s) = s at this residual, keeps its bits. The cost is
-// that of f as evaluated.
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
-                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
-                       LossCurvature curvature, double* f) {
-  const LossValue value(loss, f, residual_size);
+// A factor without a loss, or whose loss is ρ(s) = s at this residual, keeps its bits.
+void RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
+                     const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
+                     LossCurvature curvature, double* f) {
   const RobustScale scale(value, curvature);
   if (!scale.is_one()) {
     scale.Apply(f, residual_size, num_slots, slots, factor, tangent_offsets);
@@ -127,6 +126,13 @@ double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
       f[i] *= residual_scale;
     }
   }
+}
+
+double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
+                       LossCurvature curvature, double* f) {
+  const LossValue value(loss, f, residual_size);
+  RobustifyFactor(value, residual_size, num_slots, slots, factor, tangent_offsets, curvature, f);
   return value.cost();
 }
 

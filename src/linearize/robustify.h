@@ -31,10 +31,17 @@ struct LossValue {
 
   double cost() const { return 0.5 * rho[0]; }
   double weight() const { return rho[1]; }
+  /// Whether the factor is that of a least-squares problem with ρ'' taken where it is positive: not
+  /// where ρ'' > 0 and ρ' is not, on which Ceres aborts.
+  bool HasRoot() const { return !(s > 0.0 && rho[2] > 0.0) || rho[1] > 0.0; }
 
   double s;
   double rho[3];
 };
+
+/// Why a factor cannot be linearized whose loss has none of LossValue::HasRoot.
+inline constexpr char kLossWithoutRoot[] =
+    "its loss has a second derivative above zero and a first one that is not";
 
 /// Which second-order terms of losses the Jacobians take.
 enum class LossCurvature {
@@ -53,7 +60,8 @@ inline constexpr double kLeastCurvature = 0.5;
 ///
 ///     J := √ρ' (I − α n nᵀ) J,   f := √ρ' / (1 − α) f,   n = f/‖f‖,   (1 − α)² = 1 + 2 s ρ''/ρ'
 ///
-/// α is 0 where the second-order term is not taken.
+/// α is 0 where the second-order term is not taken. Entries are not finite where ρ' is negative, or
+/// ρ'' > 0 is taken and LossValue::HasRoot() is false.
 struct RobustScale {
   RobustScale(const LossValue& loss, LossCurvature curvature);
 
@@ -80,7 +88,11 @@ double PlainCost(const double* f, std::ptrdiff_t count);
 /// ½ρ(‖f‖²), or ½‖f‖² without a loss.
 double RobustCost(const Loss* loss, const double* f, int residual_size);
 
-/// The same, and scales f and the tangent Jacobians (RobustScale).
+/// Scales f and the tangent Jacobians (RobustScale), for the value of the factor's loss at f.
+void RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
+                     const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
+                     LossCurvature curvature, double* f);
+/// The same; the cost is that of f as it was.
 double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
                        const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
                        LossCurvature curvature, double* f);

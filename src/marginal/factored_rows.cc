@@ -48,7 +48,7 @@ Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>*
       // By two rules: ours, which does not depend on units, and SuiteSparseQR's, if `least` is set.
       // Negated, so that NaN is open.
       const bool is_open = landmark.Inflation() > options_.max_inflation ||
-                           !(landmark.R.diagonal().cwiseAbs().minCoeff() > least);
+                           !(landmark.triangle.diagonal().cwiseAbs().minCoeff() > least);
       open[static_cast<std::size_t>(l)] = is_open ? 1 : 0;
       // R and T are dropped: few of many landmarks are asked for, and those are eliminated once
       // more.

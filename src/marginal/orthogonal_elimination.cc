@@ -7,14 +7,18 @@
 
 #include <Eigen/Dense>
 
+#include "linear/rows_by_size.h"
+
 namespace inceres::internal {
 
 // Elimination of landmarks without normal equations (docs/algorithms.md, "Covariance"):
 //     Qᵀ [J_l J_c] = [R T; 0 J*]
 //
 // One dense QR factorization of a landmark's few columns over all of its rows, by Householder
-// reflections. Rows are sorted by size, so that those of a weak factor keep their digits beside
-// those of a stiff one (Cox & Higham 1998). Q is applied to the frames' columns and forgotten.
+// reflections. Rows are sorted by size, and the column comes next that has most left, so that rows
+// of a weak factor keep their digits beside those of a stiff one (Cox & Higham 1998). It takes
+// both: a stiff row that hardly has a column would be mixed into weak ones by that column's
+// reflection. Q is applied to the frames' columns and forgotten.
 //
 // Nothing is kept between calls but which factors touch which landmark: Eliminate computes anew
 // each time, on any thread.
@@ -24,14 +28,10 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-// Largest first, so that a row keeps its digits beside a much larger one; ties keep their order.
+// By the largest entry over all columns, for Q mixes whole rows: a row keeps its digits beside a
+// much larger one.
 MatrixXd SortedBySize(const MatrixXd& A) {
-  // By the largest entry, over all columns: Q mixes whole rows.
-  const Eigen::VectorXd sizes = A.cwiseAbs().rowwise().maxCoeff();
-  std::vector<Index> order(static_cast<std::size_t>(A.rows()));
-  std::iota(order.begin(), order.end(), Index{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Index a, Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Index> order = LargestRowsFirst(A);
   MatrixXd sorted(A.rows(), A.cols());
   for (Index row = 0; row < A.rows(); ++row) {
     sorted.row(row) = A.row(order[static_cast<std::size_t>(row)]);
@@ -41,14 +41,21 @@ MatrixXd SortedBySize(const MatrixXd& A) {
 
 }  // namespace
 
-// A triangle of at most four rows. Only of an R that Inflation has found regular.
+// A triangle of at most four rows. Only of an R that Inflation has found regular. R = R' Πᵀ with
+// the triangle R', so its inverse is Π R'⁻¹.
 MatrixXd OrthogonalElimination::Landmark::InverseOfR() const {
-  return R.triangularView<Eigen::Upper>().solve(MatrixXd::Identity(R.rows(), R.cols()));
+  const MatrixXd inverse = triangle.triangularView<Eigen::Upper>().solve(
+      MatrixXd::Identity(triangle.rows(), triangle.cols()));
+  MatrixXd rows(inverse.rows(), inverse.cols());
+  for (Index k = 0; k < columns.size(); ++k) {
+    rows.row(columns[k]) = inverse.row(k);
+  }
+  return rows;
 }
 
 double OrthogonalElimination::Landmark::Inflation() const {
   // A zero or a NaN on the diagonal, or anything that is not finite.
-  if (!(R.diagonal().cwiseAbs().minCoeff() > 0.0) || !R.allFinite()) {
+  if (!(triangle.diagonal().cwiseAbs().minCoeff() > 0.0) || !triangle.allFinite()) {
     return HUGE_VAL;
   }
   // (P⁻¹)_ii = ‖row i of R⁻¹‖², over 1 / P_ii, P_ii = ‖column i of J_l‖².
@@ -159,10 +166,11 @@ OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) c
   A.topLeftCorner(num_rows, size) = J_l;
   A.topRightCorner(num_rows, result.rest.values.cols()) = result.rest.values;
   A = SortedBySize(A);
-  const Eigen::HouseholderQR<MatrixXd> qr(A.leftCols(size));
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(A.leftCols(size));
   MatrixXd turned = A.rightCols(result.rest.values.cols());
   turned.applyOnTheLeft(qr.householderQ().adjoint());
-  result.R = qr.matrixQR().topRows(size).triangularView<Eigen::Upper>().toDenseMatrix();
+  result.triangle = qr.matrixQR().topRows(size).triangularView<Eigen::Upper>().toDenseMatrix();
+  result.columns = qr.colsPermutation().indices();
   result.T = turned.topRows(size);
   // What the landmark's rows say of the frames once it is gone.
   result.rest.values = turned.bottomRows(A.rows() - size);

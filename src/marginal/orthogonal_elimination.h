@@ -16,14 +16,18 @@ namespace inceres::internal {
 ///     Qᵀ [J_l J_c] = [R T]
 ///                    [0 J*]
 ///
-/// so P = RᵀR, W P⁻¹ = Tᵀ R⁻ᵀ, and the J* of all landmarks, with the rows of other factors, are a
-/// root of S, of the condition number of J, not its square. Source: Triggs et al., "Bundle
+/// where R is a triangle but for the order of its columns, so P = RᵀR, W P⁻¹ = Tᵀ R⁻ᵀ, and the J*
+/// of all landmarks, with the rows of other factors, are a root of S, of the condition number of J,
+/// not its square. Source: Triggs et al., "Bundle
 /// adjustment: a modern synthesis", 1999, section B.3; Demmel et al., "Square root bundle
 /// adjustment for large-scale reconstruction", CVPR 2021.
 class OrthogonalElimination {
  public:
   struct Landmark {
-    Eigen::MatrixXd R;        // upper triangle, of its tangent size; rows of zeros for want of rows
+    // R, its columns as they were taken: an upper triangle of the landmark's tangent size; rows of
+    // zeros for want of rows.
+    Eigen::MatrixXd triangle;
+    Eigen::VectorXi columns;  // whose they are: triangle.col(k) is R.col(columns[k])
     Eigen::MatrixXd T;        // as many rows; the columns of the frames, one after the other
     Eigen::VectorXd squares;  // of the norms of J_l's columns
     RowsOfBlocks rest;        // J*, and the frames, ascending

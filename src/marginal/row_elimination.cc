@@ -6,31 +6,28 @@
 
 #include <Eigen/QR>
 
+#include "linear/rows_by_size.h"
+
 namespace inceres::internal {
 
 // Householder QR that is exact row by row (Cox & Higham 1998; docs/algorithms.md,
 // "Marginalization"). The rows of one system may differ by many orders of magnitude in weight. A
 // reflection mixes rows, and with rows in any order the rounding of a large one ends up in a small
-// one. Rows sorted by size, and columns taken by what is left of them, bound the error in each row
-// by that row's own size.
+// one. Rows sorted by size, and the column taken that has the largest norm left, bound the error in
+// each row by that row's own size; it takes both.
 //
 // What is computed of A = [J_m J_r f] is its first `count` columns' elimination: the rows below the
 // rank are orthogonal to all that J_m could explain.
 
 namespace {
 
-// Largest first, by what they say about the columns of J. Ties keep their order.
+// Largest first, by what they say about the columns of J.
 void SortRows(Eigen::MatrixXd* A) {
   if (A->cols() < 2) {
     return;
   }
   // f does not count: a large residual does not make a row a heavy one.
-  const Eigen::VectorXd sizes = A->leftCols(A->cols() - 1).cwiseAbs().rowwise().maxCoeff();
-  std::vector<Eigen::Index> order(static_cast<std::size_t>(A->rows()));
-  std::iota(order.begin(), order.end(), Eigen::Index{0});
-  // Stable: the result is the same in every run.
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
+  const std::vector<Eigen::Index> order = LargestRowsFirst(A->leftCols(A->cols() - 1));
   Eigen::MatrixXd sorted(A->rows(), A->cols());
   for (Eigen::Index row = 0; row < A->rows(); ++row) {
     sorted.row(row) = A->row(order[static_cast<std::size_t>(row)]);
@@ -76,20 +73,21 @@ EliminationOutcome EliminateColumns(int count, double tolerance, Eigen::MatrixXd
   std::iota(left.begin(), left.end(), Eigen::Index{0});
   Eigen::Index rank = 0;
   while (!left.empty() && rank < A->rows()) {
-    auto best = left.begin();
-    double largest = -1.0;
+    // By the norm that is left, and not by its share of the norm of before: a stiff row that hardly
+    // has a column would be mixed into weak ones by that column's reflection.
+    auto best = left.end();
+    double largest = 0.0;
     for (auto column = left.begin(); column != left.end(); ++column) {
       // Small matrices: the norms are computed anew, as downdating loses digits.
       const double norm = A->col(*column).tail(A->rows() - rank).stableNorm();
-      const double share = norms[*column] > 0.0 ? norm / norms[*column] : 0.0;
-      if (share > largest) {
-        largest = share;
+      // False for numbers that are not.
+      if (norm > largest && norm > tolerance * norms[*column]) {
+        largest = norm;
         best = column;
       }
     }
-    // All that are left are dependent, or hold numbers that are not: the comparison is false for
-    // these.
-    if (!(largest > tolerance)) {
+    // All that are left are dependent.
+    if (best == left.end()) {
       break;
     }
     const Eigen::Index pivot = *best;

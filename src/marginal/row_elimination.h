@@ -17,10 +17,10 @@ struct EliminationOutcome {
 /// reflections, in place: afterwards rows from `rank` on, columns from `count` on, are [J* f*],
 /// what the rows say about the other columns whatever the first ones are.
 ///
-/// Rows are sorted by size and columns taken largest first (each in units of its own norm), which
-/// makes the result exact row by row: a row of size 1e-1 keeps its digits beside one of 1e7, where
-/// without it errors of the large one would go into all (Cox & Higham, "Stability of Householder QR
-/// factorization for weighted least squares problems", 1998). A column counts as dependent when
+/// Rows are sorted by size, and the column comes next whose norm is the largest left, which makes
+/// the result exact row by row: a row of size 1e-1 keeps its digits beside one of 1e7, where
+/// without it errors of the large one would go into all (Cox & Higham, "Stability of Householder
+/// QR factorization for weighted least squares problems", 1998). A column counts as dependent when
 /// what is left of it is below `tolerance` of its norm. Cost: 2 · rows · count · columns
 /// multiplications.
 EliminationOutcome EliminateColumns(int count, double tolerance, Eigen::MatrixXd* A);

@@ -157,6 +157,8 @@ bool Graduation::SolveToTheEnd() {
   for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
     problem_.SetWeight(k, 1.0);
   }
+  // With other thresholds this is the second time: the first solve is before a graduation again.
+  schedule_ = GncSchedule(options_.kernel, options_.step);
   if (!SolveWeighted(/*last=*/false) || !Graduate() || !Settle()) {
     return false;
   }

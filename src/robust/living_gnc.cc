@@ -20,8 +20,9 @@ namespace inceres {
 // linearization: cached Jacobians are scaled (docs/algorithms.md, "Incremental Schur complement",
 // other weights). Hence small changes are not worth telling, and decided suspects rest.
 //
-// Kept between Updates: of each suspect its phase, μ, threshold, and the weight that its loss in
-// the solver's graph has.
+// Kept between Updates: of each suspect its phase, μ, threshold, and the loss that it has been
+// given in the solver's graph, with its weight. Any other loss there is not from here: the suspect
+// has come with it, or was edited, and the next Update replaces it.
 
 namespace internal {
 namespace {
@@ -39,9 +40,10 @@ class LivingGnc::Impl {
 
   // The threshold is found by Prepare, when the factor is in the graph; 0 until then.
   void Watch(FactorId factor) {
-    suspects_.push_back({factor, 0.0, 1.0, internal::GncSchedule(options_.kernel, options_.step)});
+    suspects_.push_back(
+        {factor, 0.0, 1.0, nullptr, internal::GncSchedule(options_.kernel, options_.step)});
   }
-  // The weight stays until the next Update finds another.
+  // The weight stays until the next Update finds that of a suspect that has just come.
   void Reset(FactorId factor) {
     for (Suspect& suspect : suspects_) {
       if (IsSame(suspect.id, factor)) {
@@ -68,7 +70,8 @@ class LivingGnc::Impl {
   struct Suspect {
     FactorId id;
     double threshold;
-    double weight;  // that its loss has
+    double weight;                     // that it has been given
+    std::shared_ptr<const Loss> loss;  // as which; null: weight 1
     internal::GncSchedule schedule;
     Phase phase = Phase::kNew;
   };
@@ -84,6 +87,9 @@ class LivingGnc::Impl {
   bool Prepare(GncSummary* summary);
   Status Measure();
   Status ApplyWeights(const std::vector<double>& weights);
+  bool HasOtherLoss(const Suspect& suspect) const {
+    return solver_.graph().loss(suspect.id.family, suspect.id.index) != suspect.loss.get();
+  }
   double NextWeight(Suspect* suspect, double s) const;
   double WeightOfNew(Suspect* suspect, double s) const;
   bool Reweigh(bool first, int* num_open);
@@ -182,9 +188,10 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
         looked_at ? NextWeight(&suspect, squared_errors_[k] / suspect.threshold) : suspect.weight;
     const bool decided = weight == 0.0 || weight == 1.0;
     // Weights 0 and 1 are told exactly, so that in the end they agree with the verdicts.
-    const bool changes = decided ? weight != suspect.weight
+    const bool differs = decided ? weight != suspect.weight
                                  : std::fabs(weight - suspect.weight) >
                                        internal::kFineWeight * std::max(weight, suspect.weight);
+    const bool changes = differs || HasOtherLoss(suspect);
     weights_[k] = changes ? weight : suspect.weight;
     any = any || changes;
     *num_open += suspect.phase == Phase::kOpen ? 1 : 0;
@@ -196,15 +203,21 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
 // are as before.
 Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
   GraphEdit edit(solver_.graph());
+  std::vector<std::shared_ptr<const Loss>> losses;
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    losses.push_back(suspects_[k].loss);
     if (weights[k] != suspects_[k].weight) {
-      edit.SetLoss(suspects_[k].id,
-                   weights[k] == 1.0 ? nullptr : std::make_shared<ScaledLoss>(nullptr, weights[k]));
+      losses.back() =
+          weights[k] == 1.0 ? nullptr : std::make_shared<ScaledLoss>(nullptr, weights[k]);
+    }
+    if (weights[k] != suspects_[k].weight || HasOtherLoss(suspects_[k])) {
+      edit.SetLoss(suspects_[k].id, losses.back());
     }
   }
   Status status = solver_.Apply(edit);
   for (std::size_t k = 0; k < suspects_.size() && status.ok(); ++k) {
     suspects_[k].weight = weights[k];
+    suspects_[k].loss = losses[k];
   }
   return status;
 }

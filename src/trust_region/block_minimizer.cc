@@ -153,10 +153,9 @@ bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
       batch.tangent_maps = maps_.families[s->family].data();
       batch.jacobians = views_.data();
     }
-    if (factors.family->Evaluate(batch).failed()) {
+    if (factors.family->Evaluate(batch).failed() || !Robustify(*s, row, jacobians, cost)) {
       return false;
     }
-    *cost += Robustify(*s, row, jacobians);
     row += factors.residual_size;
   }
   // A release of Ceres from 2.2 on counts a cost that is not finite as a failed evaluation; 2.1
@@ -164,24 +163,25 @@ bool BlockMinimizer::Evaluate(bool jacobians, double* cost) {
   return std::isfinite(*cost) || !infinite_cost_is_failure_;
 }
 
-// The cost of a factor; with Jacobians its rows become those of plain least squares.
-double BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobians) {
+// Adds the cost of a factor; with Jacobians its rows become those of plain least squares. False if
+// its loss has none.
+bool BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobians, double* cost) {
   Linearization& factors = evaluator_.families()[sighting.family];
   const int rows = factors.residual_size;
-  const Loss* loss = graph_.loss(sighting.family, sighting.factor);
   // The evaluator's column of residuals of the candidate: after the round they are evaluated anew.
   double* f = factors.candidate_residuals.data() + std::ptrdiff_t{sighting.factor} * rows;
-  if (!jacobians) {
-    return RobustCost(loss, f, rows);
+  const LossValue value(graph_.loss(sighting.family, sighting.factor), f, rows);
+  *cost += value.cost();
+  if (!jacobians || !value.HasRoot()) {
+    return !jacobians;
   }
   constexpr std::int32_t kHasJacobian = 0;
   const int stride = PadToQuad(size_);
   const SlotJacobians J = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride,
                            size_};
-  const double cost =
-      RobustifyFactor(loss, rows, 1, &J, 0, &kHasJacobian, LossCurvature::kPositive, f);
+  RobustifyFactor(value, rows, 1, &J, 0, &kHasJacobian, LossCurvature::kPositive, f);
   std::copy_n(f, rows, f_.begin() + row);
-  return cost;
+  return true;
 }
 
 // [J f] by columns, and of it the products that give gradient and column norms.

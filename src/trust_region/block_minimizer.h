@@ -57,7 +57,7 @@ class BlockMinimizer {
   bool EvaluateJacobians(const std::vector<double>& x, double* cost);
   bool EvaluateCandidate(double* cost);
   bool Evaluate(bool jacobians, double* cost);
-  double Robustify(const Sighting& sighting, int row, bool jacobians);
+  bool Robustify(const Sighting& sighting, int row, bool jacobians, double* cost);
   void FormColumns();
   bool ProjectedGradientIsSmall();
   bool MoveFromCurrent(const double* step);

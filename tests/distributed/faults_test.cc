@@ -1,6 +1,7 @@
 // What goes wrong on one rank is told on all, and nobody waits.
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -194,10 +195,41 @@ TEST(Faults, WhatIsNotSupportedIsRefused) {
   }
   ExpectRefused(DistributedSolver(MPI_COMM_WORLD, Options()).Solve(twice.part()).solve,
                 "is listed twice");
+}
+
+TEST(Faults, OneFrameUnderTwoVariablesIsRefusedWithTheRankThatListsItTwice) {
+  BalPart part(Street());
+  // On the last rank alone: all others list frame 0 once.
+  if (Rank() == NumRanks() - 1) {
+    const VariableId second = part.graph().AddVariable(Street().CameraData(0), 9, Role::kFrame);
+    part.part().frames.push_back({0, second});
+  }
+  ExpectRefused(DistributedSolver(MPI_COMM_WORLD, Options()).Solve(part.part()).solve,
+                "frame 0 is listed twice by rank " + std::to_string(NumRanks() - 1));
+}
+
+Summary SolveStreet(const DistributedOptions& options) {
+  return DistributedSolver(MPI_COMM_WORLD, options).Solve(BalPart(Street()).part()).solve;
+}
+
+TEST(Faults, OptionsWithoutEffectAreRefused) {
   DistributedOptions options = Options();
   options.solver.strategy = TrustRegionStrategyKind::kSubspaceDogleg;
-  ExpectRefused(DistributedSolver(MPI_COMM_WORLD, options).Solve(BalPart(Street()).part()).solve,
-                "kSubspaceDogleg");
+  ExpectRefused(SolveStreet(options), "kSubspaceDogleg");
+  options = Options();
+  options.solver.conjugate_gradients.preconditioner = PreconditionerKind::kSubset;
+  options.solver.conjugate_gradients.subset =
+      std::make_shared<const std::vector<FactorId>>(1, FactorId{0, 0});
+  ExpectRefused(SolveStreet(options), "kSubset");
+  options = Options();
+  options.solver.conjugate_gradients.explicit_schur_complement = true;
+  ExpectRefused(SolveStreet(options), "explicit_schur_complement");
+  options.linear_solver = DistributedLinearSolver::kAutomatic;
+  ExpectRefused(SolveStreet(options), "explicit_schur_complement");
+  for (const auto forms : {DistributedLinearSolver::kCholesky, DistributedLinearSolver::kKsp}) {
+    options.linear_solver = forms;
+    EXPECT_TRUE(SolveStreet(options).IsSolutionUsable());
+  }
 }
 
 TEST(Faults, OneRanksCallbackEndsAll) {

@@ -1,6 +1,8 @@
 // A two-level preconditioner against its formula, with dense matrices.
 #include "linear/coarse_space.h"
 
+#include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -45,8 +47,9 @@ class CoarseSpaceTest : public ::testing::TestWithParam<int> {  // threads
     Fill(/*dependent=*/false);
   }
 
-  // Random columns; dependent: the last one of the first aggregate is the sum of two others.
-  void Fill(bool dependent) {
+  // Random columns; dependent: the last one of the first aggregate is the sum of two others, times
+  // `spoil` in its first row.
+  void Fill(bool dependent, double spoil = 1.0) {
     test::Random random(3);
     for (int i = 0; i < 12; ++i) {
       const int a = aggregate_of_[static_cast<std::size_t>(i)];
@@ -56,7 +59,7 @@ class CoarseSpaceTest : public ::testing::TestWithParam<int> {  // threads
         for (int k = 0; k < width; ++k) {
           v[k] = random.Between(-1.0, 1.0);
         }
-        v[3] = dependent && a == 0 ? v[0] + v[1] : v[3];
+        v[3] = dependent && a == 0 ? (i + r == 0 ? spoil : 1.0) * (v[0] + v[1]) : v[3];
       }
     }
     std::vector<const double*> N;
@@ -165,6 +168,16 @@ TEST_P(CoarseSpaceTest, IsItsFormulaSymmetricAndPositiveDefinite) {
     EXPECT_LT(test::RelativeError(inverse, expected), 1e-10);
     EXPECT_LT((inverse - inverse.transpose()).norm(), 1e-10 * inverse.norm());
     EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix>(inverse).eigenvalues()(0), 0.0);
+  }
+}
+
+// A column that is no number is left out like one that others hold: all others are as without it.
+TEST_P(CoarseSpaceTest, AColumnThatIsNotFiniteIsSetToZero) {
+  Fill(/*dependent=*/true);
+  const Matrix expected = V();
+  for (const double spoil : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL, 1e200}) {
+    Fill(/*dependent=*/true, spoil);
+    EXPECT_EQ(V(), expected) << spoil;
   }
 }
 

@@ -173,7 +173,7 @@ TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {
   pivot = -1.0;
   const Status failed = cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
-  EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
+  EXPECT_NE(failed.message.find("frame 8"), std::string::npos) << failed.message;
   EXPECT_EQ(cholesky.num_valid_rows(), 8);
   pivot = good;
   ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 8).ok());

@@ -195,7 +195,7 @@ TEST(ResumedSolver, RecoversFromASingularRow) {
   system.damping[24] = -1000.0;
   const Status failed = Update(&solver, &system, {8, nullptr}, 12);
   EXPECT_EQ(failed.code, StatusCode::kSingular);
-  EXPECT_NE(failed.message.find("block row 8"), std::string::npos) << failed.message;
+  EXPECT_NE(failed.message.find("frame 8"), std::string::npos) << failed.message;
   EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code,
             StatusCode::kSingular);
   system.damping[24] = 0.25;

@@ -77,6 +77,37 @@ TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
       "variable 0 is inf");
 }
 
+// ρ(s) = (s − 1)²: at s = 1 the first derivative is zero, and the second one is not.
+class FlatLoss final : public Loss {
+ public:
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = (s - 1.0) * (s - 1.0);
+    rho[1] = 2.0 * (s - 1.0);
+    rho[2] = 2.0;
+  }
+};
+
+TEST_F(FailingFactors, LossesWithoutAnyLeastSquaresForm) {
+  Build([](int i, double* residuals, double** jacobians) {
+    residuals[0] *= i < 400 ? 2.0 : 1.0;
+    if (jacobians != nullptr) {
+      jacobians[0][0] *= i < 400 ? 2.0 : 1.0;
+    }
+    return true;
+  });
+  for (int i = 200; i < 600; ++i) {
+    graph_.SetLoss(0, i, std::make_shared<FlatLoss>());
+  }
+  ExpectFailure(
+      "factor 400 of function (variables 0): its loss has a second derivative above zero and a "
+      "first one that is not");
+  // The cost alone is that of any other loss.
+  CorePipeline core(graph_);
+  double cost = 0.0;
+  EXPECT_TRUE(core.evaluator.EvaluateCandidateCost(&cost).ok());
+  EXPECT_EQ(cost, 0.5 * (200 * 4.0 + 200 * 9.0));
+}
+
 // x with a manifold whose PlusJacobian is what the test says.
 class OddManifold final : public Manifold {
  public:

@@ -399,6 +399,41 @@ TEST(Covariance, OfAnOpenPathHasItsDigitsByRows) {
   EXPECT_GT(LargestDifference(graph, moving, normal, dense), 10.0 * difference);
 }
 
+// A stiff factor that hardly has the landmark's first column: eliminated in the order of the
+// columns it would be mixed into weak ones, and 8 of their digits be rounded away.
+TEST(Covariance, ByRowsWeakFactorsKeepTheirDigitsBesideAStiffOne) {
+  MatrixXd rows(4, 3);    // of a frame, and of a landmark
+  rows << 6e7, 0.7, 1e8,  //
+      0.9, 0.8, 0.3,      //
+      -0.4, 0.6, 0.5,     //
+      0.2, -0.5, 0.7;
+  LinearWorld world;
+  const VariableId frame = world.AddVariable(Eigen::VectorXd::Zero(1));
+  const VariableId landmark = world.AddVariable(Eigen::VectorXd::Zero(2), Role::kLandmark);
+  world.AddFactor({frame, landmark}, rows, Eigen::VectorXd::Zero(4));
+  CovarianceOptions options;
+  options.algorithm = CovarianceAlgorithm::kQr;
+  GraphCovariance covariance(options);
+  const Status status = covariance.Compute(world.graph, AllPairs(Moving(world.graph)));
+  ASSERT_TRUE(status.ok()) << status.message;
+
+  // In coordinates of which the stiff factor has one, in units of 1e-8, nothing is stiff.
+  using Exact = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+  Exact back = Exact::Identity(3, 3);
+  back(2, 0) = -static_cast<long double>(rows(0, 0)) / static_cast<long double>(rows(0, 2));
+  back(2, 1) = -static_cast<long double>(rows(0, 1)) / static_cast<long double>(rows(0, 2));
+  back(2, 2) = 1e-8L;
+  const Exact turned = rows.cast<long double>() * back;
+  const Exact expected = back * (turned.transpose() * turned).inverse() * back.transpose();
+  double of_frame = 0.0;
+  RowMajor of_landmark(2, 2);
+  ASSERT_TRUE(covariance.Get(frame, frame, &of_frame));
+  ASSERT_TRUE(covariance.Get(landmark, landmark, of_landmark.data()));
+  EXPECT_NEAR(of_frame / static_cast<double>(expected(0, 0)), 1.0, 1e-13);
+  EXPECT_NEAR(of_landmark(0, 0) / static_cast<double>(expected(1, 1)), 1.0, 1e-13);
+  EXPECT_NEAR(of_landmark(1, 1) / static_cast<double>(expected(2, 2)), 1.0, 1e-13);
+}
+
 TEST(Covariance, ByRowsTellsWhatIsNotDetermined) {
   CovarianceOptions options;
   options.algorithm = CovarianceAlgorithm::kQr;

@@ -8,6 +8,7 @@
 
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/io/g2o_graph.h"
+#include "inceres/problem/losses.h"
 #include "inceres/problem/pose_composition.h"
 #include "robust/gnc_worlds.h"
 
@@ -38,9 +39,10 @@ class LivingWorld {
     for (std::size_t k = 0; k < world_.truth.edges.size(); ++k) {
       const PoseGraphEdge& edge = world_.truth.edges[k];
       if (edge.to == i) {
-        const FactorId id = AddEdge(edge, &edit);
+        const bool is_loop = k >= world_.truth.ids.size() - 1;
+        const FactorId id = AddEdge(edge, is_loop ? loop_loss_ : nullptr, &edit);
         edges_.push_back({k, id});
-        if (k >= world_.truth.ids.size() - 1) {
+        if (is_loop) {
           loops.push_back(id);
         }
       }
@@ -52,10 +54,11 @@ class LivingWorld {
     return gnc_.Update();
   }
 
-  FactorId AddEdge(const PoseGraphEdge& edge, GraphEdit* edit) {
+  FactorId AddEdge(const PoseGraphEdge& edge, const std::shared_ptr<const Loss>& loss,
+                   GraphEdit* edit) {
     PlanarRelativePoseFamily::Measurement measurement;
     EXPECT_TRUE(ToMeasurement(edge, &measurement));
-    return edit->AddFactor(family_, measurement, {edge.from, edge.to});
+    return edit->AddFactor(family_, measurement, {edge.from, edge.to}, loss);
   }
 
   bool IsWrong(FactorId id) const {
@@ -78,6 +81,7 @@ class LivingWorld {
   LivingGnc gnc_;
   FamilyHandle<PlanarRelativePoseFamily> family_;
   std::vector<std::pair<std::size_t, FactorId>> edges_;
+  std::shared_ptr<const Loss> loop_loss_;  // that loops come with
 };
 
 TEST(LivingGnc, FindsWrongLoopsAsTheyCome) {
@@ -135,6 +139,70 @@ TEST(LivingGnc, TakesASuspectInAgainOnceItIsEdited) {
   const GncSummary after = living.gnc_.Update();
   EXPECT_EQ(after.num_outliers, summary.num_outliers - 1);
   EXPECT_EQ(living.solver_.graph().loss(wrong.family, wrong.index), nullptr);
+}
+
+// Losses that suspects come with, or get beside their histories, are replaced, whatever the weight:
+// the world without them ends with the same bits.
+TEST(LivingGnc, ReplacesLossesOfSuspects) {
+  const PoseGraphWorld world(2, 60, 20, 4, 0.01, 4);
+  LivingWorld plain(world);
+  LivingWorld with_losses(world);
+  with_losses.loop_loss_ = std::make_shared<HuberLoss>(1e-3);
+  for (int i = 0; i < 60; ++i) {
+    plain.AddPose(i);
+    with_losses.AddPose(i);
+  }
+  // And one that is edited later.
+  FactorId right;
+  for (const GncVerdict& verdict : with_losses.gnc_.Update().verdicts) {
+    right = verdict.inlier ? verdict.factor : right;
+  }
+  ASSERT_GE(right.index, 0);
+  GraphEdit edit(with_losses.solver_.graph());
+  edit.SetLoss(right, std::make_shared<HuberLoss>(1e-3));
+  ASSERT_TRUE(with_losses.solver_.Apply(edit).ok());
+  plain.gnc_.Update();
+  const GncSummary expected = plain.gnc_.Update();
+  const GncSummary summary = with_losses.gnc_.Update();
+  ASSERT_EQ(summary.verdicts.size(), expected.verdicts.size());
+  int num_full = 0;
+  for (std::size_t k = 0; k < summary.verdicts.size(); ++k) {
+    const GncVerdict& verdict = summary.verdicts[k];
+    EXPECT_EQ(verdict.weight, expected.verdicts[k].weight);
+    const Loss* const loss =
+        with_losses.solver_.graph().loss(verdict.factor.family, verdict.factor.index);
+    EXPECT_EQ(loss == nullptr, verdict.weight == 1.0);
+    num_full += verdict.weight == 1.0 ? 1 : 0;
+  }
+  EXPECT_GT(num_full, 10);
+  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-6 * expected.final_cost);
+}
+
+// A suspect that is reset is one that has just come, with the weight of its error now.
+TEST(LivingGnc, AResetSuspectIsAsOneThatHasJustCome) {
+  LivingWorld reset(PoseGraphWorld(2, 60, 20, 6, 0.01, 4));
+  LivingWorld watched(PoseGraphWorld(2, 60, 20, 6, 0.01, 4));
+  for (int i = 0; i < 60; ++i) {
+    reset.AddPose(i);
+    watched.AddPose(i);
+  }
+  int num_outliers = 0;
+  for (const GncVerdict& verdict : watched.gnc_.Update().verdicts) {
+    num_outliers += verdict.inlier ? 0 : 1;
+    watched.gnc_.Forget(verdict.factor);
+    watched.gnc_.Watch(verdict.factor);
+  }
+  EXPECT_GT(num_outliers, 2);
+  reset.gnc_.Update();
+  reset.gnc_.ResetAll();
+  const GncSummary expected = watched.gnc_.Update();
+  const GncSummary summary = reset.gnc_.Update();
+  ASSERT_EQ(summary.rounds.size(), expected.rounds.size());
+  for (std::size_t k = 0; k < summary.rounds.size(); ++k) {
+    EXPECT_EQ(summary.rounds[k].mu, expected.rounds[k].mu) << k;
+    EXPECT_EQ(summary.rounds[k].num_none, expected.rounds[k].num_none) << k;
+    EXPECT_EQ(summary.rounds[k].cost, expected.rounds[k].cost) << k;
+  }
 }
 
 TEST(LivingGnc, NamesASuspectThatIsGoneUntilItIsForgotten) {

@@ -54,6 +54,19 @@ TEST(ThresholdScale, IsNeverAboveOneAndNeedsErrors) {
   EXPECT_LE(least, 1e-6);
 }
 
+// Every graduation begins with all weights 1, which is before it: no μ is told, not that of the
+// graduation before either.
+void ExpectNoMuAtFullWeights(const GncSummary& summary, int num_suspects) {
+  int num_begun = 0;
+  for (const GncRound& round : summary.rounds) {
+    if (round.num_full == num_suspects) {
+      EXPECT_EQ(round.mu, 0.0);
+      ++num_begun;
+    }
+  }
+  EXPECT_GE(num_begun, 1);
+}
+
 // Information that promises errors thirty times as large as they are: a wrong loop at the end of a
 // chain is then taken for right, unless the scale is estimated.
 TEST(ThresholdScale, FindsWrongLoopsUnderLooseInformation) {
@@ -71,6 +84,7 @@ TEST(ThresholdScale, FindsWrongLoopsUnderLooseInformation) {
       options.estimate_scale = estimate;
       const GncSummary summary = SolveGnc(options, loose.suspects, &loose.graph);
       ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+      ExpectNoMuAtFullWeights(summary, static_cast<int>(loose.suspects.size()));
       int lost = 0;
       for (std::size_t k = 0; k < loose.suspects.size(); ++k) {
         const GncVerdict& verdict = summary.verdicts[k];

@@ -25,8 +25,9 @@ namespace inceres {
 /// does it. The same ranks and parts give the same bits again; others differ by rounding.
 ///
 /// MPI must have been started by MPI_Init or PetscInitialize, or is started by the first
-/// constructor, with PETSc, and then ended at exit. Threads: one thread of each rank calls; the
-/// solver uses SolverOptions::num_threads.
+/// constructor, with PETSc. What that has started, both or PETSc alone, is ended at exit, which the
+/// ranks then reach together; of MPI that others started and have ended by then, PETSc is left as
+/// it is. Threads: one thread of each rank calls; the solver uses SolverOptions::num_threads.
 /// Source: Agarwal et al. 2010, "Bundle Adjustment in the Large"; docs/distributed.md.
 class DistributedSolver {
  public:

@@ -39,10 +39,11 @@ struct CheckpointOptions {
 /// Options of a DistributedSolver; the same on all ranks, but for num_threads, progress, callback
 /// and observer.
 struct DistributedOptions {
-  /// As of a batch solve in one process: strategy (not kSubspaceDogleg), conjugate_gradients,
-  /// num_threads (of each rank), tolerances and radii, progress, callback, observer. linear_model
-  /// and reduced_solver stay kAutomatic: linear_solver takes their place. refine_landmarks and
-  /// dynamic_sparsity are refused.
+  /// As of a batch solve in one process: strategy (not kSubspaceDogleg), conjugate_gradients (no
+  /// preconditioner by clusters or kSubset; explicit_schur_complement with kKsp only, or with
+  /// kCholesky, which forms S without it), num_threads (of each rank), tolerances and radii,
+  /// progress, callback, observer. linear_model and reduced_solver stay kAutomatic: linear_solver
+  /// takes their place. refine_landmarks and dynamic_sparsity are refused.
   SolverOptions solver;
   DistributedLinearSolver linear_solver = DistributedLinearSolver::kAutomatic;  ///< see there
   CheckpointOptions checkpoint;                                                 ///< see there

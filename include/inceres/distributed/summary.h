@@ -23,12 +23,13 @@ struct RankReport {
   /// values of the frames it shares: what exchange_bytes_per_product compares with
   std::int64_t shared_frame_bytes = 0;
   std::int64_t num_products = 0;  ///< with S
-  /// counted by PETSc from the begin of the solve to its end: messages between two ranks
+  /// from the begin of the iterations to their end, in messages to one other rank: of frames, as
+  /// PETSc counts them, of blocks of S that is formed, of the two-level preconditioner
   std::int64_t bytes_sent = 0;
   std::int64_t reduction_bytes_sent = 0;  ///< in reductions, which are gatherings of a few numbers
   double seconds = 0.0;                   ///< of the whole solve
   double product_seconds = 0.0;           ///< of it in products with S
-  double exchange_seconds = 0.0;          ///< of it in exchange of frames, waiting included
+  double exchange_seconds = 0.0;          ///< of it in messages, waiting included
   double reduction_seconds = 0.0;         ///< of it in reductions, waiting included
 };
 

@@ -171,10 +171,11 @@ class INCERES_EXPORT LivingGnc {
   LivingGnc(const LivingGnc&) = delete;
   LivingGnc& operator=(const LivingGnc&) = delete;
 
-  /// From the next Update on the factor may be an outlier. To be called once its edit is applied.
+  /// From the next Update on the factor may be an outlier, and a loss of its own is replaced, as by
+  /// SolveGnc. To be called once its edit is applied.
   void Watch(FactorId factor);
-  /// The factor was edited: its history begins anew, with full weight. Others keep theirs. No
-  /// effect on a factor that is not watched.
+  /// The factor was edited: its history begins anew, as if it had just come, with a weight that
+  /// follows from its error then. Others keep theirs. No effect on a factor that is not watched.
   void Reset(FactorId factor);
   /// The same for all of them.
   void ResetAll();
