@@ -226,7 +226,7 @@ bool PrintRow(const std::string& problem, const Way& way, const Trace& ours, con
   const Agreement mine = Compare(ours, stock), own = Compare(reversed, stock);
   const bool same = mine.num_other == 0;
   const bool stock_differs = own.num_other > 0 && own.first_other <= mine.first_other;
-  const bool excused = same || stock_differs || own.num_steps < mine.first_other;
+  const bool excused = same || stock_differs || own.num_steps <= mine.first_other;
   std::printf(
       "| %s | %s | %s | %zu | %zu | %zu | %d | %d | %s | %zu%s |\n", problem.c_str(),
       solver.c_str(), NameOf(way).c_str(), NumSteps(ours), NumSteps(stock), mine.num_steps,
