@@ -179,9 +179,9 @@ Status BalBinaryFile::ReadHead() {
                                                        : Wrong("the checksum of its head is wrong");
 }
 
-// One seek, then block after block: each is read, held against its sum while it is in the cache, and
-// told of. A stretch may be empty, where there are more parts than blocks, and the last block may be
-// short.
+// One seek, then block after block: each is read, held against its sum while it is in the cache,
+// and told of. A stretch may be empty, where there are more parts than blocks, and the last block
+// may be short.
 Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t end,
                                  std::vector<char>* bytes, const ReadProgress& progress) {
   const std::int64_t record = kRecordBytes[section];
