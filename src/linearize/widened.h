@@ -57,8 +57,8 @@ class WidenedFactors {
   ScratchArray<SlotJacobians, kSlots> slots_;
 };
 
-/// The factors of a landmark, as the kernels want them; of one that is asked for twice in a row they
-/// are still there, so Jacobians must not change meanwhile. Residuals are zeros where they are asked
+/// The factors of a landmark, as the kernels want them; of one asked for twice in a row they are
+/// still there, so Jacobians must not change meanwhile. Residuals are zeros where they are asked
 /// for: Jᵀf of such families is Evaluator::strip_gradient.
 class WidenedLandmarkFactors {
  public:
@@ -86,8 +86,8 @@ class WidenedLandmarkFactors {
   ScratchArray<double, 128> zeros_;
 };
 
-/// C += Σ_p B_pᵀ A_p where A and B are in single precision: `terms` count from these, blocks of A and
-/// B have so many quads. a and b of `products` are not read; as b, null stands for a where the
+/// C += Σ_p B_pᵀ A_p where A and B are in single precision: `terms` count from these, blocks of A
+/// and B have so many quads. a and b of `products` are not read; as b, null stands for a where the
 /// products are symmetric.
 void AccumulateWidened(const Kernels& kernels, const BlockProducts& products, const float* a,
                        std::ptrdiff_t a_quads, const float* b, std::ptrdiff_t b_quads, double* C);
