@@ -39,13 +39,14 @@ struct Linearization {
   void Grow(int num_places, int capacity);
 
   /// Whether a family with so many places is kept in single precision where that is asked for: one
-  /// that does not fit into a strip. Not those that are told beforehand what they will be asked
-  /// (FactorFamily::Prepares), for they may write all Jacobians at once.
+  /// so large that its strip in double does not take what is saved. Not those that are told
+  /// beforehand what they will be asked (FactorFamily::Prepares), for they may write all Jacobians
+  /// at once.
   static bool MayKeepSingles(const FactorFamily& family, int num_places) {
-    return num_places > kStripSize && !family.Prepares();
+    return num_places > 2 * kStripSize && !family.Prepares();
   }
   /// Factors that such a family has Jacobians in double of, at a time.
-  static constexpr int kStripSize = 4096;
+  static constexpr int kStripSize = 2048;
 
   /// Room for all places in single precision, and for a strip of them in double.
   void GrowInSingles(int num_places);

@@ -75,14 +75,14 @@ TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
   const Executor executor(1);
   const Evaluator in_double(points.graph(), layout, executor);
   const Evaluator in_single(points.graph(), layout, executor, JacobianStorage::kBySlotInSingle);
-  // 8 quads of doubles a factor become quads of floats; 4,096 factors stay in double.
-  constexpr std::int64_t kSaved = 128 * std::int64_t{kNumPoints} - 256 * 4096;
+  // 8 quads of doubles a factor become quads of floats; 2,048 factors stay in double.
+  constexpr std::int64_t kSaved = 128 * std::int64_t{kNumPoints} - 256 * 2048;
   const std::int64_t gradient = 32 * std::int64_t{kNumPoints} + 96;
   EXPECT_EQ(in_double.Bytes() - in_single.Bytes(), kSaved - gradient);
   EXPECT_EQ(Predict(points.graph(), true) - Predict(points.graph(), true, true), kSaved - gradient);
   PointGraph few(4096);
   EXPECT_EQ(Predict(few.graph(), true), Predict(few.graph(), true, true))
-      << "a strip alone is as large: they stay in double";
+      << "a strip takes what would be saved: they stay in double";
 }
 
 }  // namespace

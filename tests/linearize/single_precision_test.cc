@@ -17,7 +17,7 @@
 namespace inceres::internal {
 namespace {
 
-// Observations are one family of 12,000 or more factors, which takes three strips; between frames,
+// Observations are one family of 12,000 or more factors, which takes six strips; between frames,
 // and priors, there are few.
 std::unique_ptr<test::RandomGraph> Bundle(bool hosted) {
   test::BundleOptions bundle;
