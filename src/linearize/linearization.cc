@@ -112,8 +112,9 @@ void Linearization::BeginStrip(int first) {
   for (int s = 0; s < num_slots; ++s) {
     SlotJacobians& slot = slots[s];
     const auto begin = reinterpret_cast<std::uintptr_t>(next);
-    slot.data = reinterpret_cast<double*>(
-        begin - static_cast<std::uintptr_t>(first * slot.factor_stride) * sizeof(double));
+    const std::uintptr_t of_zero =
+        begin - static_cast<std::uintptr_t>(first * slot.factor_stride) * sizeof(double);
+    slot.data = reinterpret_cast<double*>(of_zero);  // NOLINT(performance-no-int-to-ptr)
     views[s] = {slot.data, slot.factor_stride, slot.row_stride};
     next += kStripSize * slot.factor_stride;
   }
