@@ -180,6 +180,7 @@ Table<ConjugateGradientsOptions> MakeConjugateGradientsTable() {
       .Add("eta_follows_gradient", &O::eta_follows_gradient)
       .Add("max_iterations", &O::max_iterations)
       .Add("explicit_schur_complement", &O::explicit_schur_complement)
+      .Add("single_precision_jacobians", &O::single_precision_jacobians)
       .Add("visibility_clustering", &O::visibility_clustering, kClusterings);
   return table;
 }

@@ -47,23 +47,13 @@ double LeftOfMachine() {
   return 1024.0 * NumberAfter("MemAvailable:", "/proc/meminfo");
 }
 
-// Pages of files can be given back: those of programs and data count.
-double LeftOfControlGroup() {
-  std::ifstream file("/proc/self/cgroup");
-  std::string line;
-  double left = kUnlimited;
-  while (std::getline(file, line)) {
-    // The line of version 2, "0::/path"; those of version 1 start with another number. The root
-    // group is "0::/", of four characters; its folder is /sys/fs/cgroup itself.
-    if (line.rfind("0::", 0) == 0) {
-      const std::string folder = "/sys/fs/cgroup" + (line.size() == 4 ? "" : line.substr(3));
-      const double limit = FirstNumber(folder + "/memory.max");
-      const double used = NumberAfter("anon", folder + "/memory.stat");
-      // Only "anon" is counted as used: with memory.current, files that were read once would count.
-      left = limit < kUnlimited && used < kUnlimited ? limit - used : kUnlimited;
-    }
-  }
-  return left;
+// What the group of a folder allows. Only "anon" is counted as used, pages of programs and data:
+// with memory.current, files that were read once would count, whose pages can be given back.
+double LeftOfGroup(const std::string& folder) {
+  const double limit = FirstNumber(folder + "/memory.max");
+  const double used =
+      limit < kUnlimited ? NumberAfter("anon", folder + "/memory.stat") : kUnlimited;
+  return used < kUnlimited ? limit - used : kUnlimited;
 }
 
 // The first number of statm is the size of the address space in pages, which is what RLIMIT_AS is
@@ -79,9 +69,33 @@ double LeftOfAddressSpace() {
 
 }  // namespace
 
+// A group's limit binds all groups in it, and a group that has none of its own may be in one that
+// has: a service in a slice, a scope in a user's slice.
+double LeftOfControlGroups(const std::string& membership, const std::string& root) {
+  std::ifstream file(membership);
+  std::string line;
+  double left = kUnlimited;
+  while (std::getline(file, line)) {
+    // The line of version 2, "0::/path"; those of version 1 start with another number. The root
+    // group is "0::/".
+    if (line.rfind("0::/", 0) != 0) {
+      continue;
+    }
+    std::string path = line.substr(3);
+    while (!path.empty()) {
+      left = std::min(left, LeftOfGroup(root + path));
+      path.resize(path.rfind('/'));
+    }
+    left = std::min(left, LeftOfGroup(root));
+  }
+  return left;
+}
+
 double AvailableBytes() {
   // A group may hold more than its limit for a moment: never less than nothing.
-  return std::max(0.0, std::min({LeftOfMachine(), LeftOfControlGroup(), LeftOfAddressSpace()}));
+  return std::max(
+      0.0, std::min({LeftOfMachine(), LeftOfControlGroups("/proc/self/cgroup", "/sys/fs/cgroup"),
+                     LeftOfAddressSpace()}));
 }
 
 }  // namespace inceres::internal

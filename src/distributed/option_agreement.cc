@@ -54,6 +54,8 @@ Status DistributedOptions::Validate() const {
       : solver.conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel &&
               solver.conjugate_gradients.explicit_schur_complement
           ? "solver.conjugate_gradients.preconditioner: kTwoLevel takes S by products"
+      : solver.conjugate_gradients.single_precision_jacobians
+          ? "solver.conjugate_gradients.single_precision_jacobians is for one process"
       : solver.conjugate_gradients.eta_follows_gradient
           ? "solver.conjugate_gradients.eta_follows_gradient is for one process"
       : !(solver.conjugate_gradients.eta >= 0.0) ? "solver.conjugate_gradients.eta: at least 0"

@@ -173,34 +173,45 @@ Status BalBinaryFile::ReadHead() {
   if (std::fread(index_.data(), sizeof index_[0], index_.size(), file_) != index_.size()) {
     return Wrong("cannot read its index: " + SystemError());
   }
+  // Progress is told of all of the file, which begins with these.
+  bytes_read_ = static_cast<std::int64_t>(sizeof head + index_.size() * sizeof index_[0]);
   return ChecksumOfHead(head, index_) == head.checksum ? Status::Ok()
                                                        : Wrong("the checksum of its head is wrong");
 }
 
-// One seek, one read, then a pass over the bytes for the sums. A stretch may be empty, where there
-// are more parts than blocks, and the last block may be short.
+// One seek, then block after block: each is read, held against its sum while it is in the cache,
+// and told of. A stretch may be empty, where there are more parts than blocks, and the last block
+// may be short.
 Status BalBinaryFile::ReadBlocks(int section, std::int64_t begin, std::int64_t end,
-                                 std::vector<char>* bytes) {
+                                 std::vector<char>* bytes, const ReadProgress& progress) {
   const std::int64_t record = kRecordBytes[section];
   const std::int64_t first = begin * kBlock;
   const std::int64_t last = std::min(end * kBlock, CountOf(section));
   bytes->resize(static_cast<std::size_t>(std::max<std::int64_t>(0, last - first) * record));
-  if (fseeko(file_, static_cast<off_t>(data_begin_[section] + first * record), SEEK_SET) != 0 ||
-      std::fread(bytes->data(), 1, bytes->size(), file_) != bytes->size()) {
+  const auto unread = [&] {
     return Wrong(std::string("cannot read its ") + kRecordNames[section] + "s: " + SystemError());
+  };
+  if (fseeko(file_, static_cast<off_t>(data_begin_[section] + first * record), SEEK_SET) != 0) {
+    return unread();
   }
   for (std::int64_t b = begin; b < end; ++b) {
     // The last block of a section may be short: it has what is left of the bytes.
     const auto at = static_cast<std::size_t>((b - begin) * kBlock * record);
     const std::size_t size =
         std::min(static_cast<std::size_t>(kBlock * record), bytes->size() - at);
+    if (std::fread(bytes->data() + at, 1, size, file_) != size) {
+      return unread();
+    }
     if (Checksum(bytes->data() + at, size, kSeed) !=
         index_[static_cast<std::size_t>(first_block_[section] + b)]) {
       return Wrong(std::string("the checksum of the ") + kRecordNames[section] + "s from " +
                    std::to_string(b * kBlock) + " on is wrong");
     }
+    bytes_read_ += static_cast<std::int64_t>(size);
+    if (progress) {
+      progress(bytes_read_, file_bytes_);
+    }
   }
-  bytes_read_ += static_cast<std::int64_t>(bytes->size());
   return Status::Ok();
 }
 
@@ -215,11 +226,8 @@ Status BalBinaryFile::ReadShare(int part, int num_parts, BalShare* share,
     const std::int64_t begin = NumBlocks(s) * part / num_parts;
     const std::int64_t end = NumBlocks(s) * (part + 1) / num_parts;
     firsts[s] = begin * kBlock;
-    if (Status status = ReadBlocks(s, begin, end, &bytes); !status.ok()) {
+    if (Status status = ReadBlocks(s, begin, end, &bytes, progress); !status.ok()) {
       return status;
-    }
-    if (progress) {
-      progress(bytes_read_, file_bytes_);
     }
     if (s == kObservations) {
       read.observations.resize(bytes.size() / sizeof(BalObservation));

@@ -44,14 +44,15 @@ class INCERES_EXPORT BalBinaryFile {
   std::int64_t CountOf(int section) const;
   std::int64_t NumBlocks(int section) const;
   Status ReadHead();
-  /// The bytes of the blocks [begin, end) of a section, checked.
-  Status ReadBlocks(int section, std::int64_t begin, std::int64_t end, std::vector<char>* bytes);
+  /// The bytes of the blocks [begin, end) of a section, checked; progress is told of each.
+  Status ReadBlocks(int section, std::int64_t begin, std::int64_t end, std::vector<char>* bytes,
+                    const ReadProgress& progress);
   Status Wrong(const std::string& what) const;
 
   std::string path_;
   std::FILE* file_ = nullptr;
   std::int64_t file_bytes_ = 0;
-  std::int64_t bytes_read_ = 0;
+  std::int64_t bytes_read_ = 0;  // head, index, and the blocks that were asked for
   std::int64_t data_begin_[kNumSections] = {0, 0, 0};
   std::int64_t first_block_[kNumSections] = {0, 0, 0};  // in the index
   std::vector<std::uint64_t> index_;

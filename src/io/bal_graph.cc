@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "io/capped_count.h"
+
 // A BAL problem as a factor graph: cameras are frames of nine Euclidean coordinates, points are
 // landmarks (the variables that the Schur complement eliminates), observations are factors of one
 // family. The order is that of the file, and ids follow from it, so a problem that is read twice
@@ -15,7 +17,8 @@ BalGraph AddBal(const BalProblem& bal, const std::shared_ptr<const Loss>& loss,
   BalGraph ids;
   // The state is one array: it would be copied several times while it grows.
   graph->Reserve(graph->num_variables() + bal.num_cameras + bal.num_points,
-                 static_cast<int>(graph->state().size() + bal.cameras.size() + bal.points.size()));
+                 internal::CappedCount(graph->state().size() + bal.cameras.size() +
+                                       bal.points.size()));
   for (int i = 0; i < bal.num_cameras; ++i) {
     ids.cameras.push_back(
         graph->AddVariable(bal.CameraData(i), BalProblem::kCameraSize, Role::kFrame));

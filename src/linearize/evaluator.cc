@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "linearize/jacobian_places.h"
+#include "linearize/strip_gradient.h"
 
 namespace inceres::internal {
 namespace {
@@ -85,7 +86,29 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
     BuildFamily(id);
     BuildChunks(id);
   }
-  chunk_failures_.resize(chunks_.size());
+  CutStrips();
+}
+
+// The chunks of a family that keeps Jacobians in single precision, as many as fit into its strip;
+// those of the others as they come.
+void Evaluator::CutStrips() {
+  for (int k = 0; k < static_cast<int>(chunks_.size()); ++k) {
+    const Chunk& chunk = chunks_[k];
+    const int family = families_[chunk.family].keeps_singles() ? chunk.family : -1;
+    const bool goes_on = !strips_.empty() && strips_.back().family == family &&
+                         (family < 0 || chunk.end - chunks_[strips_.back().begin].begin <=
+                                            Linearization::kStripSize);
+    if (!goes_on) {
+      strips_.push_back({family, k, k});
+    }
+    strips_.back().end = k + 1;
+  }
+  const auto keeps = [](const Strip& strip) { return strip.family >= 0; };
+  if (std::none_of(strips_.begin(), strips_.end(), keeps)) {
+    strips_.clear();
+    return;
+  }
+  gradient_.resize(static_cast<std::size_t>(layout_.quad_offset.back()) * kQuad);
 }
 
 // Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both
@@ -143,11 +166,15 @@ void Evaluator::Rebind(const FactorGraph& graph) {
 
 void Evaluator::BuildFamily(FamilyId id) {
   Linearization& cache = families_.emplace_back(*graph_, id);
-  if (storage_ == JacobianStorage::kBySlot) {
-    cache.Grow(graph_->NumFactors(id), graph_->NumFactors(id));
-  } else {
-    cache.GrowTables(graph_->NumFactors(id));
+  const int num_places = graph_->NumFactors(id);
+  if (storage_ == JacobianStorage::kWholeRows) {
+    cache.GrowTables(num_places);
     PlaceWholeRows(layout_, &cache);
+  } else if (storage_ == JacobianStorage::kBySlotInSingle &&
+             Linearization::MayKeepSingles(*cache.family, num_places)) {
+    cache.GrowInSingles(num_places);
+  } else {
+    cache.Grow(num_places, num_places);
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.
@@ -156,7 +183,7 @@ void Evaluator::BuildFamily(FamilyId id) {
       // null at a free place
       cache.tangent_maps[k] = ids[k] < 0 ? nullptr : &points_.tangent_map(ids[k]);
     }
-    if (storage_ == JacobianStorage::kBySlot) {
+    if (storage_ != JacobianStorage::kWholeRows) {
       PlaceInTangent(layout_, begin, end, &cache);
     }
   });
@@ -297,14 +324,58 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
       return status;
     }
   }
-  const int first_failed = EvaluateTasks(
-      executor_, &chunk_failures_, [&](int k) { return EvaluateChunk(jacobians, &chunks_[k]); });
-  if (first_failed >= 0) {
-    return DescribeFailure(jacobians, chunks_[first_failed].family, chunk_failures_[first_failed]);
+  const Status status = jacobians && !strips_.empty()
+                            ? EvaluateStrips()
+                            : EvaluateChunks(jacobians, 0, static_cast<int>(chunks_.size()));
+  if (status.ok()) {
+    // Groups in the order of the graph, on one thread.
+    *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
   }
-  // Groups in the order of the graph, on one thread.
-  *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
+  return status;
+}
+
+Status Evaluator::EvaluateChunks(bool jacobians, int begin, int end) {
+  chunk_failures_.resize(static_cast<std::size_t>(end - begin));
+  const int first_failed = EvaluateTasks(executor_, &chunk_failures_, [&](int k) {
+    return EvaluateChunk(jacobians, &chunks_[begin + k]);
+  });
+  return first_failed < 0 ? Status::Ok()
+                          : DescribeFailure(jacobians, chunks_[begin + first_failed].family,
+                                            chunk_failures_[first_failed]);
+}
+
+// With Jacobians, some of which are in double for a strip of factors at a time.
+Status Evaluator::EvaluateStrips() {
+  executor_.For(layout_.quad_offset.back(), kEntryGrain, [&](int begin, int end) {
+    std::fill(gradient_.begin() + std::ptrdiff_t{begin} * kQuad,
+              gradient_.begin() + std::ptrdiff_t{end} * kQuad, 0.0);
+  });
+  for (const Strip& strip : strips_) {
+    if (strip.family >= 0) {
+      families_[strip.family].BeginStrip(chunks_[strip.begin].begin);
+    }
+    const Status status = EvaluateChunks(/*jacobians=*/true, strip.begin, strip.end);
+    if (strip.family >= 0) {
+      if (status.ok()) {
+        KeepStrip(strip);
+      }
+      families_[strip.family].EndStrip();
+    }
+    if (!status.ok()) {
+      return status;
+    }
+  }
   return Status::Ok();
+}
+
+void Evaluator::KeepStrip(const Strip& strip) {
+  Linearization& cache = families_[strip.family];
+  const int first = chunks_[strip.begin].begin, last = chunks_[strip.end - 1].end;
+  // Where strips end depends on the chunks, and so on the number of threads; a variable's sum goes
+  // on from strip to strip, factor by factor, and does not.
+  AddGradient(cache, first, last, executor_, gradient_.data());
+  executor_.For(last - first, kChunkSize,
+                [&](int begin, int end) { cache.KeepSingles(first + begin, first + end); });
 }
 
 // PlusJacobian at the candidate comes first, as in Ceres, and a failure there is one of the
@@ -358,13 +429,14 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
 std::int64_t Evaluator::Bytes() const {
   std::int64_t bytes = 0;
   for (const Linearization& cache : families_) {
-    bytes += static_cast<std::int64_t>(sizeof(double) *
-                                       (cache.residuals.size() * 2 + cache.jacobian_values.size()));
+    bytes += static_cast<std::int64_t>(
+        sizeof(double) *
+        (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.single_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() *
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
     bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
   }
-  return bytes + points_.Bytes();
+  return bytes + static_cast<std::int64_t>(sizeof(double) * gradient_.size()) + points_.Bytes();
 }
 
 }  // namespace inceres::internal

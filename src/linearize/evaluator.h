@@ -55,6 +55,10 @@ class Evaluator {
   /// and Jacobians computed before are then of no use.
   int Recenter();
 
+  /// Jᵀf of the families that keep Jacobians in single precision, padded, summed from those in
+  /// double; null if there are none. Of the last EvaluateJacobians.
+  const double* strip_gradient() const { return strips_.empty() ? nullptr : gradient_.data(); }
+
   /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were
   /// computed by EvaluateCandidateCost.
   Status EvaluateJacobians(bool known_point, double* cost);
@@ -91,7 +95,15 @@ class Evaluator {
     bool at_candidate = false;
   };
 
+  // Chunks, one after the other, whose Jacobians are in double at the same time.
+  struct Strip {
+    int family;  // that keeps them in single precision, or -1
+    int begin;   // of chunks_
+    int end;
+  };
+
   void BuildFamily(FamilyId id);
+  void CutStrips();
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
   void FindAllParameters(FamilyId id);
@@ -100,6 +112,9 @@ class Evaluator {
   void PointTo(bool candidate, Chunk* chunk);
   EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
   Status EvaluateAll(bool jacobians, double* cost);
+  Status EvaluateChunks(bool jacobians, int begin, int end);
+  Status EvaluateStrips();
+  void KeepStrip(const Strip& strip);
   Status Prepare(bool jacobians, FamilyId id);
   Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
 
@@ -117,6 +132,8 @@ class Evaluator {
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;
   std::vector<std::int32_t> announced_;  // scratch of Prepare
+  std::vector<Strip> strips_;            // empty: all is in double
+  AlignedVector<double> gradient_;       // padded; of the strips
 };
 
 }  // namespace inceres::internal

@@ -1,6 +1,9 @@
 #include "linearize/hessian.h"
 
 #include <algorithm>
+#include <functional>
+
+#include "linearize/widened.h"
 
 namespace inceres::internal {
 
@@ -47,7 +50,7 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   diagonal_.resize(gradient_.size());
   BuildGradientTerms();
   for (const Linearization& cache : evaluator.families()) {
-    residuals_.push_back(cache.residuals.data());
+    residuals_.push_back(cache.keeps_singles() ? nullptr : cache.residuals.data());
   }
 }
 
@@ -142,10 +145,12 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   const int size = rows * PadToQuad(columns);
   double* const kept = kept_.Find(s);
   if (kept == nullptr || kept_.IsStale(source.family)) {
+    const SlotJacobians& J_column = cache.slots[source.column_slot];
+    const SlotJacobians& J_row = cache.slots[source.row_slot];
     BlockProducts products;
     // The kernel's C has the rows of b and the columns of a.
-    products.a = cache.slots[source.column_slot].data;
-    products.b = cache.slots[source.row_slot].data;
+    products.a = J_column.data;
+    products.b = J_row.data;
     products.terms = plans_.hessian.terms.data() + segment.first_term;
     products.count = segment.count;
     products.depth = cache.residual_size;
@@ -156,7 +161,14 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
     if (kept != nullptr) {
       std::fill(kept, kept + size, 0.0);
     }
-    kernels_.accumulate_products(products, 1.0, kept != nullptr ? kept : sum);
+    double* const out = kept != nullptr ? kept : sum;
+    if (J_row.single == nullptr) {
+      kernels_.accumulate_products(products, 1.0, out);
+    } else {
+      AccumulateWidened(kernels_, products, J_column.single, J_column.factor_stride / kQuad,
+                        products.symmetric ? nullptr : J_row.single, J_row.factor_stride / kQuad,
+                        out);
+    }
   }
   for (int k = 0; k < size && kept != nullptr; ++k) {
     sum[k] += kept[k];
@@ -168,6 +180,10 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
+  if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
+    std::copy_n(g + static_cast<std::ptrdiff_t>(evaluator_.layout().quad_offset[i]) * kQuad, size,
+                sum);
+  }
   AddTransposed(residuals_, frame, sum);
   std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
   // The diagonal block is the last one of its row.
@@ -200,6 +216,7 @@ void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, d
 // apart whatever its size; entries beyond it stay zero, as the padding of J is.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
+  WidenedLandmarkFactors widened;
   for (int l = begin; l < end; ++l) {
     const auto i = static_cast<std::size_t>(l);
     double* P = P_.data() + l * landmark_stride_;
@@ -208,7 +225,14 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
-      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
+      widened.ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
+        kernels_.landmark_gram(size, factors, P, eta);
+      });
+    }
+    if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
+      const double* const of_landmark =
+          g + static_cast<std::ptrdiff_t>(layout.quad_offset[layout.num_frames + l]) * kQuad;
+      std::transform(eta, eta + size, of_landmark, eta, std::minus<>());  // η = −Jᵀf
     }
     // Landmarks come behind the frames in packed vectors.
     const int offset = layout.packed_offset[layout.num_frames + l];

@@ -76,7 +76,8 @@ class Hessian {
   std::vector<VectorTerm> gradient_terms_;
   std::vector<GradientSegment> gradient_segments_;
   std::vector<int> gradient_segments_begin_;  // per frame, one more
-  std::vector<const double*> residuals_;      // per family
+  // per family; null where Jᵀf is the evaluator's strip_gradient
+  std::vector<const double*> residuals_;
 };
 
 }  // namespace inceres::internal

@@ -1,5 +1,7 @@
 #include "linearize/linearization.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 namespace inceres::internal {
@@ -83,6 +85,56 @@ void Linearization::Grow(int num_places, int new_capacity) {
   GrowTables(num_places);
   // -1: no block until it is connected.
   tangent_offsets.resize(parameters.size(), -1);
+}
+
+void Linearization::GrowInSingles(int num_places) {
+  std::ptrdiff_t size = 0;
+  for (const SlotJacobians& slot : slots) {
+    size += slot.factor_stride;
+  }
+  // Strides are multiples of four.
+  single_values = ZeroedArray(static_cast<std::size_t>(size) * num_places / 2);
+  jacobian_values = ZeroedArray(static_cast<std::size_t>(size) * kStripSize);
+  auto* next = reinterpret_cast<float*>(single_values.data());  // of nothing but zero bits as yet
+  for (SlotJacobians& slot : slots) {
+    slot.single = next;
+    next += num_places * slot.factor_stride;
+  }
+  candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
+  GrowTables(num_places);
+  tangent_offsets.resize(parameters.size(), -1);
+}
+
+// Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
+// where the Jacobians of factor 0 would be. That address is a number only: none of it is used.
+void Linearization::BeginStrip(int first) {
+  const double* next = jacobian_values.data();
+  for (int s = 0; s < num_slots; ++s) {
+    SlotJacobians& slot = slots[s];
+    const auto begin = reinterpret_cast<std::uintptr_t>(next);
+    const std::uintptr_t of_zero =
+        begin - static_cast<std::uintptr_t>(first * slot.factor_stride) * sizeof(double);
+    slot.data = reinterpret_cast<double*>(of_zero);  // NOLINT(performance-no-int-to-ptr)
+    views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+    next += kStripSize * slot.factor_stride;
+  }
+}
+
+// Who reads Jacobians in double by mistake reads nothing, rather than those of other factors.
+void Linearization::EndStrip() {
+  for (int s = 0; s < num_slots; ++s) {
+    slots[s].data = nullptr;
+    views[s].data = nullptr;
+  }
+}
+
+void Linearization::KeepSingles(int begin, int end) {
+  for (const SlotJacobians& slot : slots) {
+    const double* const from = slot.data + begin * slot.factor_stride;
+    std::transform(from, from + (end - begin) * slot.factor_stride,
+                   slot.single + begin * slot.factor_stride,
+                   [](double entry) { return static_cast<float>(entry); });
+  }
 }
 
 void Linearization::Connect(std::size_t entry, const double* x, const double* pinned,

@@ -17,6 +17,9 @@ enum class JacobianStorage {
   kBySlot,  ///< those of each slot together: factors touch what they like
   /// rows of J with all columns: a small problem whose factors touch the same variables
   kWholeRows,
+  /// as kBySlot, and those of families that are large (Linearization::MayKeepSingles) in single
+  /// precision
+  kBySlotInSingle,
 };
 
 /// The factors of one family, linearized: where their variables are, residuals and tangent
@@ -34,6 +37,26 @@ struct Linearization {
   /// And in those of the candidate and the Jacobians. `capacity` of them fit in before they lie
   /// elsewhere.
   void Grow(int num_places, int capacity);
+
+  /// Whether a family with so many places is kept in single precision where that is asked for: one
+  /// so large that its strip in double does not take what is saved. Not those that are told
+  /// beforehand what they will be asked (FactorFamily::Prepares), for they may write all Jacobians
+  /// at once.
+  static bool MayKeepSingles(const FactorFamily& family, int num_places) {
+    return num_places > 2 * kStripSize && !family.Prepares();
+  }
+  /// Factors that such a family has Jacobians in double of, at a time.
+  static constexpr int kStripSize = 2048;
+
+  /// Room for all places in single precision, and for a strip of them in double.
+  void GrowInSingles(int num_places);
+  bool keeps_singles() const { return single_values.size() > 0; }
+  /// Until EndStrip Jacobians of up to kStripSize factors from `first` on have a place in double.
+  void BeginStrip(int first);
+  void EndStrip();
+  /// Keeps those of [begin, end), which are of the strip, in single precision. Several threads may
+  /// do so, each with factors of its own.
+  void KeepSingles(int begin, int end);
 
   /// Where the entry's variable is and where a pin linearizes it, or null; and its tangent map.
   void Connect(std::size_t entry, const double* x, const double* pinned, const TangentMap& map);
@@ -84,7 +107,9 @@ struct Linearization {
   JacobianStorage storage = JacobianStorage::kBySlot;
   ZeroedArray residuals;
   ZeroedArray candidate_residuals;
-  ZeroedArray jacobian_values;       // all slots, one after the other, or whole rows
+  // all slots, one after the other, or whole rows, or a strip of them
+  ZeroedArray jacobian_values;
+  ZeroedArray single_values;         // floats, two in the place of a double; mostly empty
   std::vector<SlotJacobians> slots;  // of whole rows there is one
   // the same places slot by slot, as the public interface calls them
   std::vector<JacobianView> views;

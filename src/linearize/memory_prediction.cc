@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "linearize/linearization.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -28,13 +29,33 @@ constexpr std::int64_t kTarget = sizeof(std::int32_t);
 constexpr std::int64_t kVariable = 64;
 constexpr std::int64_t kPoints = 2;  // current and candidate
 
-// The first factor speaks for its family: its slots have landmarks in all of them, mostly.
+// Whether any of its factors does: then all of them are counted as if they did, mostly rightly. The
+// first factor answers for most families; it may be a free place, or touch a point that is a frame.
 bool TouchesLandmarks(const FactorGraph& graph, FamilyId id) {
-  const VariableId* ids = graph.NumFactors(id) > 0 ? graph.Variables(id, 0) : nullptr;
-  const int num_slots = graph.NumFactors(id) > 0 ? graph.family(id).num_slots() : 0;
-  return std::any_of(ids, ids + num_slots, [&](VariableId variable) {
+  const std::int64_t num_entries =
+      std::int64_t{graph.NumFactors(id)} * graph.family(id).num_slots();
+  const VariableId* ids = num_entries > 0 ? graph.Variables(id, 0) : nullptr;
+  return std::any_of(ids, ids + num_entries, [&](VariableId variable) {
     return variable >= 0 && graph.role(variable) == Role::kLandmark;
   });
+}
+
+bool HasLargeFamilies(const FactorGraph& graph) {
+  bool found = false;
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    found = found || Linearization::MayKeepSingles(graph.family(id), graph.NumFactors(id));
+  }
+  return found;
+}
+
+// Of Jacobians of so many quads a factor.
+std::int64_t BytesOfJacobians(const FactorFamily& family, int num_places, std::int64_t quads,
+                              bool keeps_singles) {
+  const std::int64_t in_double = kDouble * kQuad * quads;
+  if (!keeps_singles || !Linearization::MayKeepSingles(family, num_places)) {
+    return num_places * in_double;
+  }
+  return num_places * in_double / 2 + Linearization::kStripSize * in_double;
 }
 
 }  // namespace
@@ -49,13 +70,19 @@ void CheckCounts(const FamilyCounts& counts) {
                            "quads of Jacobians of one family and slot");
 }
 
-void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBudget* budget) {
+void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, bool keeps_singles,
+                  MemoryBudget* budget) {
+  const bool has_strips = keeps_singles && HasLargeFamilies(graph);
   // Borrowed values are counted, too.
-  std::int64_t values = 0;
+  std::int64_t values = 0, padded = 0;
+  bool has_landmarks = false;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
+    padded += has_strips && graph.HasVariable(id) ? PadToQuad(graph.TangentSize(id)) : 0;
+    has_landmarks = has_landmarks || graph.role(id) == Role::kLandmark;
   }
-  budget->Take(kPoints * kDouble * values + kVariable * graph.num_variables(), "the variables");
+  budget->Take(kPoints * kDouble * values + kVariable * graph.num_variables() + kDouble * padded,
+               "the variables");
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
     FamilyCounts counts;
@@ -71,10 +98,11 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBud
     }
     CheckCounts(counts);
     // Residuals at both points, Jacobians at one.
-    budget->Take(counts.num_factors * (kDouble * (kQuad * quads + kPoints * counts.residual_size) +
-                                       kConnection * counts.num_slots),
+    budget->Take(BytesOfJacobians(family, graph.NumFactors(id), quads, keeps_singles) +
+                     counts.num_factors * (kDouble * kPoints * counts.residual_size +
+                                           kConnection * counts.num_slots),
                  "the Jacobians");
-    if (eliminates_landmarks && TouchesLandmarks(graph, id)) {
+    if (eliminates_landmarks && has_landmarks && TouchesLandmarks(graph, id)) {
       budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),
                    "the incidences of landmarks");
     }

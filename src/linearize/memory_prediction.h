@@ -20,7 +20,9 @@ struct FamilyCounts {
 void CheckCounts(const FamilyCounts& counts);
 
 /// Counts what an evaluator of the graph takes that stores Jacobians by slot, with its points and
-/// the incidences of its landmarks, if they are eliminated. Throws MemoryExceeded.
-void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBudget* budget);
+/// the incidences of its landmarks, if they are eliminated; `keeps_singles`: with
+/// JacobianStorage::kBySlotInSingle. Throws MemoryExceeded.
+void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, bool keeps_singles,
+                  MemoryBudget* budget);
 
 }  // namespace inceres::internal

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "linear/small_cholesky.h"
+#include "linearize/widened.h"
 
 namespace inceres::internal {
 
@@ -55,10 +56,12 @@ CoupledProducts::CoupledProducts(const Evaluator& evaluator, const LandmarkIncid
       num_parts_(NumParts(evaluator, incidences.num_landmarks(), frame_entries_)) {
 }
 
-void CoupledProducts::AddLandmark(int landmark, const double* u, double* y) const {
+void CoupledProducts::AddLandmark(int landmark, const double* u, WidenedLandmarkFactors* widened,
+                                  double* y) const {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
-    kernels_.add_coupling(incidences_.factors[k], u, y);
+    widened->ForEach(incidences_.factors[k],
+                     [&](const LandmarkFactors& factors) { kernels_.add_coupling(factors, u, y); });
   }
 }
 
@@ -82,6 +85,7 @@ void CoupledProducts::AddLandmarks(const double* U_inv, double* y, const Find& f
   }
   const std::int64_t num_landmarks = incidences_.num_landmarks();
   evaluator_.executor().For(num_parts_, 1, [&](int begin, int end) {
+    WidenedLandmarkFactors widened;
     for (int part = begin; part < end; ++part) {
       double* sum = y;
       if (part > 0) {
@@ -91,8 +95,8 @@ void CoupledProducts::AddLandmarks(const double* U_inv, double* y, const Find& f
       const auto last = static_cast<int>(num_landmarks * (part + 1) / num_parts_);
       for (auto l = static_cast<int>(num_landmarks * part / num_parts_); l < last; ++l) {
         double u[kQuad] = {};
-        find(l, U_inv + l * hessian_.landmark_stride(), u);
-        AddLandmark(l, u, sum);
+        find(l, U_inv + l * hessian_.landmark_stride(), &widened, u);
+        AddLandmark(l, u, &widened, sum);
       }
     }
   });
@@ -100,11 +104,13 @@ void CoupledProducts::AddLandmarks(const double* U_inv, double* y, const Find& f
 }
 
 void CoupledProducts::Add(const double* v, const double* U_inv, double* y) {
-  AddLandmarks(U_inv, y, [&](int l, const double* factor, double* u) {
+  AddLandmarks(U_inv, y, [&](int l, const double* factor, auto* widened, double* u) {
     double w[kQuad] = {}, U_inv_w[kQuad] = {};
     for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
       // w = Wᵀ v of this landmark, then u = U_invᵀ U_inv w = P̃⁻¹ w.
-      kernels_.multiply_coupling(incidences_.factors[k], v, w);
+      widened->ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
+        kernels_.multiply_coupling(factors, v, w);
+      });
     }
     MultiplyLower(incidences_.sizes[l], factor, w, U_inv_w);
     MultiplyLowerTransposed(incidences_.sizes[l], factor, U_inv_w, u);
@@ -112,7 +118,7 @@ void CoupledProducts::Add(const double* v, const double* U_inv, double* y) {
 }
 
 void CoupledProducts::Subtract(const double* z, const double* U_inv, double* y) {
-  AddLandmarks(U_inv, y, [&](int l, const double* factor, double* u) {
+  AddLandmarks(U_inv, y, [&](int l, const double* factor, auto* /*widened*/, double* u) {
     MultiplyLowerTransposed(incidences_.sizes[l], factor,
                             z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
     // The sign goes into u, since what follows adds.

@@ -4,6 +4,7 @@
 
 #include "base/zeroed_array.h"
 #include "linearize/hessian.h"
+#include "linearize/widened.h"
 
 namespace inceres::internal {
 
@@ -27,10 +28,11 @@ class CoupledProducts {
   std::int64_t Bytes() const;
 
  private:
-  /// y += Σ_l W_l u_l; find(l, factor, u) writes the four entries of u_l, factor being l's U_inv.
+  /// y += Σ_l W_l u_l; find(l, factor, widened, u) writes the four entries of u_l, factor being l's
+  /// U_inv.
   template <typename Find>
   void AddLandmarks(const double* U_inv, double* y, const Find& find);
-  void AddLandmark(int landmark, const double* u, double* y) const;
+  void AddLandmark(int landmark, const double* u, WidenedLandmarkFactors* widened, double* y) const;
   void AddParts(double* y) const;
 
   const Evaluator& evaluator_;

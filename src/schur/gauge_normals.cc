@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "linearize/widened.h"
+
 namespace inceres::internal {
 
 // Sums for the modes of frames (gauge_modes.cc): C = J_cᵀJ_c, R = −J_cᵀ(J_l w) and ‖J_l w‖² over
@@ -102,7 +104,7 @@ GaugeOrigin GaugeNormals::FindOrigin() const {
 
 // Adds a factor to the frame's rows of R, and to the squares.
 void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const GaugeOrigin& origin,
-                             GaugeSums* sums) const {
+                             Scratch* scratch, GaugeSums* sums) const {
   const Linearization& cache = evaluator_.families()[source.family];
   const double* const point = cache.Parameters(factor)[source.landmark_slot];
   // Coordinates of the order of one, so that columns of w for rotations and scale are as large as
@@ -121,8 +123,8 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
       {0, 0, 1, y, -x, 0, z, 0}};
   const SlotJacobians& of_point = cache.slots[source.landmark_slot];
   const SlotJacobians& of_frame = cache.slots[source.slot];
-  const double* J_l = of_point.data + factor * of_point.factor_stride;
-  const double* J_c = of_frame.data + factor * of_frame.factor_stride;
+  const double* const J_l = BlockOf(of_point, factor, &scratch->landmark);
+  const double* const J_c = BlockOf(of_frame, factor, &scratch->frame);
   // A factor of two frames appears in the rows of both, and ‖J_l w‖² counts once.
   bool counts_here = true;  // its first frame counts the factor
   for (int s = 0; s < source.slot; ++s) {
@@ -145,14 +147,14 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
       }
     }
   }
-  AddBlocks(source, factor, frame, sums);
+  AddBlocks(source, factor, frame, J_c, scratch, sums);
 }
 
 // And to J_cᵀJ_c.
-void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeSums* sums) const {
+void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, const double* J_c,
+                             Scratch* scratch, GaugeSums* sums) const {
   const Linearization& cache = evaluator_.families()[source.family];
   const SlotJacobians& of_frame = cache.slots[source.slot];
-  const double* const J_c = of_frame.data + factor * of_frame.factor_stride;
   for (int s = 0; s < cache.num_slots; ++s) {
     const int other = FrameThrough(cache, factor, s);
     // The lower triangle, row by row of `frame`; the rest comes with the rows of the other frame.
@@ -165,7 +167,7 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, GaugeS
     const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
     double* const out = sums->C.data() + pattern_.value_begin[block];
     const SlotJacobians& of_other = cache.slots[s];
-    const double* const J_o = of_other.data + factor * of_other.factor_stride;
+    const double* const J_o = s == source.slot ? J_c : BlockOf(of_other, factor, &scratch->other);
     for (int r = 0; r < cache.residual_size; ++r) {
       for (int i = 0; i < of_frame.columns; ++i) {
         const double a = J_c[r * of_frame.row_stride + i];
@@ -189,10 +191,11 @@ void GaugeNormals::AccumulateRows(int begin, int end, const GaugeOrigin& origin,
   clear(&sums->squares, std::int64_t{kGaugeStride} * begin, std::int64_t{kGaugeStride} * end);
   clear(&sums->C, pattern_.value_begin[pattern_.row_begin[begin]],
         pattern_.value_begin[pattern_.row_begin[end]]);
+  Scratch scratch;
   for (int frame = begin; frame < end; ++frame) {
     for (const Source& source : sources_) {
       for (int k = source.begin[frame]; k < source.begin[frame + 1]; ++k) {
-        AddFactor(source, source.factors[k], frame, origin, sums);
+        AddFactor(source, source.factors[k], frame, origin, &scratch, sums);
       }
     }
   }

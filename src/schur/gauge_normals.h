@@ -63,9 +63,14 @@ class GaugeNormals {
                  const std::vector<std::int32_t>& factors);
   void BuildPattern();
   void AccumulateRows(int begin, int end, const GaugeOrigin& origin, GaugeSums* sums) const;
+  // Blocks of one factor, where its Jacobians are kept in single precision.
+  struct Scratch {
+    std::vector<double> landmark, frame, other;
+  };
   void AddFactor(const Source& source, int factor, int frame, const GaugeOrigin& origin,
+                 Scratch* scratch, GaugeSums* sums) const;
+  void AddBlocks(const Source& source, int factor, int frame, const double* J_c, Scratch* scratch,
                  GaugeSums* sums) const;
-  void AddBlocks(const Source& source, int factor, int frame, GaugeSums* sums) const;
   int FrameThrough(const Linearization& cache, int factor, int slot) const;
   int LandmarkThrough(const Linearization& cache, int factor, int slot) const;
 

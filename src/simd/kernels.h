@@ -75,6 +75,9 @@ struct SlotJacobians {
   std::ptrdiff_t factor_stride = 0;
   int row_stride = 0;
   int columns = 0;  // the slot's tangent size: what of a row is not padding
+  // Where they are kept in single precision, in the same places; `data` is null then, but for those
+  // who linearize (linearize/linearization.h), and no kernel reads them (linearize/widened.h).
+  float* single = nullptr;
 };
 
 /// The factors of one landmark within one family, seen from its elimination.

@@ -71,8 +71,11 @@ void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSam
   // An evaluator of its own, made at the first use: a gradient there needs Jacobians, and those of
   // the current point must stay for the step that follows.
   if (trial_ == nullptr) {
-    trial_ =
-        std::make_unique<Evaluator>(evaluator.graph(), evaluator.layout(), evaluator.executor());
+    const JacobianStorage storage = evaluator.storage() == JacobianStorage::kWholeRows
+                                        ? JacobianStorage::kBySlot
+                                        : evaluator.storage();
+    trial_ = std::make_unique<Evaluator>(evaluator.graph(), evaluator.layout(),
+                                         evaluator.executor(), storage);
   }
   trial_->points().SetCurrent(evaluator.points().candidate());
   sample->value_is_valid = trial_->EvaluateJacobians(/*known_point=*/false, &sample->value).ok() &&

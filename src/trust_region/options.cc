@@ -72,6 +72,10 @@ Status CheckIterative(const SolverOptions& options) {
                   cg.preconditioner == PreconditionerKind::kTwoLevel,
               "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
               "false without preconditioner kSchurJacobi or kTwoLevel"),
+      Require(!cg.single_precision_jacobians ||
+                  options.linear_model == LinearModelKind::kIterativeSchur,
+              "conjugate_gradients.single_precision_jacobians", cg.single_precision_jacobians,
+              "false without linear_model kIterativeSchur"),
       // CGNR eliminates nothing: there are no landmarks to group frames by.
       Require(options.linear_model != LinearModelKind::kIterativePlain ||
                   !NeedsLandmarks(cg.preconditioner),

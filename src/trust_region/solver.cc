@@ -121,9 +121,17 @@ struct Workspace {
     return by_blocks && !options.dynamic_sparsity && loop.eliminated == nullptr;
   }
 
+  static bool KeepsSingles(const SolverOptions& options) {
+    return options.linear_model == LinearModelKind::kIterativeSchur &&
+           options.conjugate_gradients.single_precision_jacobians;
+  }
+
   // A reduced solver that was asked for is given the blocks of its system.
   static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
                                    const Layout& layout) {
+    if (KeepsSingles(options)) {
+      return JacobianStorage::kBySlotInSingle;
+    }
     // Where none was asked for the small dense models are open, which have no reduced system.
     const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
                       !options.reduced_solver_factory && !IsIterative(options.linear_model);
@@ -202,7 +210,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   // Counted while it is set up, each thing before it is taken: what does not fit is told without
   // having been tried.
   MemoryBudget budget(options.max_memory_bytes);
-  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop), &budget);
+  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop),
+               Workspace::KeepsSingles(options), &budget);
   workspace = std::make_unique<Workspace>(options, loop, graph);
   workspace->evaluator.set_memory_budget(&budget);
   // All variables are constant, or there are none. Ceres calls this converged.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <tuple>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -74,6 +76,64 @@ TEST(Introspection, CountsConstantsFixedResidualsAndUnusedBlocks) {
   const ParameterBlockView& unused = BlockAt(view, test->blocks.back().data());
   EXPECT_EQ(unused.degree, 0);
   EXPECT_FALSE(unused.reduced());
+}
+
+// Of a problem that several tasks read: with bounds, manifolds and constants, and blocks that
+// repeat or do not.
+TEST(Introspection, IsTheSameWithSeveralThreads) {
+  TestProblem test;
+  constexpr int kNumBlocks = 5000;
+  std::vector<double*> blocks;
+  for (int b = 0; b < kNumBlocks; ++b) {
+    blocks.push_back(test.Add({1.0, 0.0, 0.0, 0.5 * b}));
+    test.problem.AddParameterBlock(blocks.back(), 4);
+    if (b % 7 == 0) {
+      manifolds::Set(&test.problem, blocks.back(), new manifolds::QuaternionManifold());
+    } else if (b % 5 == 0) {
+      test.problem.SetParameterLowerBound(blocks.back(), 3, -1.0 * b);
+    }
+    if (b % 11 == 0) {
+      test.problem.SetParameterBlockConstant(blocks.back());
+    }
+  }
+  for (int k = 0; k < 40000; ++k) {
+    const std::vector<double*> touched = {blocks[(k / 3) % kNumBlocks],
+                                          blocks[(k * 37 + 1) % kNumBlocks]};
+    if (touched[0] != touched[1]) {
+      test.problem.AddResidualBlock(new ShapeOnlyCost(1 + k % 2, {4, 4}), nullptr, touched);
+    }
+  }
+  const ProblemView one = Introspect(test.problem);
+  EXPECT_EQ(one.defect, "");
+  EXPECT_FALSE(one.bounds.empty());
+  for (const int num_threads : {2, 4}) {
+    ProblemView many;
+    Introspect(test.problem, &many, num_threads);
+    EXPECT_EQ(many.slots, one.slots);
+    EXPECT_EQ(many.bounds, one.bounds);
+    EXPECT_EQ(many.defect, one.defect);
+    EXPECT_EQ(many.reduced.num_residuals, one.reduced.num_residuals);
+    EXPECT_EQ(many.reduced.num_effective_parameters, one.reduced.num_effective_parameters);
+    ASSERT_EQ(many.blocks.size(), one.blocks.size());
+    for (std::size_t b = 0; b < one.blocks.size(); ++b) {
+      const ParameterBlockView &x = one.blocks[b], &y = many.blocks[b];
+      EXPECT_EQ(std::tie(x.values, x.manifold, x.ambient_size, x.tangent_size, x.degree),
+                std::tie(y.values, y.manifold, y.ambient_size, y.tangent_size, y.degree));
+      EXPECT_EQ(std::tie(x.constant, x.bounds), std::tie(y.constant, y.bounds));
+      if (x.bounds != BoundsKind::kNone) {
+        EXPECT_EQ(x.first_bound, y.first_bound);
+        EXPECT_EQ(one.bounds[x.first_bound + 3], -2.0 * x.values[3]);
+      }
+    }
+    ASSERT_EQ(many.residuals.size(), one.residuals.size());
+    for (std::size_t r = 0; r < one.residuals.size(); ++r) {
+      const ResidualBlockView &x = one.residuals[r], &y = many.residuals[r];
+      EXPECT_EQ(std::tie(x.id, x.cost, x.num_residuals, x.first_slot, x.num_slots, x.fixed,
+                         x.like_previous),
+                std::tie(y.id, y.cost, y.num_residuals, y.first_slot, y.num_slots, y.fixed,
+                         y.like_previous));
+    }
+  }
 }
 
 TEST(Introspection, KeepsProgramOrderOfResiduals) {

@@ -282,6 +282,31 @@ TEST(Dropin, ALogTellsOfSessionsAndOfWhatGoesToStock) {
             1);
 }
 
+// The final cost that a run has printed last.
+double FinalCost(const std::string& out) {
+  const std::string arrow = " -> ";
+  const std::size_t place = out.rfind(arrow);
+  return place == std::string::npos ? -1.0 : std::atof(out.c_str() + place + arrow.size());
+}
+
+// Above the size from which on ITERATIVE_SCHUR stands for what is predicted to take least, where a
+// factor is dear and blocks take many iterations.
+TEST(Dropin, IncrementalSolvesALargeProblemByTwoLevels) {
+  const test::TempDir folder;
+  const std::string log = folder.File("ab.jsonl");
+  const ProgramRun ours = Preloaded("large", "INCERES_MODE=incremental INCERES_AB_LOG=" + log);
+  EXPECT_EQ(ours.exit_code, 0);
+  EXPECT_EQ(NumSolved(ours), 1) << ours.err;
+  const std::string line = test::ReadBytes(log);
+  EXPECT_EQ(CountOf(line, "\"mode\": \"incremental\""), 1) << line;
+  EXPECT_EQ(CountOf(line, "by products, two-level\""), 1) << line;
+  const ProgramRun stock = Bare("large");
+  EXPECT_EQ(stock.exit_code, 0);
+  EXPECT_GT(FinalCost(stock.out), 0.0) << stock.out;
+  EXPECT_GT(FinalCost(ours.out), 0.0) << ours.out;
+  EXPECT_LT(FinalCost(ours.out), 1.01 * FinalCost(stock.out));
+}
+
 TEST(Dropin, UnknownModeIsSaidOnceAndExactIsUsed) {
   const ProgramRun ours = Preloaded("living", "INCERES_MODE=fast");
   EXPECT_EQ(CountOf(ours.err,

@@ -6,6 +6,7 @@
 
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
+#include <ceres/rotation.h>
 #include <ceres/sized_cost_function.h>
 
 namespace plain {
@@ -154,6 +155,87 @@ ceres::Solver::Options ChainOptions() {
   options.function_tolerance = 1e-12;
   options.parameter_tolerance = 1e-14;
   options.gradient_tolerance = 1e-14;
+  return options;
+}
+
+namespace {
+
+constexpr int kNumPhotos = 1000;
+constexpr int kNumPhotoPoints = 1000;
+constexpr int kViewsOfPoint = 20;
+constexpr int kNearest = 200;
+constexpr double kSpacing = 0.05;
+constexpr double kFocal = 500.0;
+
+// The same numbers with every standard library: the leading bits of a linear congruence.
+class Numbers {
+ public:
+  double Between(double low, double high) {
+    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    return low + (high - low) * static_cast<double>(state_ >> 11) / 9007199254740992.0;
+  }
+
+ private:
+  unsigned long long state_ = 2011;
+};
+
+struct PhotoView {
+  double pixel[2];
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    T x[3];
+    ceres::AngleAxisRotatePoint(camera, point, x);
+    for (int k = 0; k < 2; ++k) {
+      residuals[k] = kFocal * (x[k] + camera[3 + k]) / (x[2] + camera[5]) - pixel[k];
+    }
+    return true;
+  }
+};
+
+}  // namespace
+
+Photos::Photos() {
+  Numbers numbers;
+  for (int i = 0; i < kNumPhotos; ++i) {
+    for (int k = 0; k < 6; ++k) {
+      cameras_.push_back((k == 3 ? -kSpacing * i : 0.0) + numbers.Between(-0.01, 0.01));
+    }
+  }
+  for (int p = 0; p < kNumPhotoPoints; ++p) {
+    const double center = numbers.Between(0.0, kNumPhotos - kNearest);
+    const double at[3] = {kSpacing * (center + 0.5 * kNearest), numbers.Between(-5.0, 5.0),
+                          numbers.Between(20.0, 40.0)};
+    for (int v = 0; v < kViewsOfPoint; ++v) {
+      // One of each stretch of ten: no camera twice.
+      const double share = kNearest / kViewsOfPoint;
+      const int camera = static_cast<int>(center + share * (v + numbers.Between(0.0, 0.9)));
+      const double x[2] = {at[0] - kSpacing * camera, at[1]};
+      views_.push_back({camera,
+                        p,
+                        {kFocal * x[0] / at[2] + numbers.Between(-0.5, 0.5),
+                         kFocal * x[1] / at[2] + numbers.Between(-0.5, 0.5)}});
+    }
+    for (const double coordinate : at) {
+      points_.push_back(coordinate + numbers.Between(-0.05, 0.05));
+    }
+  }
+}
+
+void Photos::AddTo(ceres::Problem* problem) {
+  for (const View& view : views_) {
+    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<PhotoView, 2, 6, 3>(
+                                  new PhotoView{{view.pixel[0], view.pixel[1]}}),
+                              nullptr, cameras_.data() + 6 * view.camera,
+                              points_.data() + 3 * view.point);
+  }
+}
+
+ceres::Solver::Options PhotosOptions() {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+  options.preconditioner_type = ceres::SCHUR_JACOBI;
+  options.max_num_iterations = 5;
+  options.logging_type = ceres::SILENT;
   return options;
 }
 

@@ -35,4 +35,25 @@ class Chain {
 
 ceres::Solver::Options ChainOptions();
 
+/// 1,000 cameras in a row and 1,000 points, 9,000 unknowns. A point is seen from 20 of the 200
+/// cameras nearest to it, whichever: the reduced system is too wide a band to be factored cheaply,
+/// and too long for blocks.
+class Photos {
+ public:
+  Photos();
+  void AddTo(ceres::Problem* problem);
+
+ private:
+  struct View {
+    int camera, point;
+    double pixel[2];
+  };
+  std::vector<double> cameras_;  // angle axis and translation
+  std::vector<double> points_;
+  std::vector<View> views_;
+};
+
+/// ITERATIVE_SCHUR with SCHUR_JACOBI, five iterations.
+ceres::Solver::Options PhotosOptions();
+
 }  // namespace plain

@@ -188,6 +188,16 @@ void Living() {
   Print("x", chain.Values());
 }
 
+// A large problem; of its values the costs tell enough.
+void LargeProblem() {
+  plain::Photos photos;
+  ceres::Problem problem;
+  photos.AddTo(&problem);
+  ceres::Solver::Summary summary;
+  ceres::Solve(plain::PhotosOptions(), &problem, &summary);
+  Print(summary);
+}
+
 void LineSearch() {
   Curve curve;
   ceres::Problem problem;
@@ -247,7 +257,7 @@ constexpr std::pair<const char*, void (*)()> kWays[] = {
     {"virtual", Virtual},        {"c_api", CApi},
     {"derived", Derived},        {"evaluation_callback", EvaluationCallback},
     {"moved", MovedProblem},     {"living", Living},
-    {"line_search", LineSearch},
+    {"line_search", LineSearch}, {"large", LargeProblem},
 };
 
 }  // namespace

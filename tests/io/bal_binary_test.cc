@@ -3,9 +3,12 @@
 #include "io/bal_binary.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <random>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -54,6 +57,24 @@ TEST(BalBinary, ReadsWhatWasWritten) {
   const Status status = ReadBal(dir.File("a.balb"), &read);
   ASSERT_TRUE(status.ok()) << status.message;
   ExpectSame(read, bal);
+}
+
+TEST(BalBinary, ProgressRisesToTheBytesOfTheFile) {
+  const test::TempDir dir;
+  ASSERT_TRUE(WriteBal(dir.File("a.balb"), RandomProblem(11, 5000, 20000)).ok());
+  const auto size = static_cast<std::int64_t>(std::filesystem::file_size(dir.File("a.balb")));
+  std::vector<std::int64_t> told;
+  BalProblem read;
+  const Status status =
+      ReadBal(dir.File("a.balb"), &read, [&](std::int64_t bytes_read, std::int64_t file_bytes) {
+        EXPECT_EQ(file_bytes, size);
+        told.push_back(bytes_read);
+      });
+  ASSERT_TRUE(status.ok()) << status.message;
+  EXPECT_EQ(told.size(), 8U) << "blocks of 4,096 records: five, one, and two";
+  EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+  ASSERT_FALSE(told.empty());
+  EXPECT_EQ(told.back(), size);
 }
 
 void Append(const internal::BalShare& share, BalProblem* bal) {

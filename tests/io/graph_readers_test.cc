@@ -1,5 +1,7 @@
 // Files as graphs: BAL, g2o and keyframes become variables and factors of the core, or nothing.
+#include <climits>
 #include <cmath>
+#include <cstddef>
 #include <memory>
 #include <string>
 
@@ -9,6 +11,7 @@
 #include "inceres/io/g2o_graph.h"
 #include "inceres/io/keyframe_graph.h"
 #include "inceres/solver/solver.h"
+#include "io/capped_count.h"
 #include "support/temp_dir.h"
 
 namespace inceres {
@@ -33,6 +36,14 @@ class GraphReaders : public testing::Test {
 using BalGraphTest = GraphReaders;
 using G2oGraphTest = GraphReaders;
 using KeyframeGraphTest = GraphReaders;
+
+// The values of 800 million points: more than an int counts is not less than nothing.
+TEST(CappedCount, IsTheCountUpToTheLargestInt) {
+  EXPECT_EQ(internal::CappedCount(0), 0);
+  EXPECT_EQ(internal::CappedCount(12345), 12345);
+  EXPECT_EQ(internal::CappedCount(INT_MAX), INT_MAX);
+  EXPECT_EQ(internal::CappedCount(std::size_t{3} * 800'000'000), INT_MAX);
+}
 
 TEST_F(BalGraphTest, HasTheCostOfTheFile) {
   BalProblem bal;

@@ -21,10 +21,11 @@ namespace inceres::test {
 struct CorePipeline {
   explicit CorePipeline(const FactorGraph& graph, bool eliminate_landmarks = true,
                         int num_threads = 1,
-                        std::int64_t quads_per_chunk = internal::LandmarkIncidences::kQuadsPerChunk)
+                        std::int64_t quads_per_chunk = internal::LandmarkIncidences::kQuadsPerChunk,
+                        internal::JacobianStorage storage = internal::JacobianStorage::kBySlot)
       : executor(num_threads),
         layout(graph, eliminate_landmarks),
-        evaluator(graph, layout, executor),
+        evaluator(graph, layout, executor, storage),
         incidences(evaluator, quads_per_chunk),
         plans(evaluator, incidences),
         hessian(evaluator, incidences, plans) {

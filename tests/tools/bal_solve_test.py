@@ -196,6 +196,16 @@ class BalSolveTest(unittest.TestCase):
                 work = json.load(file)["work"]
             self.assertGreater(work["conjugate_gradients"], 0)
 
+    def test_single_precision(self):
+        iterative = ["--builtin_factors", "--linear_solver", "iterative_schur", "--max_num_iterations", "5"]
+        reports = [self.solve(*iterative, *flags, problem=bundled_problem(BAL_DATA))[1] for flags in ([], ["--single_precision"])]
+        self.assertAlmostEqual(reports[1]["final_cost"], reports[0]["final_cost"], delta=1e-3 * reports[0]["final_cost"])
+        self.assertNotEqual(reports[1]["final_cost"], reports[0]["final_cost"])
+        self.assertLess(reports[1]["work"]["bytes"], reports[0]["work"]["bytes"])
+        for flags in ([], iterative[1:], ["--builtin_factors"], ["--mode", "incremental"]):
+            self.assertIn("--single_precision", self.fails(2, "--input", self.small, "--single_precision", *flags))
+        self.solve("--mode", "incremental", "--linear_solver", "iterative_schur", "--preconditioner", "two_level", "--single_precision")
+
     def test_a_solve_that_does_not_fit_is_refused(self):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental"]):
             message = self.fails(1, "--input", self.small, "--max_memory", "1e-6", *flags)

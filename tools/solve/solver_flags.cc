@@ -28,6 +28,10 @@ DEFINE_string(
     "Of --linear_solver iterative_schur: identity, jacobi, schur_jacobi, cluster_jacobi, "
     "cluster_tridiagonal or, with --builtin_factors or --mode incremental, two_level (not of "
     "Ceres: stock then takes schur_jacobi); cgnr takes jacobi in place of the last four.");
+DEFINE_bool(single_precision, false,
+            "Keep Jacobians in single precision, which halves their memory: with --linear_solver "
+            "iterative_schur and --builtin_factors, or with --preconditioner two_level and --mode "
+            "incremental.");
 DEFINE_string(mode, "exact",
               "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while "
               "they are good enough).");
@@ -105,6 +109,18 @@ Status ParseMode(const std::string& text, bool* incremental) {
              : Invalid("--mode '" + text + "': use exact or incremental");
 }
 
+// Where conjugate gradients are sure to be ours.
+Status CheckSinglePrecision(const SolverSettings& read) {
+  const bool ours = read.incremental
+                        ? read.two_level
+                        : FLAGS_builtin_factors && read.linear_solver == ceres::ITERATIVE_SCHUR;
+  return !FLAGS_single_precision || ours
+             ? Status::Ok()
+             : Invalid(
+                   "--single_precision: with --linear_solver iterative_schur --builtin_factors, or "
+                   "with --preconditioner two_level --mode incremental");
+}
+
 // Without a Schur complement there is no preconditioner by it.
 ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
                                            ceres::LinearSolverType type) {
@@ -116,6 +132,7 @@ ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
 Status ToCore(const SolverSettings& settings, ConjugateGradientsOptions* options) {
   options->eta = settings.eta;
   options->max_iterations = settings.max_linear_solver_iterations;
+  options->single_precision_jacobians = settings.single_precision;
   if (settings.two_level && *settings.linear_solver == ceres::ITERATIVE_SCHUR) {
     options->preconditioner = PreconditionerKind::kTwoLevel;
     return Status::Ok();
@@ -150,22 +167,24 @@ ConjugateGradientsOptions TwoLevels(const SolverSettings& settings) {
   options.preconditioner = PreconditionerKind::kTwoLevel;
   options.eta = settings.eta;
   options.eta_follows_gradient = true;
+  options.single_precision_jacobians = settings.single_precision;
   options.max_iterations = settings.max_linear_solver_iterations;
   return options;
 }
 
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
-  for (Status& status :
-       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
-                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-                           ParseLinearSolver(FLAGS_linear_solver, &read),
-                           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
-                           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}})}) {
+  for (Status& status : std::vector<Status>{
+           ParseMode(FLAGS_mode, &read.incremental),
+           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+           ParseLinearSolver(FLAGS_linear_solver, &read),
+           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
+           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}}), CheckSinglePrecision(read)}) {
     if (!status.ok()) {
       return status;
     }
   }
+  read.single_precision = FLAGS_single_precision;
   read.max_memory_bytes =
       static_cast<std::int64_t>(std::min(FLAGS_max_memory, kMostMemory) * kBytesPerGibibyte);
   read.builtin_factors = FLAGS_builtin_factors;

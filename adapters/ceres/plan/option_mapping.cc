@@ -239,6 +239,11 @@ int ReducedSize(const ProblemView& view, const LandmarkSelection& landmarks) {
   return size;
 }
 
+int HardwareThreads() {
+  const unsigned hardware = std::thread::hardware_concurrency();
+  return hardware == 0 ? INT_MAX : static_cast<int>(hardware);
+}
+
 bool NamesSolver(const IncrementalOptions& core) {
   return core.reduced_solver != ReducedSolverKind::kAutomatic ||
          core.batch_reduced_solver != ReducedSolverKind::kAutomatic ||
@@ -247,12 +252,15 @@ bool NamesSolver(const IncrementalOptions& core) {
 
 }  // namespace
 
+int NumReaders(const ceres::Solver::Options& options) {
+  return options.num_threads <= 1 ? 1 : std::min(options.num_threads, HardwareThreads());
+}
+
 int NumThreads(const ceres::Solver::Options& options) {
   if (options.num_threads == 1) {
     return 1;  // to ask for the hardware takes longer than a small solve
   }
-  const unsigned hardware = std::thread::hardware_concurrency();
-  const int available = hardware == 0 ? INT_MAX : static_cast<int>(hardware);
+  const int available = HardwareThreads();
   if (options.num_threads > available) {
     LOG(WARNING) << "Specified options.num_threads: " << options.num_threads
                  << " exceeds maximum available from the threading model Ceres was compiled with: "

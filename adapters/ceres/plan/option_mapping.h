@@ -14,6 +14,9 @@
 
 namespace inceres::internal {
 
+/// Threads that may read the problem: as NumThreads, and nothing is said.
+int NumReaders(const ceres::Solver::Options& options);
+
 /// min(options.num_threads, what the machine has), with a warning if that is less, as in Ceres.
 int NumThreads(const ceres::Solver::Options& options);
 

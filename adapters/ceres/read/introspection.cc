@@ -1,10 +1,14 @@
 #include "adapters/ceres/read/introspection.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include <ceres/cost_function.h>
 
+#include "adapters/ceres/read/index.h"
+#include "adapters/ceres/read/residual_look_ups.h"
 #include "inceres/problem/ambient_family.h"
+#include "src/base/parallel_for.h"
 
 namespace inceres::internal {
 namespace {
@@ -15,18 +19,22 @@ void SetDefect(ProblemView* view, std::string text) {
   }
 }
 
-ParameterBlockView ReadParameterBlock(const ceres::Problem& problem, double* values,
-                                      std::vector<double>* bounds) {
+// Without what its manifold has to say.
+ParameterBlockView LookUpBlock(const ceres::Problem& problem, double* values) {
   ParameterBlockView block;
   block.values = values;
   block.ambient_size = problem.ParameterBlockSize(values);
   block.manifold = ManifoldOf(problem, values);
-  block.tangent_size =
-      block.manifold != nullptr ? TangentSizeOf(*block.manifold) : block.ambient_size;
-  block.constant = block.tangent_size == 0 || problem.IsParameterBlockConstant(values);
-  block.first_bound = bounds->size();
-  block.bounds = ReadBounds(problem, values, block.ambient_size, block.constant, bounds);
+  block.tangent_size = block.ambient_size;
+  block.constant = problem.IsParameterBlockConstant(values);
   return block;
+}
+
+void LookUpBounds(const ceres::Problem& problem, std::vector<double>* bounds,
+                  ParameterBlockView* block) {
+  block->constant = block->constant || block->tangent_size == 0;
+  block->first_bound = bounds->size();
+  block->bounds = ReadBounds(problem, block->values, block->ambient_size, block->constant, bounds);
 }
 
 void CheckValues(const ParameterBlockView& block, ProblemView* view) {
@@ -36,18 +44,56 @@ void CheckValues(const ParameterBlockView& block, ProblemView* view) {
   }
 }
 
-void ReadParameterBlocks(const ceres::Problem& problem, ProblemView* view) {
+// Of the blocks from begin to end, which counted them from 0.
+void AppendBounds(const std::vector<double>& bounds, std::size_t begin, std::size_t end,
+                  ProblemView* view) {
+  for (std::size_t b = begin; b < end; ++b) {
+    view->blocks[b].first_bound += view->blocks[b].manifold == nullptr ? view->bounds.size() : 0;
+  }
+  view->bounds.insert(view->bounds.end(), bounds.begin(), bounds.end());
+}
+
+// Looks every block up in Ceres's map once for each of its properties and twice for each of its
+// parameters: most of what it takes to read a problem of many points. Manifolds are asked by one
+// thread, as Ceres asks them.
+void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& pointers,
+                  int num_threads, ProblemView* view) {
+  constexpr std::size_t kBlocksPerTask = 1024;
+  const std::size_t count = pointers.size();
+  std::vector<std::vector<double>> bounds((count + kBlocksPerTask - 1) / kBlocksPerTask);
+  view->blocks.resize(count);
+  ParallelFor(num_threads, static_cast<int>(bounds.size()), 1, [&](int begin, int end) {
+    for (std::size_t b = At(begin) * kBlocksPerTask; b < std::min(count, At(end) * kBlocksPerTask);
+         ++b) {
+      ParameterBlockView& block = view->blocks[b];
+      block = LookUpBlock(problem, pointers[b]);
+      if (block.manifold == nullptr) {
+        LookUpBounds(problem, &bounds[b / kBlocksPerTask], &block);
+      }
+    }
+  });
+  for (std::size_t b = 0; b < count; ++b) {
+    ParameterBlockView& block = view->blocks[b];
+    if (b % kBlocksPerTask == 0 && !bounds[b / kBlocksPerTask].empty()) {
+      AppendBounds(bounds[b / kBlocksPerTask], b, std::min(count, b + kBlocksPerTask), view);
+    }
+    if (block.manifold != nullptr) {
+      block.tangent_size = TangentSizeOf(*block.manifold);
+      LookUpBounds(problem, &view->bounds, &block);
+    }
+  }
+}
+
+void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, ProblemView* view) {
   std::vector<double*> pointers;
   problem.GetParameterBlocks(&pointers);
   view->index.Build(pointers);
-  view->blocks.reserve(pointers.size());
-  for (double* values : pointers) {
-    view->blocks.push_back(ReadParameterBlock(problem, values, &view->bounds));
-    const ParameterBlockView& block = view->blocks.back();
+  LookUpBlocks(problem, pointers, num_threads, view);
+  for (std::size_t b = 0; b < view->blocks.size(); ++b) {
+    const ParameterBlockView& block = view->blocks[b];
     CheckValues(block, view);
-    const std::size_t count = view->blocks.size();
-    if (count > 1) {
-      const ParameterBlockView& previous = view->blocks[count - 2];
+    if (b > 0) {
+      const ParameterBlockView& previous = view->blocks[b - 1];
       if (previous.values + previous.ambient_size > block.values) {
         SetDefect(view, Describe(previous) + " overlaps " + Describe(block));
       }
@@ -60,35 +106,19 @@ class ResidualReader {
   explicit ResidualReader(ProblemView* view)
       : view_(*view), last_residual_(view->blocks.size(), -1) {}
 
-  void Run(const ceres::Problem& problem) {
+  void Run(const ceres::Problem& problem, int num_threads) {
     std::vector<ceres::ResidualBlockId> ids;
     problem.GetResidualBlocks(&ids);
     view_.residuals.reserve(ids.size());
     view_.slots.reserve(3 * ids.size());
-    ResidualBlockView residual;  // keeps what its neighbor repeats
-    Repeats repeats;
-    for (const ceres::ResidualBlockId id : ids) {
-      const int num_residuals_before = residual.num_residuals;
-      residual.id = id;
-      residual.cost = problem.GetCostFunctionForResidualBlock(id);
-      residual.loss = problem.GetLossFunctionForResidualBlock(id);
-      residual.num_residuals = residual.cost->num_residuals();
-      problem.GetParameterBlocksForResidualBlock(id, &pointers_);
-      if (RepeatsSlots(residual)) {
-        residual.like_previous = residual.num_residuals == num_residuals_before;
-      } else {
-        Count(residual, repeats);
-        repeats = Repeats();
-        ReadSlots(&residual);
+    ResidualLookUps look_ups(problem, view_);
+    while (view_.residuals.size() < ids.size()) {
+      look_ups.Take(ids, view_.residuals.size(), num_threads);
+      for (const ResidualLookUp& found : look_ups.found()) {
+        Read(ids[view_.residuals.size()], found);
       }
-      ++repeats.num_residual_blocks;
-      repeats.num_residuals += residual.num_residuals;
-      if (residual.num_residuals <= 0) {
-        SetDefect(&view_, ThisResidual() + " has no residuals");
-      }
-      view_.residuals.push_back(residual);
     }
-    Count(residual, repeats);
+    Count(residual_, repeats_);
   }
 
  private:
@@ -98,6 +128,27 @@ class ResidualReader {
     int num_residuals = 0;
   };
 
+  void Read(ceres::ResidualBlockId id, const ResidualLookUp& found) {
+    const int num_residuals_before = residual_.num_residuals;
+    residual_.id = id;
+    residual_.cost = found.cost;
+    residual_.loss = found.loss;
+    residual_.num_residuals = found.num_residuals;
+    if (RepeatsSlots(found)) {
+      residual_.like_previous = residual_.num_residuals == num_residuals_before;
+    } else {
+      Count(residual_, repeats_);
+      repeats_ = Repeats();
+      ReadSlots(found);
+    }
+    ++repeats_.num_residual_blocks;
+    repeats_.num_residuals += residual_.num_residuals;
+    if (residual_.num_residuals <= 0) {
+      SetDefect(&view_, ThisResidual() + " has no residuals");
+    }
+    view_.residuals.push_back(residual_);
+  }
+
   // Names the residual block in program order, which is the order Ceres's own messages use.
   std::string ThisResidual() const {
     return "residual block " + std::to_string(view_.residuals.size());
@@ -105,20 +156,9 @@ class ResidualReader {
 
   // Whether the slots, which are still those of the residual block before, are right for this one
   // too; its neighbors' often are.
-  bool RepeatsSlots(const ResidualBlockView& residual) const {
-    const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-    const auto num_slots = static_cast<std::size_t>(residual.num_slots);
-    if (view_.residuals.empty() || pointers_.size() != num_slots || sizes.size() != num_slots) {
-      return false;
-    }
-    const int* slots = view_.SlotsOf(residual);
-    for (std::size_t s = 0; s < num_slots; ++s) {
-      const ParameterBlockView& block = view_.block(slots[s]);
-      if (pointers_[s] != block.values || sizes[s] != block.ambient_size) {
-        return false;
-      }
-    }
-    return true;
+  bool RepeatsSlots(const ResidualLookUp& found) const {
+    return !view_.residuals.empty() && found.sizes_fit && found.num_slots == residual_.num_slots &&
+           std::equal(found.blocks, found.blocks + found.num_slots, view_.SlotsOf(residual_));
   }
 
   // Counts residual blocks with the same slots as this one, and the blocks they touch.
@@ -137,39 +177,28 @@ class ResidualReader {
     }
   }
 
-  void ReadSlots(ResidualBlockView* residual) {
-    const std::vector<std::int32_t>& sizes = residual->cost->parameter_block_sizes();
-    const ResidualBlockView previous = *residual;
-    residual->first_slot = static_cast<int>(view_.slots.size());
-    residual->num_slots = static_cast<int>(pointers_.size());
-    residual->fixed = true;
-    residual->like_previous = false;
-    if (sizes.size() != pointers_.size()) {
+  void ReadSlots(const ResidualLookUp& found) {
+    residual_.first_slot = static_cast<int>(view_.slots.size());
+    residual_.num_slots = found.num_slots;
+    residual_.fixed = true;
+    residual_.like_previous = false;
+    const std::size_t num_sizes = found.sizes_fit ? 0 : found.cost->parameter_block_sizes().size();
+    if (!found.sizes_fit && num_sizes != static_cast<std::size_t>(found.num_slots)) {
       SetDefect(&view_, "the cost function of " + ThisResidual() +
                             " has changed its number of parameter blocks");
     }
-    for (std::size_t s = 0; s < pointers_.size(); ++s) {
-      const int b = FindBlock(previous, s);
+    for (int s = 0; s < found.num_slots; ++s) {
+      const int b = found.blocks[s];
       const ParameterBlockView& block = view_.block(b);
       view_.slots.push_back(b);
-      residual->fixed = residual->fixed && block.constant;
+      residual_.fixed = residual_.fixed && block.constant;
       Meet(b);
-      if (s < sizes.size() && sizes[s] != block.ambient_size) {
+      const auto k = static_cast<std::size_t>(s);
+      if (k < num_sizes && found.cost->parameter_block_sizes()[k] != block.ambient_size) {
         SetDefect(&view_, "the cost function of " + ThisResidual() +
                               " expects another size than that of " + Describe(block));
       }
     }
-  }
-
-  // Of slot s, where the residual block before often has the same.
-  int FindBlock(const ResidualBlockView& previous, std::size_t s) const {
-    if (static_cast<int>(s) < previous.num_slots) {
-      const int b = view_.SlotsOf(previous)[s];
-      if (view_.block(b).values == pointers_[s]) {
-        return b;
-      }
-    }
-    return view_.index.Find(pointers_[s]);
   }
 
   // A block twice in one residual block shows at once.
@@ -184,7 +213,8 @@ class ResidualReader {
 
   ProblemView& view_;
   std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
-  std::vector<double*> pointers_;   // of this residual block
+  ResidualBlockView residual_;      // the last one: keeps what its neighbor repeats
+  Repeats repeats_;
 };
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {
@@ -217,10 +247,10 @@ void ProblemView::Clear() {
   defect.clear();
 }
 
-void Introspect(const ceres::Problem& problem, ProblemView* view) {
+void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads) {
   view->Clear();
-  ReadParameterBlocks(problem, view);
-  ResidualReader(view).Run(problem);
+  ReadParameterBlocks(problem, num_threads, view);
+  ResidualReader(view).Run(problem, num_threads);
   for (const ParameterBlockView& block : view->blocks) {
     Count(block, &view->all);
     if (block.reduced()) {

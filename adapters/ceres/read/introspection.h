@@ -106,8 +106,9 @@ struct ProblemView {
 /// Reads the problem. Cost: linear in slots, plus a few map lookups per parameter block inside
 /// Ceres (two per bound).
 ProblemView Introspect(const ceres::Problem& problem);
-/// The same into the memory of an earlier view.
-void Introspect(const ceres::Problem& problem, ProblemView* view);
+/// The same into the memory of an earlier view. With several threads they call Ceres's getters, and
+/// the sizes of cost functions and manifolds, at the same time; the view is the same.
+void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads = 1);
 
 /// The same of a problem in which, since this view was taken, nothing but values has changed. Cost:
 /// linear in parameters.

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <functional>
+
+#include "inceres/export.h"
+
+namespace inceres::internal {
+
+/// Executor::For for libraries beside the core, which do not see what that calls: body(begin, end)
+/// on ranges that cover [0, count) once, of `grain` or more, on up to num_threads threads. For
+/// tasks of many microseconds. What a body throws passes through.
+INCERES_EXPORT void ParallelFor(int num_threads, int count, int grain,
+                                const std::function<void(int begin, int end)>& body);
+
+}  // namespace inceres::internal

@@ -1,0 +1,89 @@
+// What is counted before a solve takes memory: landmarks wherever in a family they are, and
+// Jacobians in the precision that they are kept in.
+#include "linearize/memory_prediction.h"
+
+#include <cstdint>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "inceres/factors/bal_reprojection.h"
+#include "inceres/problem/graph_edit.h"
+#include "linearize/evaluator.h"
+#include "linearize/layout.h"
+
+namespace inceres::internal {
+namespace {
+
+constexpr std::int64_t kMuch = std::int64_t{1} << 40;
+
+std::int64_t Predict(const FactorGraph& graph, bool eliminates_landmarks,
+                     bool keeps_singles = false) {
+  MemoryBudget budget(kMuch);
+  TakeForGraph(graph, eliminates_landmarks, keeps_singles, &budget);
+  return budget.taken();
+}
+
+// One camera sees each of the points once.
+class PointGraph {
+ public:
+  explicit PointGraph(int num_points, int num_frames_first = 0)
+      : family_(graph_.AddFamily(std::make_shared<BalReprojectionFamily>())) {
+    const double camera[9] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0};
+    const VariableId seen_from = graph_.AddVariable(camera, 9, Role::kFrame);
+    for (int i = 0; i < num_points; ++i) {
+      const double point[3] = {0.001 * i, 0.5, -2.0};
+      const Role role = i < num_frames_first ? Role::kFrame : Role::kLandmark;
+      const VariableId variables[] = {seen_from, graph_.AddVariable(point, 3, role)};
+      family_->Add({1.0, 2.0});
+      graph_.Connect(family_, variables);
+    }
+  }
+  FactorGraph& graph() { return graph_; }
+  FamilyId family() const { return family_; }
+
+ private:
+  FactorGraph graph_;
+  FamilyHandle<BalReprojectionFamily> family_;
+};
+
+TEST(MemoryPrediction, CountsLandmarksBehindAFirstFactorWithoutOne) {
+  PointGraph all(10);
+  const std::int64_t incidences = Predict(all.graph(), true) - Predict(all.graph(), false);
+  EXPECT_GT(incidences, 0);
+  PointGraph some(10, /*num_frames_first=*/3);
+  EXPECT_EQ(Predict(some.graph(), true) - Predict(some.graph(), false), incidences);
+  PointGraph none(10, /*num_frames_first=*/10);
+  EXPECT_EQ(Predict(none.graph(), true), Predict(none.graph(), false));
+}
+
+TEST(MemoryPrediction, CountsLandmarksBehindAFreePlace) {
+  PointGraph edited(10);
+  const std::int64_t incidences = Predict(edited.graph(), true) - Predict(edited.graph(), false);
+  GraphEdit edit(edited.graph());
+  edit.RemoveFactor({edited.family(), 0});
+  ASSERT_TRUE(edited.graph().Apply(edit).ok());
+  ASSERT_FALSE(edited.graph().HasFactor(edited.family(), 0));
+  EXPECT_EQ(Predict(edited.graph(), true) - Predict(edited.graph(), false), incidences);
+}
+
+// Counted and taken is the same, up to what else an evaluator has.
+TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
+  constexpr int kNumPoints = 30000;
+  PointGraph points(kNumPoints);
+  const Layout layout(points.graph(), true);
+  const Executor executor(1);
+  const Evaluator in_double(points.graph(), layout, executor);
+  const Evaluator in_single(points.graph(), layout, executor, JacobianStorage::kBySlotInSingle);
+  // 8 quads of doubles a factor become quads of floats; 2,048 factors stay in double.
+  constexpr std::int64_t kSaved = 128 * std::int64_t{kNumPoints} - 256 * 2048;
+  const std::int64_t gradient = 32 * std::int64_t{kNumPoints} + 96;
+  EXPECT_EQ(in_double.Bytes() - in_single.Bytes(), kSaved - gradient);
+  EXPECT_EQ(Predict(points.graph(), true) - Predict(points.graph(), true, true), kSaved - gradient);
+  PointGraph few(4096);
+  EXPECT_EQ(Predict(few.graph(), true), Predict(few.graph(), true, true))
+      << "a strip takes what would be saved: they stay in double";
+}
+
+}  // namespace
+}  // namespace inceres::internal
