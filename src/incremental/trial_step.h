@@ -113,6 +113,7 @@ class TrialStep {
   void CutOff(VariableId id, std::int32_t quad);
   void Move(VariableId id, std::int32_t quad);
   void Touch(const std::vector<FactorRef>& factors);
+  void TouchAndReach(const std::vector<FactorRef>& factors);
   void NameTouched();
   void DropChanges();
   void Stretch(std::int32_t landmark);

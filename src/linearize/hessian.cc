@@ -45,6 +45,7 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   landmark_eta_ = ZeroedArray(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
+  BuildProducts();
   BuildGradientTerms();
   for (const Linearization& cache : evaluator.families()) {
     residuals_.push_back(cache.residuals.data());
@@ -67,6 +68,25 @@ void Hessian::PlaceFrameBlocks() {
   C_ = ZeroedArray(size);
 }
 
+// Jacobians stay where they are, so what the kernels are told of a source is put together once: of
+// the blocks of a pose graph most have a single product, which takes no longer than that would.
+void Hessian::BuildProducts() {
+  for (const FramePlans::HessianSource& source : plans_.hessian_sources) {
+    const Linearization& cache = evaluator_.families()[source.family];
+    Source made;
+    made.family = source.family;
+    // The kernel's C has the rows of b and the columns of a.
+    made.products.a = cache.slots[source.column_slot].data;
+    made.products.b = cache.slots[source.row_slot].data;
+    made.products.depth = cache.residual_size;
+    // The same slot for row and column: every term is a Jacobian with itself.
+    made.products.symmetric = source.row_slot == source.column_slot;
+    made.gradient.a = cache.slots[source.row_slot].data;
+    made.gradient.depth = cache.residual_size;
+    sources_.push_back(made);
+  }
+}
+
 void Hessian::BuildGradientTerms() {
   // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
   // Each comes once because no factor repeats a variable (FactorGraph::Validate).
@@ -83,8 +103,8 @@ void Hessian::BuildGradientTerms() {
       // times its residual's size is where its residual is.
       const auto quads =
           static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
-      gradient_segments_.push_back({source.family, source.row_slot,
-                                    static_cast<int>(gradient_terms_.size()), segment.count});
+      gradient_segments_.push_back(
+          {segment.source, static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
         const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
         gradient_terms_.push_back({offset, offset / quads * cache.residual_size});
@@ -137,22 +157,15 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
 // A kept product is summed apart, whether it is formed now or was before: the bits are the same.
 void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   const ProductPlan::Segment& segment = plans_.hessian.segments[s];
-  const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-  const Linearization& cache = evaluator_.families()[source.family];
+  const Source& source = sources_[segment.source];
   const int size = rows * PadToQuad(columns);
   double* const kept = kept_.Find(s);
   if (kept == nullptr || kept_.IsStale(source.family)) {
-    BlockProducts products;
-    // The kernel's C has the rows of b and the columns of a.
-    products.a = cache.slots[source.column_slot].data;
-    products.b = cache.slots[source.row_slot].data;
+    BlockProducts products = source.products;
     products.terms = plans_.hessian.terms.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.residual_size;
     products.a_size = columns;
     products.b_size = rows;
-    // The same slot for row and column: every term is a Jacobian with itself.
-    products.symmetric = source.row_slot == source.column_slot;
     if (kept != nullptr) {
       std::fill(kept, kept + size, 0.0);
     }
@@ -181,16 +194,14 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
 void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const {
   for (int s = gradient_segments_begin_[frame]; s < gradient_segments_begin_[frame + 1]; ++s) {
     const GradientSegment& segment = gradient_segments_[s];
-    if (rows[segment.family] == nullptr) {
+    const Source& source = sources_[segment.source];
+    if (rows[source.family] == nullptr) {
       continue;
     }
-    const Linearization& cache = evaluator_.families()[segment.family];
-    VectorProducts products;
-    products.a = cache.slots[segment.slot].data;
-    products.v = rows[segment.family];
+    VectorProducts products = source.gradient;
+    products.v = rows[source.family];
     products.terms = gradient_terms_.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.residual_size;
     products.a_size = plans_.pattern.block_size(frame);
     kernels_.accumulate_vectors(products, 1.0, sum);
   }
