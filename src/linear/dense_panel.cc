@@ -27,11 +27,15 @@ constexpr int kTriangle = 4;  // what of a diagonal block is factored by hand
 template <int kWidth>
 bool FactorTriangle(double* A, std::ptrdiff_t stride, int* failed) {
   double L[kWidth][kWidth];  // by columns
+#pragma GCC unroll 4
   for (int j = 0; j < kWidth; ++j) {
+#pragma GCC unroll 4
     for (int i = j; i < kWidth; ++i) {
       L[j][i] = A[j * stride + i];
     }
+#pragma GCC unroll 4
     for (int k = 0; k < j; ++k) {
+#pragma GCC unroll 4
       for (int i = j; i < kWidth; ++i) {
         L[j][i] -= L[k][i] * L[k][j];
       }
@@ -42,12 +46,12 @@ bool FactorTriangle(double* A, std::ptrdiff_t stride, int* failed) {
       return false;
     }
     const double root = std::sqrt(L[j][j]);
-    L[j][j] = root;
+    A[j * stride + j] = L[j][j] = root;
     // By division, not by the product with an inverse: rounded once.
+#pragma GCC unroll 4
     for (int i = j + 1; i < kWidth; ++i) {
-      L[j][i] /= root;
+      A[j * stride + i] = L[j][i] /= root;
     }
-    std::copy(L[j] + j, L[j] + kWidth, A + j * stride + j);
   }
   return true;
 }

@@ -23,6 +23,30 @@ constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
 // All P have room for the largest one, so that P of a landmark is found by multiplication.
+// Of a block on the diagonal the lower triangle counts; packed it has both.
+template <int kSize>
+void PackSymmetric(const double* padded, double* packed) {
+  constexpr int kStride = PadToQuad(kSize);
+#pragma GCC unroll 6
+  for (int r = 0; r < kSize; ++r) {
+#pragma GCC unroll 6
+    for (int c = 0; c < kSize; ++c) {
+      packed[r * kSize + c] = padded[c <= r ? r * kStride + c : c * kStride + r];
+    }
+  }
+}
+
+void PackDiagonal(int size, double* padded, double* packed) {
+  if (size == 3) {
+    return PackSymmetric<3>(padded, packed);
+  }
+  if (size == 6) {
+    return PackSymmetric<6>(padded, packed);
+  }
+  MirrorLowerTriangle(size, PadToQuad(size), padded);
+  PackBlock(size, size, padded, packed);
+}
+
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -145,11 +169,10 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
     // Of products that are symmetric the kernels may leave out what is above the diagonal.
     if (is_diagonal) {
-      MirrorLowerTriangle(rows, PadToQuad(columns), sum);
-    }
-    PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
-    if (is_diagonal) {
+      PackDiagonal(rows, sum, C_.data() + C_begin_[k]);
       AccumulateGradient(plans_.block_row[k], &scratch);
+    } else {
+      PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
     }
   }
 }
