@@ -6,6 +6,25 @@
 #include "base/stopwatch.h"
 
 namespace inceres::internal {
+namespace {
+
+// Where nothing is eliminated and no loss bends the cost, the model says nearly all there is to
+// gain.
+bool IsPlain(const IncrementalSystem& system) {
+  return system.schur().structure().num_landmarks() == 0 &&
+         std::none_of(system.families().begin(), system.families().end(),
+                      [&system](const IncrementalFamily& family) {
+                        return system.graph().HasLosses(family.id());
+                      });
+}
+
+Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning) {
+  Tuning::Stop rules = tuning.stop;
+  rules.share = IsPlain(system) ? rules.plain_share : rules.share;
+  return rules;
+}
+
+}  // namespace
 
 // One Update (docs/algorithms.md, from "One Update of incremental mode" on). An iteration solves
 //
@@ -85,9 +104,9 @@ bool IncrementalMinimizer::Begin() {
   // comes first. Whatever the last Update has claimed counts for one that goes on from there, and
   // not after the batch solver.
   const StoppingRule before = context_.stop;
-  context_.stop = StoppingRule(context_.tuning.stop, context_.options.function_tolerance,
-                               context_.options.fixed_cost, system.RoundingOfCost(),
-                               summary.num_iterations, system.cost());
+  context_.stop = StoppingRule(StopRulesFor(system, context_.tuning),
+                               context_.options.function_tolerance, context_.options.fixed_cost,
+                               system.RoundingOfCost(), summary.num_iterations, system.cost());
   if (begins) {
     context_.stop.GoOnFrom(before);
     summary.initial_cost = system.cost();

@@ -7,8 +7,8 @@
 namespace inceres::internal {
 
 // See docs/algorithms.md, "Steps of new frames". With A the new frames and all other frames held,
-// S'_AA x_A = b_A is the whole reduced system, where S_AA needs −Y Yᵀ within the rows of A alone. Its
-// factor is small, where the full step's would have to follow changes in the rows of all frames
+// S'_AA x_A = b_A is the whole reduced system, where S_AA needs −Y Yᵀ within the rows of A alone.
+// Its factor is small, where the full step's would have to follow changes in the rows of all frames
 // that the landmarks are seen from. These steps aim at a good start for the full one and not at a
 // minimum: they stop as soon as a step gains less than a share of the first one's, or than the
 // tolerance. S is left as if they had not been.
