@@ -3,12 +3,13 @@
 
     cmake -S . -B build-tuning -G Ninja -DCMAKE_BUILD_TYPE=Release -DINCERES_TUNING_FROM_ENVIRONMENT=ON
     cmake --build build-tuning --target replay
-    benchmarks/ablation.py [--build build-tuning] [--only TEXT] [--jobs 2]
+    benchmarks/ablation.py [--build build-tuning] [--only TEXT] [--pose_graphs] [--jobs 2]
 
 Nothing is timed: a run is judged by the work it counts, residuals evaluated plus four times those evaluated with Jacobians plus rows
 of S factored, over that with all thresholds as they are, and by the largest relative excess of a step's cost, in units of the function tolerance,
 over that of a run with a thousandth of it; above a thousand tolerances it ended in another basin, which says nothing of either. So nothing is disturbed by what else the machine does.
 
+With --pose_graphs it plays pose graphs in place of problems with landmarks: earlier_factor.* acts on those alone.
 Prints a table as docs/tuning.md has it. Needs the data of INCERES_DATA_DIR (or ../shared/data beside the repository). Exit code:
 0 played, 2 a run could not be played.
 """
@@ -35,6 +36,14 @@ REPLAYS = {
     "path:250": ["--problem", "path:250", "--loops"],
     "KITTI stereo": ["--problem", f"stereo:{DATA}/stereo", "--steps", "40"],
     "VIO window": ["--problem", "vio:figure_eight", "--steps", "60"],
+}
+POSE_GRAPHS = {
+    "M3500": ["--problem", f"g2o:{DATA}/pose_graph/M3500.g2o", "--steps", "2000"],
+    "city10000": ["--problem", f"g2o:{DATA}/pose_graph/city10000.g2o", "--steps", "1500"],
+    "sphere": ["--problem", f"g2o:{DATA}/pose_graph/sphere.g2o", "--steps", "600"],
+    "intel": ["--problem", f"g2o:{DATA}/pose_graph/intel.g2o"],
+    "parking-garage": ["--problem", f"g2o:{DATA}/pose_graph/parking-garage.g2o", "--steps", "800"],
+    "kitti_05": ["--problem", f"g2o:{DATA}/pose_graph/kitti_05.g2o"],
 }
 
 
@@ -82,7 +91,9 @@ def main():
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-tuning", help="the build directory")
     parser.add_argument("--only", default="", help="only thresholds with this in their name")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time")
+    parser.add_argument("--pose_graphs", action="store_true", help="play pose graphs")
     arguments = parser.parse_args()
+    replays = POSE_GRAPHS if arguments.pose_graphs else REPLAYS
     settings = [("as they are", "")]
     for name, value, count in thresholds():
         if arguments.only in name:
@@ -92,14 +103,14 @@ def main():
     try:
         with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
             tight = {problem: pool.submit(play, arguments.build.resolve(), flags, "", folder, 1e-3 * TOLERANCE)
-                     for problem, flags in REPLAYS.items()}
+                     for problem, flags in replays.items()}
             runs = {(label, problem): pool.submit(play, arguments.build.resolve(), flags, setting, folder)
-                    for label, setting in settings for problem, flags in REPLAYS.items()}
-            base = {problem: runs[settings[0][0], problem].result()[0] for problem in REPLAYS}
-            print(f"| threshold | {' | '.join(REPLAYS)} |\n|{'---|' * (len(REPLAYS) + 1)}")
+                    for label, setting in settings for problem, flags in replays.items()}
+            base = {problem: runs[settings[0][0], problem].result()[0] for problem in replays}
+            print(f"| threshold | {' | '.join(replays)} |\n|{'---|' * (len(replays) + 1)}")
             for label, _ in settings:
                 cells = []
-                for problem in REPLAYS:
+                for problem in replays:
                     work, costs = runs[label, problem].result()
                     share, excess = work / base[problem], worst_excess(costs, tight[problem].result()[1])
                     cell = f"{share:.2f}" if 0.98 <= share <= 1.02 else f"**{share:.2f}**"

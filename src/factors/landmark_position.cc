@@ -5,6 +5,7 @@
 
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
+#include "factors/wrap_angle.h"
 #include "inceres/problem/rotation.h"
 
 // Landmarks measured as positions in the axes of a pose, in the plane and in space, and positions
@@ -108,7 +109,7 @@ bool PlanarLandmarkFamily::EvaluateOne(int i, const double* const* parameters, d
     }
     e[0] = d[0] - m.z[0];
     // To [−π, π]: angles that differ by whole turns are the same bearing.
-    e[1] = std::remainder(d[1] - m.z[1], 2.0 * M_PI);
+    e[1] = internal::WrapAngle(d[1] - m.z[1]);
   }
   residuals[0] = U[0] * e[0] + U[1] * e[1];
   residuals[1] = U[3] * e[1];

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "factors/wrap_angle.h"
+
 // An edge of a planar pose graph: e = [R(θ_a)ᵀ (p_b − p_a) − p_m; wrap(θ_b − θ_a − θ_m)], residual
 // U e. Angles are plain numbers without a manifold; the wrap makes whole turns between them count
 // as nothing. The Jacobians have a closed form in (x, y), the place of b seen from a, since ∂(R(θ)ᵀ
@@ -35,7 +37,7 @@ bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameter
   const double e[3] = {x - measured.motion[0], y - measured.motion[1],
                        // To [−π, π], by the nearest whole number of turns. At half a turn the
                        // residual jumps.
-                       std::remainder(b[2] - a[2] - measured.motion[2], 2.0 * M_PI)};
+                       internal::WrapAngle(b[2] - a[2] - measured.motion[2])};
   for (int r = 0; r < 3; ++r) {
     residuals[r] = 0.0;
     for (int k = r; k < 3; ++k) {

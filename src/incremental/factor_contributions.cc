@@ -32,9 +32,10 @@ void FactorContributions::Connect(FactorRef ref) {
 // pair must have the larger row. A factor has few frames.
 Contribution FactorContributions::RowsOf(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
+  const int num_slots = family.num_slots();
   rows_.clear();
   rows_of_.clear();
-  for (int s = 0; s < family.num_slots(); ++s) {
+  for (int s = 0; s < num_slots; ++s) {
     const std::int32_t row = structure_.FrameOfFactor(ref, s);
     if (row < 0) {
       continue;
@@ -72,10 +73,8 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
 void FactorContributions::AddRows(const Contribution& contribution, const double* q,
                                   const double* q_out, double sign, const std::int32_t* blocks) {
   // b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up
-  // in the same kernels.
-  sums_.AddProducts(contribution, sign, blocks);
-  sums_.AddToB(contribution, q, q_out, -sign);
-  sums_.AddSquares(contribution, sign);
+  // in the same kernel.
+  sums_.AddFactor(contribution, q, q_out, sign, blocks);
   sums_.Touch(rows_of_);
 }
 

@@ -7,6 +7,7 @@
 #include "incremental/row_changes.h"
 #include "linear/block_rows.h"
 #include "simd/kernels.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -41,6 +42,14 @@ class SchurSums {
   void AddSquares(const Contribution& contribution, double sign) {
     kernels_.add_squares(contribution, sign, vectors_.diagonal(), vectors_.diagonal_peak());
   }
+  /// All three of a factor with the residual q, in place of q_out unless that is null: b has −Jᵀq.
+  void AddFactor(const Contribution& contribution, const double* q, const double* q_out,
+                 double sign, const std::int32_t* blocks) {
+    small_kernels_.add_contribution(
+        contribution, sign,
+        {blocks, S_.values(0), q, q_out, vectors_.rhs(), vectors_.b_peak(), vectors_.diagonal(),
+         vectors_.diagonal_peak()});
+  }
   void Touch(const std::vector<std::int32_t>& rows) {
     for (const std::int32_t row : rows) {
       changes_.Touch(row);
@@ -56,6 +65,7 @@ class SchurSums {
 
  private:
   const Kernels& kernels_ = BestKernels();
+  const SmallKernels& small_kernels_ = BestSmallKernels();
   SymmetricBlockRows S_;
   PaddedVectors vectors_;
   RowChanges changes_;

@@ -71,14 +71,20 @@ void TrialStep::Touch(const std::vector<FactorRef>& factors) {
   }
 }
 
+// Of each factor once, though all of its frames may move.
+void TrialStep::TouchAndReach(const std::vector<FactorRef>& factors) {
+  for (const FactorRef& ref : factors) {
+    if (touched_[ref.family].Add(ref.factor)) {
+      schur_.structure().ForEachFrameOf(ref, [this](std::int32_t frame) { reached_.Add(frame); });
+    }
+  }
+}
+
 // A frame that moves reaches its factors; with them, through their landmarks, other frames'
 // right-hand sides.
 void TrialStep::ReachFromFrame(std::int32_t i) {
   const IncrementalSchur::Frame& frame = schur_.frames()[i];
-  Touch(frame.factors);
-  for (const FactorRef& ref : frame.factors) {
-    schur_.structure().ForEachFrameOf(ref, [this](std::int32_t other) { reached_.Add(other); });
-  }
+  TouchAndReach(frame.factors);
   // A landmark that stays, although a frame that sees it moves: only the factors between the two
   // are touched, and its η changes.
   for (const std::int32_t l : frame.landmarks) {

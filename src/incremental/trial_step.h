@@ -108,6 +108,7 @@ class TrialStep {
   template <typename Variable>
   void Move(const Variable& moved);
   void Touch(const std::vector<FactorRef>& factors);
+  void TouchAndReach(const std::vector<FactorRef>& factors);
   void NameTouched();
   void ReachFromFrame(std::int32_t frame);
   void DropChanges();

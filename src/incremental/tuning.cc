@@ -71,6 +71,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   const auto real = [&](const char* name, double* value) { all.push_back({name, value, nullptr}); };
   const auto count = [&](const char* name, int* value) { all.push_back({name, nullptr, value}); };
   real("stop.share", &tuning->stop.share);
+  real("stop.plain_share", &tuning->stop.plain_share);
   real("stop.rest_share", &tuning->stop.rest_share);
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);

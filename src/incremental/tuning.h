@@ -16,6 +16,9 @@ struct Tuning {
     /// undervalues what is left, by a factor of 1.2 to 2 (its Hessian takes ρ'' down to half the
     /// curvature, and of steady factors only).
     double share = 0.08;
+    /// The same of a graph without landmarks and without losses: its model is right but for what
+    /// curves, and that is little so near the minimum.
+    double plain_share = 0.35;
     /// Of the tolerance: what the steps so far let expect of all to come together.
     double rest_share = 0.5;
     /// What the model promises has to fall by more than this factor from one step to the next for

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "simd/kernels.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -22,29 +23,74 @@ namespace {
 constexpr int kTriangle = 4;  // what of a diagonal block is factored by hand
 
 // Column by column, left-looking: columns ahead are subtracted first, then the column is divided by
-// its root.
-bool FactorTriangle(double* A, int stride, int width, int* failed) {
-  for (int j = 0; j < width; ++j) {
-    double* column = A + static_cast<std::ptrdiff_t>(j) * stride;
+// its root. With the number of columns known there are no loops left.
+template <int kWidth>
+bool FactorTriangle(double* A, std::ptrdiff_t stride, int* failed) {
+  double L[kWidth][kWidth];  // by columns
+#pragma GCC unroll 4
+  for (int j = 0; j < kWidth; ++j) {
+#pragma GCC unroll 4
+    for (int i = j; i < kWidth; ++i) {
+      L[j][i] = A[j * stride + i];
+    }
+#pragma GCC unroll 4
     for (int k = 0; k < j; ++k) {
-      const double* other = A + static_cast<std::ptrdiff_t>(k) * stride;
-      for (int i = j; i < width; ++i) {
-        column[i] -= other[i] * other[j];
+#pragma GCC unroll 4
+      for (int i = j; i < kWidth; ++i) {
+        L[j][i] -= L[k][i] * L[k][j];
       }
     }
     // The comparison fails for NaN as well.
-    if (!(column[j] > 0.0) || !std::isfinite(column[j])) {
+    if (!(L[j][j] > 0.0) || !std::isfinite(L[j][j])) {
       *failed = j;
       return false;
     }
-    const double root = std::sqrt(column[j]);
-    column[j] = root;
+    const double root = std::sqrt(L[j][j]);
+    A[j * stride + j] = L[j][j] = root;
     // By division, not by the product with an inverse: rounded once.
-    for (int i = j + 1; i < width; ++i) {
-      column[i] /= root;
+#pragma GCC unroll 4
+    for (int i = j + 1; i < kWidth; ++i) {
+      A[j * stride + i] = L[j][i] /= root;
     }
   }
   return true;
+}
+
+bool FactorTriangle(double* A, int stride, int width, int* failed) {
+  switch (width) {
+    case 1:
+      return FactorTriangle<1>(A, stride, failed);
+    case 2:
+      return FactorTriangle<2>(A, stride, failed);
+    case 3:
+      return FactorTriangle<3>(A, stride, failed);
+    default:
+      return FactorTriangle<4>(A, stride, failed);
+  }
+}
+
+// Of small square blocks, below the diagonal, above it, and on it.
+template <int kSize>
+void PlaceSquare(const double* block, int block_stride, int first_row, int first_column, double* A,
+                 std::ptrdiff_t stride) {
+  if (first_row < first_column) {
+    double* out = A + first_row * stride + first_column;
+    for (int r = 0; r < kSize; ++r, block += block_stride, out += stride) {
+      for (int c = 0; c < kSize; ++c) {
+        out[c] = block[c];
+      }
+    }
+    return;
+  }
+  double* out = A + first_column * stride + first_row;
+  const bool is_diagonal = first_row == first_column;
+  for (int c = 0; c < kSize; ++c, out += stride) {
+    for (int r = 0; r < kSize; ++r) {
+      if (!is_diagonal || r >= c) {
+        out[r] = block[r * block_stride + c];
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -53,6 +99,12 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
 // destination is written along its columns.
 void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
                 int first_column, double* A, std::ptrdiff_t stride) {
+  if (rows == 3 && columns == 3) {
+    return PlaceSquare<3>(block, block_stride, first_row, first_column, A, stride);
+  }
+  if (rows == 6 && columns == 6) {
+    return PlaceSquare<6>(block, block_stride, first_row, first_column, A, stride);
+  }
   // It would be above the diagonal: turned, its rows become columns, which are copied whole.
   if (first_row < first_column) {
     for (int r = 0; r < rows; ++r) {
@@ -73,6 +125,7 @@ void PlaceBlock(const double* block, int block_stride, int rows, int columns, in
 // Right-looking: a small triangle, the rows below it, what they take from the rest of the block.
 bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
   const Kernels& kernels = BestKernels();
+  const SmallKernels& small = BestSmallKernels();
   for (int j = 0; j < width; j += kTriangle) {
     const int size = std::min(kTriangle, width - j);
     const int below = j + size;
@@ -87,22 +140,31 @@ bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
     }
     if (rows > 0) {
       kernels.solve_lower_transposed(whole_quads, size, column + j, stride, column + below, stride);
-      // What is subtracted above the diagonal of the rest is not used.
-      kernels.subtract_outer(whole_quads, rows, size, column + below, stride, column + below,
-                             stride, A + static_cast<std::ptrdiff_t>(below) * stride + below,
-                             stride);
+      small.subtract_lower_outer(whole_quads, rows, size, column + below, stride,
+                                 A + static_cast<std::ptrdiff_t>(below) * stride + below, stride);
     }
   }
   return true;
 }
 
-// By columns, along memory: each y_j, once known, is taken out of the rows below.
-void SolveTriangle(const double* L, int stride, int width, double* y) {
-  for (int j = 0; j < width; ++j) {
+// Four columns at a time, each entry of y less one product after the other, as by single columns.
+void SolveTriangle(const double* __restrict__ L, int stride, int width, double* __restrict__ y) {
+  for (int j = 0; j < width; j += kTriangle) {
     const double* column = L + static_cast<std::ptrdiff_t>(j) * stride;
-    y[j] /= column[j];
-    for (int i = j + 1; i < width; ++i) {
-      y[i] -= column[i] * y[j];
+    const int end = std::min(j + kTriangle, width);
+    for (int k = j; k < end; ++k, column += stride) {
+      y[k] /= column[k];
+      for (int i = k + 1; i < end; ++i) {
+        y[i] -= column[i] * y[k];
+      }
+    }
+    if (end < width) {  // then there are four
+      const double* a = L + static_cast<std::ptrdiff_t>(j) * stride;
+      const double *b = a + stride, *c = b + stride, *d = c + stride;
+      const double y_a = y[j], y_b = y[j + 1], y_c = y[j + 2], y_d = y[j + 3];
+      for (int i = end; i < width; ++i) {
+        y[i] = (((y[i] - a[i] * y_a) - b[i] * y_b) - c[i] * y_c) - d[i] * y_d;
+      }
     }
   }
 }
@@ -111,10 +173,12 @@ void SolveTriangle(const double* L, int stride, int width, double* y) {
 void SolveTransposedTriangle(const double* L, int stride, int width, double* y) {
   for (int j = width - 1; j >= 0; --j) {
     const double* column = L + static_cast<std::ptrdiff_t>(j) * stride;
+    double sum = y[j];
+#pragma GCC unroll 4
     for (int i = j + 1; i < width; ++i) {
-      y[j] -= column[i] * y[i];
+      sum -= column[i] * y[i];
     }
-    y[j] /= column[j];
+    y[j] = sum / column[j];
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include "linear/dense_panel.h"
 #include "simd/kernels.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -133,8 +134,8 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
   const int update_stride = front.update_stride();
   // By columns of U, and each from its own diagonal down.
   ForFrontStrips(front, executor, 0, front.height, kFrontPanel, [&](int first, int end) {
-    kernels.subtract_outer(
-        update_stride - first, end - first, front.width, rows + first, stride, rows + first, stride,
+    BestSmallKernels().subtract_lower_outer(
+        update_stride - first, end - first, front.width, rows + first, stride,
         U + static_cast<std::ptrdiff_t>(first) * update_stride + first, update_stride);
   });
   return -1;

@@ -137,11 +137,13 @@ void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
     }
   }
   // Pivots of a front are blocks one behind the other.
-  int pivot = 0;
+  double* pivot = Column(f, 0);
+  const double* const diagonal = A.diagonal();
   for (int at = front.position_begin; at < front.position_end; ++at) {
     const int block = tree_.order[at];
-    for (int row = pattern_->offsets[block]; row < pattern_->offsets[block + 1]; ++row, ++pivot) {
-      Column(f, pivot)[pivot] += A.diagonal()[row];
+    const int end = pattern_->offsets[block + 1];
+    for (int row = pattern_->offsets[block]; row < end; ++row, pivot += front.stride() + 1) {
+      *pivot += diagonal[row];
     }
   }
 }

@@ -26,6 +26,30 @@ constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
 // All P have room for the largest one, so that P of a landmark is found by multiplication.
+// Of a block on the diagonal the lower triangle counts; packed it has both.
+template <int kSize>
+void PackSymmetric(const double* padded, double* packed) {
+  constexpr int kStride = PadToQuad(kSize);
+#pragma GCC unroll 6
+  for (int r = 0; r < kSize; ++r) {
+#pragma GCC unroll 6
+    for (int c = 0; c < kSize; ++c) {
+      packed[r * kSize + c] = padded[c <= r ? r * kStride + c : c * kStride + r];
+    }
+  }
+}
+
+void PackDiagonal(int size, double* padded, double* packed) {
+  if (size == 3) {
+    return PackSymmetric<3>(padded, packed);
+  }
+  if (size == 6) {
+    return PackSymmetric<6>(padded, packed);
+  }
+  MirrorLowerTriangle(size, PadToQuad(size), padded);
+  PackBlock(size, size, padded, packed);
+}
+
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -48,6 +72,7 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   landmark_eta_ = ZeroedArray(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
+  BuildProducts();
   BuildGradientTerms();
   for (const Linearization& cache : evaluator.families()) {
     residuals_.push_back(cache.keeps_singles() ? nullptr : cache.residuals.data());
@@ -70,6 +95,26 @@ void Hessian::PlaceFrameBlocks() {
   C_ = ZeroedArray(size);
 }
 
+// Jacobians stay where they are, so what the kernels are told of a source is put together once: of
+// the blocks of a pose graph most have a single product, which takes no longer than that would.
+void Hessian::BuildProducts() {
+  for (const FramePlans::HessianSource& source : plans_.hessian_sources) {
+    const Linearization& cache = evaluator_.families()[source.family];
+    Source made;
+    made.family = source.family;
+    made.keeps_singles = cache.keeps_singles();
+    // The kernel's C has the rows of b and the columns of a.
+    made.products.a = cache.slots[source.column_slot].data;
+    made.products.b = cache.slots[source.row_slot].data;
+    made.products.depth = cache.residual_size;
+    // The same slot for row and column: every term is a Jacobian with itself.
+    made.products.symmetric = source.row_slot == source.column_slot;
+    made.gradient.a = cache.slots[source.row_slot].data;
+    made.gradient.depth = cache.residual_size;
+    sources_.push_back(made);
+  }
+}
+
 void Hessian::BuildGradientTerms() {
   // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
   // Each comes once because no factor repeats a variable (FactorGraph::Validate).
@@ -86,8 +131,8 @@ void Hessian::BuildGradientTerms() {
       // times its residual's size is where its residual is.
       const auto quads =
           static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
-      gradient_segments_.push_back({source.family, source.row_slot,
-                                    static_cast<int>(gradient_terms_.size()), segment.count});
+      gradient_segments_.push_back(
+          {segment.source, static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
         const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
         gradient_terms_.push_back({offset, offset / quads * cache.residual_size});
@@ -128,11 +173,10 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
     // Of products that are symmetric the kernels may leave out what is above the diagonal.
     if (is_diagonal) {
-      MirrorLowerTriangle(rows, PadToQuad(columns), sum);
-    }
-    PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
-    if (is_diagonal) {
+      PackDiagonal(rows, sum, C_.data() + C_begin_[k]);
       AccumulateGradient(plans_.block_row[k], &scratch);
+    } else {
+      PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
     }
   }
 }
@@ -140,39 +184,38 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
 // A kept product is summed apart, whether it is formed now or was before: the bits are the same.
 void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   const ProductPlan::Segment& segment = plans_.hessian.segments[s];
-  const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-  const Linearization& cache = evaluator_.families()[source.family];
+  const Source& source = sources_[segment.source];
   const int size = rows * PadToQuad(columns);
   double* const kept = kept_.Find(s);
   if (kept == nullptr || kept_.IsStale(source.family)) {
-    const SlotJacobians& J_column = cache.slots[source.column_slot];
-    const SlotJacobians& J_row = cache.slots[source.row_slot];
-    BlockProducts products;
-    // The kernel's C has the rows of b and the columns of a.
-    products.a = J_column.data;
-    products.b = J_row.data;
+    BlockProducts products = source.products;
     products.terms = plans_.hessian.terms.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.residual_size;
     products.a_size = columns;
     products.b_size = rows;
-    // The same slot for row and column: every term is a Jacobian with itself.
-    products.symmetric = source.row_slot == source.column_slot;
     if (kept != nullptr) {
       std::fill(kept, kept + size, 0.0);
     }
     double* const out = kept != nullptr ? kept : sum;
-    if (J_row.single == nullptr) {
-      kernels_.accumulate_products(products, 1.0, out);
+    if (source.keeps_singles) {
+      AddWidened(segment.source, products, out);
     } else {
-      AccumulateWidened(kernels_, products, J_column.single, J_column.factor_stride / kQuad,
-                        products.symmetric ? nullptr : J_row.single, J_row.factor_stride / kQuad,
-                        out);
+      kernels_.accumulate_products(products, 1.0, out);
     }
   }
   for (int k = 0; k < size && kept != nullptr; ++k) {
     sum[k] += kept[k];
   }
+}
+
+// Products of Jacobians in single precision, whose terms count from those.
+void Hessian::AddWidened(int source, const BlockProducts& products, double* out) const {
+  const FramePlans::HessianSource& of = plans_.hessian_sources[source];
+  const Linearization& cache = evaluator_.families()[of.family];
+  const SlotJacobians& J_column = cache.slots[of.column_slot];
+  const SlotJacobians& J_row = cache.slots[of.row_slot];
+  AccumulateWidened(kernels_, products, J_column.single, J_column.factor_stride / kQuad,
+                    products.symmetric ? nullptr : J_row.single, J_row.factor_stride / kQuad, out);
 }
 
 void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
@@ -197,16 +240,14 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
 void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const {
   for (int s = gradient_segments_begin_[frame]; s < gradient_segments_begin_[frame + 1]; ++s) {
     const GradientSegment& segment = gradient_segments_[s];
-    if (rows[segment.family] == nullptr) {
+    const Source& source = sources_[segment.source];
+    if (rows[source.family] == nullptr) {
       continue;
     }
-    const Linearization& cache = evaluator_.families()[segment.family];
-    VectorProducts products;
-    products.a = cache.slots[segment.slot].data;
-    products.v = rows[segment.family];
+    VectorProducts products = source.gradient;
+    products.v = rows[source.family];
     products.terms = gradient_terms_.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = cache.residual_size;
     products.a_size = plans_.pattern.block_size(frame);
     kernels_.accumulate_vectors(products, 1.0, sum);
   }

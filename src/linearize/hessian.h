@@ -50,13 +50,22 @@ class Hessian {
   void PlaceFrameBlocks();
   void AccumulateFrameBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
+  void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
   void AccumulateLandmarks(int begin, int end);
   void BuildGradientTerms();
+  void BuildProducts();
 
+  // What the segments of one source have in common; terms, their number and the sizes of the block
+  // are a segment's own.
+  struct Source {
+    BlockProducts products;
+    VectorProducts gradient;  // of its row slot; v is the caller's
+    int family = 0;
+    bool keeps_singles = false;  // the family does
+  };
   struct GradientSegment {
-    int family;
-    int slot;
+    int source;
     int first_term;
     int count;
   };
@@ -73,6 +82,7 @@ class Hessian {
   ZeroedArray landmark_eta_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
+  std::vector<Source> sources_;  // of the plan
   std::vector<VectorTerm> gradient_terms_;
   std::vector<GradientSegment> gradient_segments_;
   std::vector<int> gradient_segments_begin_;  // per frame, one more

@@ -162,6 +162,10 @@ void IncrementalFamily::WeighCandidates(int begin, int end) {
       return WeighCandidatesSized<1>(begin, end);
     case 2:
       return WeighCandidatesSized<2>(begin, end);
+    case 3:
+      return WeighCandidatesSized<3>(begin, end);
+    case 6:
+      return WeighCandidatesSized<6>(begin, end);
     default:
       return WeighCandidatesSized<0>(begin, end);
   }
@@ -310,6 +314,10 @@ double IncrementalFamily::Accept(const std::vector<std::int32_t>& factors) {
       return AcceptSized<1>(factors);
     case 2:
       return AcceptSized<2>(factors);
+    case 3:
+      return AcceptSized<3>(factors);
+    case 6:
+      return AcceptSized<6>(factors);
     default:
       return AcceptSized<0>(factors);
   }

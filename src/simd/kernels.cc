@@ -2,6 +2,8 @@
 
 #include <initializer_list>
 
+#include "simd/small_kernels.h"
+
 namespace inceres::internal {
 
 // The choice of an instruction set at run time. One table of kernels a set, each made of the same
@@ -16,19 +18,23 @@ namespace inceres::internal {
 
 namespace kernels_generic {
 extern const Kernels kKernels;
-}
+extern const SmallKernels kSmallKernels;
+}  // namespace kernels_generic
 #ifdef INCERES_ARM64_KERNELS
 namespace kernels_neon {
 extern const Kernels kKernels;
-}
+extern const SmallKernels kSmallKernels;
+}  // namespace kernels_neon
 #endif
 #ifdef INCERES_X86_KERNELS
 namespace kernels_avx2 {
 extern const Kernels kKernels;
-}
+extern const SmallKernels kSmallKernels;
+}  // namespace kernels_avx2
 namespace kernels_avx512 {
 extern const Kernels kKernels;
-}
+extern const SmallKernels kSmallKernels;
+}  // namespace kernels_avx512
 #endif
 
 const Kernels* KernelsFor(InstructionSet set) {
@@ -58,15 +64,48 @@ const Kernels* KernelsFor(InstructionSet set) {
   }
 }
 
-const Kernels& BestKernels() {
-  // The one with the largest tiles first: 32 registers of four doubles, 16 of them, 32 of two.
+const SmallKernels* SmallKernelsFor(InstructionSet set) {
+  if (KernelsFor(set) == nullptr) {
+    return nullptr;
+  }
+  switch (set) {
+#ifdef INCERES_X86_KERNELS
+    case InstructionSet::kAvx2:
+      return &kernels_avx2::kSmallKernels;
+    case InstructionSet::kAvx512:
+      return &kernels_avx512::kSmallKernels;
+#endif
+#ifdef INCERES_ARM64_KERNELS
+    case InstructionSet::kNeon:
+      return &kernels_neon::kSmallKernels;
+#endif
+    default:
+      return &kernels_generic::kSmallKernels;
+  }
+}
+
+namespace {
+
+// The one with the largest tiles first: 32 registers of four doubles, 16 of them, 32 of two.
+InstructionSet BestSet() {
   for (const InstructionSet set :
        {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
-    if (const Kernels* kernels = KernelsFor(set)) {
-      return *kernels;
+    if (KernelsFor(set) != nullptr) {
+      return set;
     }
   }
-  return *KernelsFor(InstructionSet::kGeneric);
+  return InstructionSet::kGeneric;
+}
+
+}  // namespace
+
+const Kernels& BestKernels() {
+  return *KernelsFor(BestSet());
+}
+
+const SmallKernels& BestSmallKernels() {
+  static const SmallKernels& best = *SmallKernelsFor(BestSet());
+  return best;
 }
 
 }  // namespace inceres::internal

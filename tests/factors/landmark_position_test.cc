@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "factors/pose_states.h"
+#include "factors/wrap_angle.h"
 
 namespace inceres {
 namespace {
@@ -17,6 +18,20 @@ using test::EvaluateFactor;
 using test::FactorState;
 using test::FactorValues;
 using test::Random;
+
+TEST(WrapAngle, HasTheBitsOfTheRemainder) {
+  Random random(11);
+  for (int i = 0; i < 1000; ++i) {
+    const double angle = random.Between(-10.0, 10.0);
+    EXPECT_EQ(internal::WrapAngle(angle), std::remainder(angle, 2.0 * M_PI)) << angle;
+  }
+  for (const double angle :
+       {M_PI, -M_PI, std::nextafter(M_PI, 4.0), std::nextafter(M_PI, 3.0), 2.0 * M_PI, 0.0}) {
+    EXPECT_EQ(internal::WrapAngle(angle), std::remainder(angle, 2.0 * M_PI)) << angle;
+  }
+  EXPECT_TRUE(std::signbit(internal::WrapAngle(-0.0)));
+  EXPECT_TRUE(std::isnan(internal::WrapAngle(HUGE_VAL)));
+}
 
 TEST(PlanarLandmark, JacobiansAtAThousandStates) {
   for (const PlanarSighting sighting : {PlanarSighting::kPosition, PlanarSighting::kRangeBearing}) {

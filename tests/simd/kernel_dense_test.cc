@@ -81,6 +81,33 @@ TEST_P(DenseKernels, SubtractOuterByStripsGivesTheSameBits) {
   EXPECT_EQ(whole.values, strips.values);
 }
 
+// On and below the diagonal the bits are those of the whole product; nothing outside C is written.
+TEST_P(DenseKernels, SubtractLowerOuterGivesTheBitsOfTheWholeProduct) {
+  for (const int rows : {1, 3, 4, 6, 8, 12, 13, 20, 24, 29, 97}) {
+    for (const int cols : {1, 2, 3, 4, 6, 9, 20, 24}) {
+      for (const int depth : {0, 1, 3, 4, 5, 20, 193}) {
+        if (cols > rows) {
+          continue;
+        }
+        const Matrix A(rows, depth, &random_);
+        const Matrix start(rows, cols, &random_);
+        Matrix whole = start, lower = start;
+        kernels().subtract_outer(rows, cols, depth, A.values.data(), A.stride, A.values.data(),
+                                 A.stride, whole.values.data(), whole.stride);
+        small_kernels().subtract_lower_outer(rows, cols, depth, A.values.data(), A.stride,
+                                             lower.values.data(), lower.stride);
+        for (int c = 0; c < cols; ++c) {
+          for (int r = 0; r < lower.stride; ++r) {
+            const double expected = r < rows ? whole(r, c) : start(r, c);
+            ASSERT_TRUE(r < c || lower(r, c) == expected)
+                << rows << " x " << cols << ", depth " << depth << ", at " << r << ", " << c;
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST_P(DenseKernels, SolveLowerTransposedForOddSizes) {
   for (const int rows : {0, 1, 2, 3, 4, 5, 11, 12, 13, 31}) {
     for (const int size : {1, 2, 3, 4, 5, 15, 16, 17}) {

@@ -8,6 +8,7 @@
 
 #include "base/aligned_vector.h"
 #include "simd/kernels.h"
+#include "simd/small_kernels.h"
 #include "support/random_values.h"
 
 namespace inceres::internal {
@@ -25,6 +26,7 @@ class KernelTest : public testing::TestWithParam<InstructionSet> {
   }
 
   const Kernels& kernels() const { return *kernels_; }
+  const SmallKernels& small_kernels() const { return *SmallKernelsFor(GetParam()); }
   static const Kernels& generic() { return *KernelsFor(InstructionSet::kGeneric); }
 
   // Rows of `size` random entries, zeros up to the next quad.

@@ -364,6 +364,47 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   }
 }
 
+// Of poses in the plane and in space, which have a pass of their own, and of others: two rows, one
+// block left out.
+TEST_P(ProductKernels, WholeContributionsHaveTheBitsOfTheirParts) {
+  for (const int size : {3, 6, 5}) {
+    for (const bool replaces : {false, true}) {
+      for (const double sign : {1.0, -1.0}) {
+        const int depth = size, row_quads = PadToQuad(size) / kQuad;
+        std::vector<AlignedVector<double>> stored;
+        std::vector<BlockRow> rows;
+        for (int r = 0; r < 2; ++r) {
+          stored.push_back(PaddedRows(depth, size));
+          const double* old = stored.back().data();
+          stored.push_back(PaddedRows(depth, size));
+          rows.push_back({stored.back().data(), r * row_quads, row_quads, size, old});
+        }
+        const std::vector<std::int32_t> blocks{0, -1, size * row_quads};
+        const std::vector<double> v = random_.Vector(static_cast<std::size_t>(depth));
+        const std::vector<double> v_old = random_.Vector(static_cast<std::size_t>(depth));
+        const Contribution contribution{rows.data(), 2, depth, replaces};
+        AlignedVector<double> C = PaddedRows(2 * size, size), C_parts = C;
+        AlignedVector<double> y = PaddedRows(2, size), y_parts = y;
+        AlignedVector<double> squares = PaddedRows(2, size), squares_parts = squares;
+        AlignedVector<double> peak(y.size(), 0.25), peak_parts = peak;
+        AlignedVector<double> peak2(y.size(), 0.5), peak2_parts = peak2;
+        small_kernels().add_contribution(contribution, sign,
+                                         {blocks.data(), C.data(), v.data(), v_old.data(), y.data(),
+                                          peak.data(), squares.data(), peak2.data()});
+        kernels().add_outer(contribution, sign, blocks.data(), C_parts.data());
+        kernels().add_transposed(contribution, v.data(), v_old.data(), -sign, y_parts.data(),
+                                 peak_parts.data());
+        kernels().add_squares(contribution, sign, squares_parts.data(), peak2_parts.data());
+        EXPECT_EQ(C, C_parts) << size;
+        EXPECT_EQ(y, y_parts) << size;
+        EXPECT_EQ(squares, squares_parts) << size;
+        EXPECT_EQ(peak, peak_parts) << size;
+        EXPECT_EQ(peak2, peak2_parts) << size;
+      }
+    }
+  }
+}
+
 INCERES_FOR_ALL_INSTRUCTION_SETS(ProductKernels);
 
 TEST(Kernels, TheBestSetIsOneOfTheSets) {

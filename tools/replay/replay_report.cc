@@ -67,6 +67,10 @@ nlohmann::json ToJson(const ReplayRow& row) {
           {"batch_processor_ms", row.batch.has_value()
                                      ? nlohmann::json(1e3 * row.batch->processor_seconds)
                                      : nlohmann::json()},
+          {"batch_iterations",
+           row.batch.has_value() ? nlohmann::json(row.batch->iterations) : nlohmann::json()},
+          {"batch_cost",
+           row.batch.has_value() ? nlohmann::json(row.batch->final_cost) : nlohmann::json()},
           {"optimum_cost", OrNull(row.optimum_cost)},
           {"relative_cost_excess", OrNull(row.RelativeCostExcess())}};
 }

@@ -1,4 +1,4 @@
-// Ceres's verdicts on the gradient and on the step, beside that on the cost.
+#include "incremental/update_tolerances.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,6 @@
 
 #include "base/formatted.h"
 #include "base/larger_of.h"
-#include "incremental/incremental_minimizer.h"
 #include "linearize/tangent.h"
 
 namespace inceres::internal {
@@ -67,39 +66,33 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 
 }  // namespace
 
-IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeTolerances() {
+UpdateTolerances::Verdict UpdateTolerances::Judge() {
   // The step first: it costs norms only.
-  const bool is_short = options_.parameter_tolerance > 0.0 && IsLastStepShort();
-  const Verdict verdict = is_short                            ? Verdict::kConverged
-                          : options_.gradient_tolerance > 0.0 ? JudgeGradient()
-                                                              : Verdict::kGoOn;
-  // No step was solved for here: what the summary has is of before the last one, or of none at all,
-  // and the next Update (MostLeft) must not build on it.
-  if (verdict == Verdict::kConverged) {
-    left_ = HUGE_VAL;
+  if (context_.options.parameter_tolerance > 0.0 && IsLastStepShort()) {
+    return Verdict::kConverged;
   }
-  return verdict;
+  return context_.options.gradient_tolerance > 0.0 ? JudgeGradient() : Verdict::kGoOn;
 }
 
-bool IncrementalMinimizer::IsLastStepShort() {
+bool UpdateTolerances::IsLastStepShort() {
   // No step yet, or it was shortened: short for another reason.
-  if (state_.whole_step < 0.0) {
+  if (whole_step_ < 0.0) {
     return false;
   }
   double squared = 0.0;
   // ‖x‖ in the ambient spaces, as in Ceres.
-  ForEachMoving(system_, [&](VariableId id, std::int32_t /*quad*/) {
-    const double* x = system_.variables().current(id);
-    squared += std::inner_product(x, x + system_.graph().AmbientSize(id), x, 0.0);
+  ForEachMoving(context_.system, [&](VariableId id, std::int32_t /*quad*/) {
+    const double* x = context_.system.variables().current(id);
+    squared += std::inner_product(x, x + context_.system.graph().AmbientSize(id), x, 0.0);
   });
-  const double tolerance = options_.parameter_tolerance;
+  const double tolerance = context_.options.parameter_tolerance;
   // The tolerance is added to ‖x‖ so that an x of zero divides.
-  const double relative = state_.whole_step / (std::sqrt(squared) + tolerance);
+  const double relative = whole_step_ / (std::sqrt(squared) + tolerance);
   // Written so that a NaN is no convergence.
   if (!(relative <= tolerance)) {
     return false;
   }
-  Finish(
+  context_.Finish(
       Termination::kConvergence,
       Formatted("Parameter tolerance reached. Relative step_norm: %e <= %e.", relative, tolerance)
           .c_str());
@@ -108,35 +101,35 @@ bool IncrementalMinimizer::IsLastStepShort() {
 
 // b and η are what is known of the gradient for nothing: with the landmarks at their minimum, and
 // by Jacobians that may be old. Only where they are small it is worth while to look closer.
-IncrementalMinimizer::Verdict IncrementalMinimizer::JudgeGradient() {
+UpdateTolerances::Verdict UpdateTolerances::JudgeGradient() {
   double largest = 0.0, norm = 0.0;
-  system_.schur().RhsNorms(&largest, &norm);
+  context_.system.schur().RhsNorms(&largest, &norm);
   // Written so that a NaN is no convergence.
-  if (!(largest <= options_.gradient_tolerance)) {
+  if (!(largest <= context_.options.gradient_tolerance)) {
     return Verdict::kGoOn;
   }
   // Any error at all, which the rules of relinearization would allow.
-  if (MarkOld() && !Relinearize()) {
+  if (MarkOld() && !linearization_.Relinearize()) {
     return Verdict::kFailed;
   }
   largest = GradientMaxNorm();
-  if (!(largest <= options_.gradient_tolerance)) {
+  if (!(largest <= context_.options.gradient_tolerance)) {
     return Verdict::kGoOn;
   }
-  Finish(Termination::kConvergence,
-         Formatted("Gradient tolerance reached. Gradient max norm: %e <= %e", largest,
-                   options_.gradient_tolerance)
-             .c_str());
+  context_.Finish(Termination::kConvergence,
+                  Formatted("Gradient tolerance reached. Gradient max norm: %e <= %e", largest,
+                            context_.options.gradient_tolerance)
+                      .c_str());
   return Verdict::kConverged;
 }
 
 // Marks every factor whose Jacobian is of other values. True if there are any.
-bool IncrementalMinimizer::MarkOld() {
+bool UpdateTolerances::MarkOld() {
   bool any = false;
-  for (const IncrementalFamily& family : system_.families()) {
+  for (const IncrementalFamily& family : context_.system.families()) {
     for (int i = 0; i < family.num_places(); ++i) {
       if (family.linearized(i) && family.SquaredError(i) > 0.0) {
-        system_.MarkDirty({family.id(), i});
+        context_.system.MarkDirty({family.id(), i});
         any = true;
       }
     }
@@ -144,11 +137,11 @@ bool IncrementalMinimizer::MarkOld() {
   return any;
 }
 
-double IncrementalMinimizer::GradientMaxNorm() const {
-  const std::ptrdiff_t size = std::ptrdiff_t{system_.variables().num_quads()} * kQuad;
+double UpdateTolerances::GradientMaxNorm() const {
+  const std::ptrdiff_t size = std::ptrdiff_t{context_.system.variables().num_quads()} * kQuad;
   AlignedVector<double> minus_gradient(static_cast<std::size_t>(size), 0.0);
   std::vector<std::int32_t> all;
-  for (const IncrementalFamily& family : system_.families()) {
+  for (const IncrementalFamily& family : context_.system.families()) {
     all.clear();
     for (int i = 0; i < family.num_places(); ++i) {
       if (family.linearized(i)) {
@@ -158,12 +151,13 @@ double IncrementalMinimizer::GradientMaxNorm() const {
     family.SubtractGradient(all, minus_gradient.data());
   }
   double largest = 0.0;
-  ForEachMoving(system_, [&](VariableId id, std::int32_t quad) {
+  ForEachMoving(context_.system, [&](VariableId id, std::int32_t quad) {
     double* g = minus_gradient.data() + std::ptrdiff_t{quad} * kQuad;
     // SubtractGradient leaves η, and ProjectedMaxNorm wants g.
-    std::transform(g, g + system_.graph().TangentSize(id), g, [](double entry) { return -entry; });
-    largest = LargerOf(largest,
-                       ProjectedMaxNorm(system_.graph(), id, system_.variables().current(id), g));
+    std::transform(g, g + context_.system.graph().TangentSize(id), g,
+                   [](double entry) { return -entry; });
+    largest = LargerOf(largest, ProjectedMaxNorm(context_.system.graph(), id,
+                                                 context_.system.variables().current(id), g));
   });
   return largest;
 }

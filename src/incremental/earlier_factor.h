@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cmath>
+
+#include "incremental/frame_solve.h"
+#include "incremental/update_context.h"
+
+namespace inceres::internal {
+
+/// What is known of the rest without a factorization, on a graph without landmarks: by the factor
+/// of S from before the last step, or from what the last Update left undone (docs/algorithms.md,
+/// "Stopping rule").
+class EarlierFactor {
+ public:
+  // Says nothing: S is to be factored; little is left; or a step by it does.
+  enum class Verdict { kSaysNothing, kLittleLeft, kStep };
+
+  EarlierFactor(UpdateContext* context, FrameSolve* frame_solve)
+      : context_(*context), frame_solve_(*frame_solve) {}
+
+  /// An Update begins, with all that has come linearized; `alone`: nobody has stepped in it before.
+  void Begin(bool alone);
+  /// It has ended, with convergence or without.
+  void End(bool converged);
+
+  /// After a step that kept its promise.
+  Verdict Ask();
+  /// Before the first step: true if what is left cannot be much. Asked once an Update.
+  bool LittleHasCome();
+  /// After a step, shortened or not.
+  void NoteStep(double gain_ratio, bool shortened);
+
+ private:
+  bool SeesLittle(double remaining);
+  bool KnowsGraph() const;
+  double MostLeft() const;
+
+  UpdateContext& context_;
+  FrameSolve& frame_solve_;
+  double left_at_most_ = HUGE_VAL;  // before the first step, as far as the last Update tells
+  double left_before_step_ = 0.0;   // by the model, of a step that kept its promise; else 0
+  // What the last Update left undone, and at which cost; infinite: it did not converge.
+  double left_ = HUGE_VAL;
+  double left_at_cost_ = 0.0;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,92 @@
+#include "incremental/update_linearization.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "base/stopwatch.h"
+
+namespace inceres::internal {
+namespace {
+
+RebuildRule RuleOf(RebuildPolicy policy) {
+  return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
+         : policy == RebuildPolicy::kNever ? RebuildRule::kNever
+                                           : RebuildRule::kWhenCheaper;
+}
+
+}  // namespace
+
+// λ = max(μ, λ_min): a far point must not run off along its ray while the frames are hardly damped.
+double UpdateLinearization::LandmarkDamping() const {
+  return context_.options.damping == DampingForm::kThesis
+             ? 0.0
+             : std::max(context_.control.mu(), context_.tuning.landmarks.min_damping);
+}
+
+bool UpdateLinearization::Relinearize() {
+  const StageTimer timer(&context_.summary->linearize_seconds);
+  // Landmarks that refusals have damped hard come back once μ has come down; those that are damped
+  // a little more than today are left, for a change of λ costs an elimination.
+  context_.system.RedampAbove(context_.tuning.landmarks.outdated_damping * LandmarkDamping());
+  RelinearizeWork work;
+  const Status status =
+      context_.system.Relinearize(LandmarkDamping(), RuleOf(context_.options.rebuild), &work);
+  return Count(status, work);
+}
+
+bool UpdateLinearization::LinearizeDirty() {
+  const StageTimer timer(&context_.summary->linearize_seconds);
+  RelinearizeWork work;
+  const Status status = context_.system.LinearizeDirty(&work);
+  return Count(status, work);
+}
+
+void UpdateLinearization::LookAtReweighed() {
+  const StageTimer timer(&context_.summary->linearize_seconds);
+  const std::vector<FactorRef>& reweighed = context_.system.Reweigh();
+  context_.summary->num_reweighed_factors += static_cast<int>(reweighed.size());
+  if (!reweighed.empty()) {
+    context_.relinearization.LookAt(reweighed, context_.Tolerance());
+  }
+}
+
+// Counted after a failure as well: the work was done.
+bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& work) {
+  UpdateSummary& summary = *context_.summary;
+  summary.num_relinearized_factors += work.num_factors;
+  summary.num_recentered_factors += work.num_recentered;
+  summary.num_eliminated_landmarks += work.num_landmarks;
+  summary.num_rebuilds += work.rebuilt ? 1 : 0;
+  summary.num_drifted_frames += work.num_drifted_frames;
+  if (!status.ok()) {
+    context_.Finish(Termination::kFailure, status.message.c_str());
+  }
+  return status.ok();
+}
+
+bool UpdateLinearization::FreeHeldLandmarks() {
+  if (landmarks_freed_ ||
+      !context_.system.RedampHidden(context_.control.mu(),
+                                    context_.stop.Allowed(context_.system.cost()))) {
+    return false;
+  }
+  const StageTimer timer(&context_.summary->linearize_seconds);
+  // A second time would find the same until a step is taken.
+  landmarks_freed_ = true;
+  context_.row().refreshed = true;
+  RelinearizeWork work;
+  const Status status =
+      context_.system.Relinearize(context_.control.mu(), RuleOf(context_.options.rebuild), &work);
+  return Count(status, work);
+}
+
+// For covariances: with λ_min, whatever μ has been.
+Status UpdateLinearization::LinearizeAnew() {
+  const double damping = context_.options.damping == DampingForm::kThesis
+                             ? 0.0
+                             : context_.tuning.landmarks.min_damping;
+  RelinearizeWork work;
+  return context_.system.Relinearize(damping, RuleOf(context_.options.rebuild), &work);
+}
+
+}  // namespace inceres::internal

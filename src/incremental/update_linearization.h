@@ -1,0 +1,42 @@
+#pragma once
+
+#include "inceres/status.h"
+#include "incremental/update_context.h"
+
+namespace inceres::internal {
+
+/// Keeps the linearization of an Update up to date, and counts what that takes
+/// (docs/algorithms.md, "Relinearization").
+class UpdateLinearization {
+ public:
+  explicit UpdateLinearization(UpdateContext* context) : context_(*context) {}
+
+  /// What is dirty, and S and b with it. False if it failed: the Update is over.
+  bool Relinearize();
+  /// What is dirty, without its landmarks; false as above.
+  bool LinearizeDirty();
+  /// Before anything is linearized: what has other weights only is not, unless its old
+  /// linearization errs too much for them.
+  void LookAtReweighed();
+
+  /// Far points are damped by more than the frames, or they would run away along their rays: for a
+  /// claim they are damped as little, where that shows more to gain than may be left undone. Once a
+  /// step; true if they were.
+  bool FreeHeldLandmarks();
+  /// A step was taken, or an Update begins.
+  void ForgetFreed() { landmarks_freed_ = false; }
+
+  /// Where the batch solver was the last to move: linearizes everything, with the least damping of
+  /// landmarks. Between Updates; counted nowhere.
+  Status LinearizeAnew();
+  /// λ of a landmark that is eliminated now.
+  double LandmarkDamping() const;
+
+ private:
+  bool Count(const Status& status, const RelinearizeWork& work);
+
+  UpdateContext& context_;
+  bool landmarks_freed_ = false;  // since the last step
+};
+
+}  // namespace inceres::internal
