@@ -53,6 +53,12 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   for (const GraphEdit::NewBounds& bounds : edit.bounds()) {
     FollowBounds(bounds.id);
   }
+  // Of a frame that is outside the system Enter takes the group over.
+  for (const auto& [id, group] : edit.elimination_groups()) {
+    if (frame_of_[id] >= 0) {
+      schur_.SetFrameGroup(frame_of_[id], group);
+    }
+  }
   return Status::Ok();
 }
 
@@ -132,6 +138,7 @@ void IncrementalSystem::Enter(VariableId id) {
     landmark_of_[id] = schur_.AddLandmark(id, variables_.quad(id), graph_.TangentSize(id));
   } else {
     frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
+    schur_.SetFrameGroup(frame_of_[id], graph_.elimination_group(id));
     entered_.push_back(id);
     bounded_frames_.Grow(schur_.frames().size());
     if (graph_.bounds(id) != nullptr) {

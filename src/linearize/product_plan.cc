@@ -245,6 +245,10 @@ class PlanBuilder {
     // Values of a block lie row by row, without padding, one block after the other.
     pattern.offsets.assign(layout_.packed_offset.begin(),
                            layout_.packed_offset.begin() + layout_.num_frames + 1);
+    for (int row = 0; evaluator_.graph().HasEliminationGroups() && row < layout_.num_frames;
+         ++row) {
+      pattern.groups.push_back(evaluator_.graph().elimination_group(layout_.variables[row]));
+    }
     pattern.row_begin.push_back(0);
     pattern.value_begin.push_back(0);
     for (int row = 0; row < layout_.num_frames; ++row) {

@@ -40,6 +40,7 @@ class EditCheck {
   Status CheckNewValues() const;
   Status CheckPins() const;
   Status CheckBounds() const;
+  Status CheckGroups() const;
   void ReserveVariables() const;
   void ReserveFactors() const;
 

@@ -136,6 +136,7 @@ class EditCommit {
     variable.role = Role::kFrame;
     variable.constant = true;
     variable.removed = true;
+    graph_.SetEliminationGroup(id, 0);
     graph_.bounds_.erase(id);
     graph_.pins_.erase(id);
     ++graph_.num_removed_variables_;
@@ -213,6 +214,9 @@ class EditCommit {
         return offset == GraphEdit::kNoValues ? nullptr : edit_.values().data() + offset;
       };
       graph_.SetBounds(bounds.id, values(bounds.lower), values(bounds.upper));
+    }
+    for (const auto& [id, group] : edit_.elimination_groups()) {
+      graph_.SetEliminationGroup(id, group);
     }
   }
 
