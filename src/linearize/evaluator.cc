@@ -40,7 +40,7 @@ bool BorrowsValues(const FactorGraph& graph) {
 // Of the factors from begin to end, at the point where they were evaluated; robustifies them if
 // with Jacobians.
 // The order within a group is that of the factors.
-double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
+double SumCosts(bool jacobians, bool known_point, LossCurvature curvature, int begin, int end,
                 Linearization* family_cache) {
   Linearization& cache = *family_cache;
   const FactorGraph& graph = *cache.graph;
@@ -58,10 +58,15 @@ double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
   for (int i = begin; i < end; ++i) {
     double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
     const Loss* loss = graph.loss(cache.id, i);
-    cost += jacobians
-                ? RobustifyFactor(loss, rows, num_slots, cache.slots.data(), i,
-                                  cache.tangent_offsets.data() + i * offset_stride, curvature, f)
-                : RobustCost(loss, f, rows);
+    LossValue& kept = cache.loss_values[i];
+    if (!jacobians) {
+      kept = LossValue(loss, f, rows);
+      cost += kept.cost();
+      continue;
+    }
+    cost += RobustifyFactor(known_point ? LossValue(loss, f, rows, kept) : LossValue(loss, f, rows),
+                            rows, num_slots, cache.slots.data(), i,
+                            cache.tangent_offsets.data() + i * offset_stride, curvature, f);
   }
   return cost;
 }
@@ -164,6 +169,9 @@ void Evaluator::BindFamily(FamilyId id) {
   Linearization& cache = families_[id];
   cache.graph = graph_;
   cache.family = &graph_->family(id);
+  if (graph_->HasLosses(id)) {
+    cache.loss_values.resize(cache.num_factors);
+  }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   cache.pins.clear();
   // A variable that does not move has no Jacobian that a pin could freeze.
@@ -226,7 +234,7 @@ void Evaluator::PointToCandidate() {
   }
 }
 
-EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
+EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk) {
   // Jacobians are taken at the current point, costs at the candidate.
   PointTo(!jacobians, chunk);
   Linearization& cache = families_[chunk->family];
@@ -242,7 +250,7 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
     double* sum = sums_.data() + chunk->first_sum;
     for (int begin = chunk->begin; begin < chunk->end;) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
-      *sum++ = SumCosts(jacobians, loss_curvature_, begin, end, &cache);
+      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, &cache);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
@@ -285,15 +293,16 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
 
 // Announcements come first and on one thread: a family that prepares is told everything before any
 // of it is evaluated.
-Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
+Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
   for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
     const Status status = Prepare(jacobians, id);
     if (!status.ok()) {
       return status;
     }
   }
-  const int first_failed = EvaluateTasks(
-      executor_, &chunk_failures_, [&](int k) { return EvaluateChunk(jacobians, &chunks_[k]); });
+  const int first_failed = EvaluateTasks(executor_, &chunk_failures_, [&](int k) {
+    return EvaluateChunk(jacobians, known_point, &chunks_[k]);
+  });
   if (first_failed >= 0) {
     return DescribeFailure(jacobians, chunks_[first_failed].family, chunk_failures_[first_failed]);
   }
@@ -306,7 +315,7 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
 // evaluation.
 Status Evaluator::EvaluateCandidateCost(double* cost) {
   const Status status = points_.ComputeCandidateTangents();
-  return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
+  return status.ok() ? EvaluateAll(/*jacobians=*/false, /*known_point=*/false, cost) : status;
 }
 
 void Evaluator::AcceptCandidate() {
@@ -347,7 +356,7 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
       return status;
     }
   }
-  return EvaluateAll(/*jacobians=*/true, cost);
+  return EvaluateAll(/*jacobians=*/true, known_point, cost);
 }
 
 std::int64_t Evaluator::Bytes() const {
@@ -357,7 +366,8 @@ std::int64_t Evaluator::Bytes() const {
                                        (cache.residuals.size() * 2 + cache.jacobian_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() *
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
-    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
+    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*) +
+                                       cache.loss_values.size() * sizeof(LossValue));
   }
   return bytes + points_.Bytes();
 }

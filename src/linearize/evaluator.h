@@ -55,8 +55,9 @@ class Evaluator {
   /// and Jacobians computed before are then of no use.
   int Recenter();
 
-  /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were
-  /// computed by EvaluateCandidateCost.
+  /// Residuals, Jacobians and cost at the current point. `known_point`: it was a candidate whose
+  /// cost EvaluateCandidateCost has evaluated: tangent maps are known, and losses of factors whose
+  /// residual is the same to the bit.
   Status EvaluateJacobians(bool known_point, double* cost);
 
   /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
@@ -98,8 +99,8 @@ class Evaluator {
   void FindParameters(const std::vector<double>& state, FamilyId id,
                       std::vector<const double*>* parameters) const;
   void PointTo(bool candidate, Chunk* chunk);
-  EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
-  Status EvaluateAll(bool jacobians, double* cost);
+  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk);
+  Status EvaluateAll(bool jacobians, bool known_point, double* cost);
   Status Prepare(bool jacobians, FamilyId id);
   Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
 

@@ -27,6 +27,7 @@ constexpr std::int64_t kTarget = sizeof(std::int32_t);
 // Per variable: the tangent map, and where it is in the layout.
 constexpr std::int64_t kVariable = 64;
 constexpr std::int64_t kPoints = 2;  // current and candidate
+constexpr std::int64_t kLossValue = 4 * kDouble;
 
 // The first factor speaks for its family: its slots have landmarks in all of them, mostly.
 bool TouchesLandmarks(const FactorGraph& graph, FamilyId id) {
@@ -71,8 +72,9 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, MemoryBud
     }
     CheckCounts(counts);
     // Residuals at both points, Jacobians at one.
-    budget->Take(counts.num_factors * (kDouble * (kQuad * quads + kPoints * counts.residual_size) +
-                                       kConnection * counts.num_slots),
+    budget->Take(counts.num_factors *
+                     (kDouble * (kQuad * quads + kPoints * counts.residual_size) +
+                      kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),
                  "the Jacobians");
     if (eliminates_landmarks && TouchesLandmarks(graph, id)) {
       budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),

@@ -115,10 +115,9 @@ double RobustCost(const Loss* loss, const double* f, int residual_size) {
 
 // A factor without a loss, or whose loss is ρ(s) = s at this residual, keeps its bits. The cost is
 // that of f as evaluated.
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+double RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
                        const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
                        LossCurvature curvature, double* f) {
-  const LossValue value(loss, f, residual_size);
   const RobustScale scale(value, curvature);
   if (!scale.is_one()) {
     scale.Apply(f, residual_size, num_slots, slots, factor, tangent_offsets);

@@ -22,9 +22,20 @@ inline double SquaredNorm(const double* f, int size) {
 
 /// A factor's loss at its residual f: ρ, ρ' and ρ'' at s = ‖f‖². Without a loss ρ(s) = s.
 struct LossValue {
+  LossValue() = default;
   LossValue(const Loss* loss, const double* f, int residual_size)
       : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
     if (loss != nullptr) {
+      loss->Evaluate(s, rho);
+    }
+  }
+  /// The same, of a loss whose value at some residual is known: where s is that of the residual to
+  /// the bit, as at a point that was evaluated for its cost before, the loss is not asked again.
+  LossValue(const Loss* loss, const double* f, int residual_size, const LossValue& known)
+      : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
+    if (loss != nullptr && s == known.s) {
+      *this = known;
+    } else if (loss != nullptr) {
       loss->Evaluate(s, rho);
     }
   }
@@ -32,8 +43,8 @@ struct LossValue {
   double cost() const { return 0.5 * rho[0]; }
   double weight() const { return rho[1]; }
 
-  double s;
-  double rho[3];
+  double s = -1.0;  // of no residual
+  double rho[3] = {};
 };
 
 /// Which second-order terms of losses the Jacobians take.
@@ -81,8 +92,15 @@ double PlainCost(const double* f, std::ptrdiff_t count);
 double RobustCost(const Loss* loss, const double* f, int residual_size);
 
 /// The same, and scales f and the tangent Jacobians (RobustScale).
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+double RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
                        const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
                        LossCurvature curvature, double* f);
+inline double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
+                              const SlotJacobians* slots, int factor,
+                              const std::int32_t* tangent_offsets, LossCurvature curvature,
+                              double* f) {
+  return RobustifyFactor(LossValue(loss, f, residual_size), residual_size, num_slots, slots, factor,
+                         tangent_offsets, curvature, f);
+}
 
 }  // namespace inceres::internal
