@@ -5,6 +5,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/pointer_index.h"
+#include "adapters/ceres/read/selection.h"
 #include "adapters/ceres/session/incremental_problem.h"
 
 namespace inceres::internal {
@@ -179,6 +180,10 @@ class IncrementalProblem::Follower {
         variable.role != role) {
       return false;
     }
+    // Bounds that have come to a block on a manifold: it has to be on another one in the graph.
+    if (BoundsOnManifold(block) && !variable.selects) {
+      return false;
+    }
     if (block.manifold == nullptr || block.tangent_size == 0 ||
         problem_.trust_ == Trust::kAddresses) {
       return true;
@@ -189,6 +194,42 @@ class IncrementalProblem::Follower {
            SameBits(plus_jacobian.data(), variable.plus_jacobian.data(), plus_jacobian.size());
   }
 
+  static bool BoundsOnManifold(const ParameterBlockView& block) {
+    return block.bounds != BoundsKind::kNone && !block.constant && block.manifold != nullptr;
+  }
+
+  // Where the block starts: Ceres projects all values of a variable block, those too that its
+  // manifold holds and the core would leave where they are.
+  const double* StartOf(const ParameterBlockView& block) {
+    if (block.bounds == BoundsKind::kNone || block.constant) {
+      return block.values;
+    }
+    const double* lower = view_.bounds.data() + block.first_bound;
+    const double* upper = lower + block.ambient_size;
+    start_.resize(At(block.ambient_size));
+    for (int k = 0; k < block.ambient_size; ++k) {
+      start_[At(k)] = std::min(std::max(block.values[k], lower[k]), upper[k]);
+    }
+    return start_.data();
+  }
+
+  // Those of a constant do not count, and come back with it.
+  bool FollowBounds(const ParameterBlockView& block, Variable* variable) {
+    std::vector<double> bounds;
+    if (block.bounds != BoundsKind::kNone && !block.constant) {
+      const auto first = view_.bounds.begin() + static_cast<std::ptrdiff_t>(block.first_bound);
+      bounds.assign(first, first + 2 * std::ptrdiff_t{block.ambient_size});
+    }
+    if (bounds == variable->bounds) {
+      return false;
+    }
+    const double* lower = bounds.empty() ? nullptr : bounds.data();
+    const double* upper = bounds.empty() ? nullptr : lower + block.ambient_size;
+    edit_.SetBounds(variable->id, lower, upper);
+    variable->bounds = std::move(bounds);
+    return true;
+  }
+
   void TakeOver(int b, Variable variable) {
     const ParameterBlockView& block = view_.block(b);
     if (variable.constant != block.constant) {
@@ -196,12 +237,13 @@ class IncrementalProblem::Follower {
       edit_.SetConstant(variable.id, block.constant);
       ++changes_.num_toggled_constants;
     }
-    const bool revalued =
-        !SameBits(block.values, solver_.Values(variable.id), At(block.ambient_size));
+    const double* start = StartOf(block);
+    const bool revalued = !SameBits(start, solver_.Values(variable.id), At(block.ambient_size));
     if (revalued) {
-      edit_.SetValues(variable.id, block.values);
+      edit_.SetValues(variable.id, start);
       ++changes_.num_revalued_variables;
     }
+    changes_.num_changed_bounds += FollowBounds(block, &variable) ? 1 : 0;
     Keep(b, std::move(variable), revalued);
   }
 
@@ -358,14 +400,29 @@ class IncrementalProblem::Follower {
     if (block.constant && problem_.trust_ == Trust::kNothing) {
       variable.id = edit_.AddBorrowedConstant(block.values, block.ambient_size);
     } else {
+      variable.selects = BoundsOnManifold(block);
       variable.id =
-          edit_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
+          edit_.AddVariable(StartOf(block), block.ambient_size, role,
+                            variable.selects ? SelectionOf(block) : manifolds_.Get(block.manifold));
       if (block.constant) {
         edit_.SetConstant(variable.id, true);
       }
+      FollowBounds(block, &variable);
     }
     Keep(b, std::move(variable), /*revalued=*/false);
     ++changes_.num_added_variables;
+  }
+
+  // What a bounded block's manifold was found to be (NeedsExactMode).
+  static std::shared_ptr<const Manifold> SelectionOf(const ParameterBlockView& block) {
+    const std::vector<int> moved = MovedValues(block).value_or(std::vector<int>());
+    std::vector<int> held;
+    for (int k = 0; k < block.ambient_size; ++k) {
+      if (!std::binary_search(moved.begin(), moved.end(), k)) {
+        held.push_back(k);
+      }
+    }
+    return std::make_shared<SubsetManifold>(block.ambient_size, held);
   }
 
   void AddFactors() {
@@ -417,7 +474,8 @@ class IncrementalProblem::Follower {
   std::vector<char> going_;     // per variable id
   std::vector<Factor> old_factors_;
   std::vector<VariableId> old_factor_variables_;
-  std::vector<char> seen_;  // per old factor
+  std::vector<double> start_;  // StartOf
+  std::vector<char> seen_;     // per old factor
   std::optional<PointerIndex> old_index_;
   std::size_t next_old_ = 0;
   std::vector<NewFactor> new_factors_;
