@@ -34,6 +34,9 @@ DEFINE_bool(
     inceres_autodiff, false,
     "bal only: give inceres, on a ceres::Problem, inceres::AutoDiffCostFunction of the same "
     "functors; stock keeps ceres::AutoDiffCostFunction.");
+DEFINE_bool(inner_iterations, false,
+            "use_inner_iterations, in the order that each chooses, for both: coordinate descent "
+            "after each step. In exact mode, with cost functions.");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
 DEFINE_string(configurations, "",
               "Comma-separated stock configurations to run, without the pre-pass that drops slow "
@@ -63,6 +66,7 @@ const ToolHelp kHelp = {
       "ab_compare --problem vio:cubic --trust_region dogleg"},
      {"ours with inceres::AutoDiffCostFunction, stock with its own",
       "ab_compare --problem bal:problem.txt --inceres_autodiff"},
+     {"inner iterations", "ab_compare --problem bal:problem.txt --inner_iterations"},
      {"conjugate gradients, and a picture of cost against time",
       "ab_compare --problem bal:problem.txt --linear_solver iterative_schur --preconditioner "
       "cluster_jacobi --picture curves.svg"},
@@ -146,6 +150,9 @@ Contender MakeOurs(const SolverSettings& settings, const ProblemSource& source) 
   } else if (FLAGS_inceres_autodiff) {
     name += " inceres_autodiff";
   }
+  if (settings.inner_iterations) {
+    name += " inner_iterations";
+  }
   return MakeContender(plan, name, source);
 }
 
@@ -167,6 +174,10 @@ Status CheckJacobianFlags(const SolverSettings& settings) {
 
 // What each flag allows but not all together.
 Status CheckCombination(const SolverSettings& settings, const ProblemSource& source) {
+  if (settings.inner_iterations && (settings.builtin_factors || settings.incremental)) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "--inner_iterations: not with --builtin_factors or --mode incremental");
+  }
   if (!settings.builtin_factors) {
     ceres::Solver::Options unused;
     return ToCeresOptions(settings, LinearSolverOr(settings, ceres::SPARSE_NORMAL_CHOLESKY),
@@ -246,6 +257,7 @@ int Main() {
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);
   }
+  settings.inner_iterations = FLAGS_inner_iterations;
   if (FLAGS_repeats < 1 || !std::isfinite(FLAGS_tolerance)) {
     return Fail(kExitUsage, "--repeats must be at least 1 and --tolerance a finite number");
   }

@@ -50,7 +50,7 @@ void SolveOnce(const internal::SolveCall& call) {
   if (incremental) {
     core = internal::IncrementalOptionsFor(input, IncrementalOptions());
   }
-  if (incremental && core.batch_share >= 1.0) {  // the batch solver's solvers are direct
+  if (incremental && core.batch_share >= 1.0) {  // not the batch solver's (IncrementalOptionsFor)
     internal::IncrementalProblem living(core, internal::Trust::kNothing);
     internal::SolveIncrementally(input, core, &living, summary, report);
   } else {

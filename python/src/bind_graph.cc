@@ -75,6 +75,13 @@ void SetBounds(Graph& graph, const py::object& ids, const py::object& lower,
               });
 }
 
+void SetEliminationGroup(Graph& graph, const py::object& ids, int group) {
+  graph.occupation.RefuseIfBusy("set_elimination_group");
+  for (const VariableId id : ToVariables(graph.core, ids, "ids")) {
+    graph.core.SetEliminationGroup(id, group);
+  }
+}
+
 void SetLoss(Graph& graph, FamilyId id, const py::object& factors, const py::object& loss) {
   graph.occupation.RefuseIfBusy("set_loss");
   graph.families.at(id);
@@ -166,6 +173,9 @@ void BindGraph(py::module_& module) {
       .def("set_values", &SetValues, py::arg("ids"), py::arg("values"))
       .def("set_bounds", &SetBounds, py::arg("ids"), py::arg("lower") = py::none(),
            py::arg("upper") = py::none(), "Keeps values within bounds; None lifts a side.")
+      .def("set_elimination_group", &SetEliminationGroup, py::arg("ids"), py::arg("group"),
+           "When frames are eliminated from the reduced system: lower groups first; 0 unless told "
+           "otherwise.")
       .def("set_loss", &SetLoss, py::arg("family"), py::arg("factors"), py::arg("loss"))
       .def(
           "values",

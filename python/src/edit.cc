@@ -123,6 +123,13 @@ void SetBounds(Edit& edit, const py::object& ids, const py::object& lower,
               });
 }
 
+void SetEliminationGroup(Edit& edit, const py::object& ids, int group) {
+  Refuse(edit, "set_elimination_group");
+  for (const VariableId id : ToIndexList(ids, "ids", 0, kAnyId)) {
+    edit.core.SetEliminationGroup(id, group);
+  }
+}
+
 }  // namespace
 
 void ApplyEdit(Edit* edit) {
@@ -157,6 +164,8 @@ void BindEdit(py::module_& module) {
            py::arg("upper") = py::none(),
            "Keeps variables the solver has within bounds, as FactorGraph.set_bounds; None on both "
            "sides lifts them. Of values in R^n; what is outside goes to the nearest bound.")
+      .def("set_elimination_group", &SetEliminationGroup, py::arg("ids"), py::arg("group"),
+           "As FactorGraph.set_elimination_group.")
       .def("apply", &ApplyEdit, "Carries the edit out; the object is then a new, empty one.")
       .def(
           "restart", [](Edit& edit) { edit.core.Restart(); }, "Forgets all changes.")

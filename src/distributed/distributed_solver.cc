@@ -44,6 +44,11 @@ Status CheckPart(const GraphPart& part) {
   if (part.graph == nullptr) {
     return Status::Error(StatusCode::kInvalidArgument, "GraphPart::graph is null");
   }
+  if (part.graph->HasEliminationGroups()) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "variables with elimination groups: the distributed solver orders by "
+                         "itself");
+  }
   if (part.graph->HasBounds()) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "variables with bounds: the distributed solver has none");

@@ -289,6 +289,17 @@ const ImuPreintegrator& ImuFactorFamily::measurement(int index) const {
   return factors_[static_cast<std::size_t>(index)]->imu;
 }
 
+SlotSpace ImuFactorFamily::Space(int s) const {
+  if (s % 2 == 1) {
+    return SlotSpace::kEuclidean;
+  }
+  if (factors_.empty()) {
+    return SlotSpace::kAny;
+  }
+  return TurnsOnTheLeft(factors_.front()->imu.options().conventions) ? SlotSpace::kLeftPose
+                                                                     : SlotSpace::kPose;
+}
+
 // Called between iterations by the solving thread (FactorFamily::Recenter). Samples are integrated
 // anew where the first-order correction has become too far; after that the factor is another
 // function, and the caller linearizes it anew.

@@ -64,6 +64,13 @@ void IncrementalSchur::HoldFrame(std::int32_t row, bool held) {
   sums_.changes().Touch(row);
 }
 
+void IncrementalSchur::SetFrameGroup(std::int32_t row, int group) {
+  if (S().group_of(row) != group) {
+    sums_.S().SetGroup(row, group);
+    sums_.changes().Touch(row);
+  }
+}
+
 int IncrementalSchur::AddLandmark(VariableId id, std::int32_t quad, int size) {
   const std::int32_t index = structure_.AddLandmark(id, quad, size);
   blocks_.Grow();

@@ -55,6 +55,8 @@ class IncrementalSchur {
   /// and put in again by PutIn.
   void HoldFrame(std::int32_t frame, bool held);
   void HoldLandmark(std::int32_t landmark, bool held);
+  /// When the frame is eliminated, see SymmetricBlockRows::SetGroup.
+  void SetFrameGroup(std::int32_t frame, int group);
 
   /// Registers a factor with its frames (indices, -1 where none) and landmark (or -1). Its
   /// contribution is added later.
@@ -100,6 +102,8 @@ class IncrementalSchur {
   }
   /// In a vector packed by rows; that of the row after the last is the vector's size.
   int FrameOffset(int frame) const { return offsets_[frame]; }
+  /// All of these, by row, and the size.
+  const std::vector<int>& offsets() const { return offsets_; }
   int size() const { return offsets_.back(); }
   /// What a step under trial does to b and η, by quads: zero but for what whoever tries the step
   /// has written. TakeChange and RefreshResidual take it over and DropFrameChange or

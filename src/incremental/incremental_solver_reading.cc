@@ -1,6 +1,7 @@
 // What IncrementalSolver tells between Updates: snapshots, covariances, the pattern of S.
 
 #include "incremental/incremental_solver_impl.h"
+#include "linear/elimination_order.h"
 
 namespace inceres {
 
@@ -102,6 +103,12 @@ ReducedStructure IncrementalSolver::Impl::Structure() {
       if (entry.column != row) {
         structure.blocks.push_back({row, entry.column});
       }
+    }
+  }
+  const internal::FrameStep& frames = minimizer_->frame_step();
+  if (frames.solver() != nullptr && frames.HasFactorOf(schur)) {
+    for (const int row : internal::EliminationOrderOf(*frames.solver(), schur.S())) {
+      structure.elimination_order.push_back(schur.frames()[row].id);
     }
   }
   structure.changed.assign(structure.frames.size(), false);

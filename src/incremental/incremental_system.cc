@@ -78,6 +78,12 @@ void IncrementalSystem::FollowFunctionsAndValues(const GraphEdit& edit) {
     members_.FollowBounds(bounds.id);
     Confine(bounds.id);
   }
+  // Of a frame that is outside the system Membership takes the group over when it enters.
+  for (const auto& [id, group] : edit.elimination_groups()) {
+    if (FrameOf(id) >= 0) {
+      schur_.SetFrameGroup(FrameOf(id), group);
+    }
+  }
 }
 
 // Values outside their bounds go there, but for those of a constant.

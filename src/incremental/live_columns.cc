@@ -37,16 +37,6 @@ bool CountsInS(const IncrementalSchur& schur, int landmark) {
 
 }  // namespace
 
-// One more than rows: the total.
-std::vector<int> OffsetsOfRows(const IncrementalSchur& schur) {
-  const int num_rows = schur.S().num_rows();
-  std::vector<int> offsets(static_cast<std::size_t>(num_rows) + 1);
-  for (int row = 0; row <= num_rows; ++row) {
-    offsets[row] = schur.FrameOffset(row);
-  }
-  return offsets;
-}
-
 LiveColumns::LiveColumns(const IncrementalSystem& system, const std::vector<VariableId>& ids)
     : system_(system), ids_(ids) {
   const IncrementalSchur& schur = system.schur();

@@ -10,9 +10,6 @@
 
 namespace inceres::internal {
 
-/// First scalar of each row of S in the packed vectors of its solver, one more.
-std::vector<int> OffsetsOfRows(const IncrementalSchur& schur);
-
 /// What covariances of some variables are made of, besides S: with V of a frame a unit matrix and
 /// of a landmark −W (P + λD)⁻¹ = −Y U_inv, the joint one is VᵀS⁻¹V plus (P + λD)⁻¹ in the diagonal
 /// blocks of landmarks. Held frames have no rows.
@@ -43,7 +40,7 @@ class LiveColumns {
 class LivePreconditioner {
  public:
   LivePreconditioner(const IncrementalSystem& system, const LiveFactor& factor)
-      : system_(system), factor_(factor), offsets_(OffsetsOfRows(system.schur())) {}
+      : system_(system), factor_(factor), offsets_(system.schur().offsets()) {}
 
   Status Apply(const double* r, double* x) const;
 

@@ -203,7 +203,7 @@ Status CheckVariances(const LiveSource& source, const Inverse& inverse, const Li
 // landmarks have one of their own.
 Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
                   const Inverse& inverse, FactorStaleness* staleness, Eigen::MatrixXd* joint) {
-  const std::vector<int> offsets = OffsetsOfRows(source.system.schur());
+  const std::vector<int>& offsets = source.system.schur().offsets();
   const LiveColumns columns(source.system, ids);
   Status status = Status::Ok();
   joint->setZero(columns.offsets().back(), columns.offsets().back());

@@ -30,6 +30,7 @@ void Membership::Enter(VariableId id) {
     landmark_of_[id] = schur_.AddLandmark(id, variables_.quad(id), graph_.TangentSize(id));
   } else {
     frame_of_[id] = schur_.AddFrame(id, variables_.quad(id), graph_.TangentSize(id));
+    schur_.SetFrameGroup(frame_of_[id], graph_.elimination_group(id));
     entered_.push_back(id);
     bounded_frames_.Grow(schur_.frames().size());
     if (graph_.bounds(id) != nullptr) {

@@ -21,11 +21,15 @@ class UndampedFactor {
   ReducedSolver* solver() { return &tree_; }
 
  private:
+  void TakeUpRow(const IncrementalSchur& schur, int row);
+  bool KeepsPacking(const IncrementalSchur& schur) const;
+
   BayesTree tree_;
   bool is_new_ = true;
   Status factored_;  // the last time
   std::vector<std::int32_t> changed_;
-  std::vector<double> diagonal_;
+  std::vector<int> sizes_;        // of the rows that were taken up
+  std::vector<double> diagonal_;  // packed by rows
   std::vector<char> constant_;
 };
 

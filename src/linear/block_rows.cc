@@ -1,6 +1,7 @@
 #include "linear/block_rows.h"
 
 #include <algorithm>
+#include <initializer_list>
 
 namespace inceres::internal {
 
@@ -60,6 +61,17 @@ void SymmetricBlockRows::RemoveRow(int row) {
   }
   below_[row].clear();
   sizes_[row] = 0;
+  SetGroup(row, 0);
+}
+
+void SymmetricBlockRows::SetGroup(int row, int group) {
+  if (group == group_of(row)) {
+    return;
+  }
+  ++version_;
+  num_grouped_ += (group != 0 ? 1 : 0) - (group_of(row) != 0 ? 1 : 0);
+  groups_.resize(std::max(groups_.size(), static_cast<std::size_t>(row) + 1), 0);
+  groups_[row] = group;
 }
 
 void SymmetricBlockRows::ReviveRow(int row, int size) {
@@ -98,6 +110,7 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
   pattern_.row_begin.assign(1, 0);
   pattern_.columns.clear();
   pattern_.value_begin.clear();
+  pattern_.groups.clear();
   pattern_rows_.clear();
   std::vector<int> place(num_rows(), -1);
   for (int row = 0; row < num_rows(); ++row) {
@@ -106,6 +119,9 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
     }
     place[row] = static_cast<int>(pattern_rows_.size());
     pattern_rows_.push_back(row);
+    if (has_groups()) {
+      pattern_.groups.push_back(group_of(row));
+    }
     pattern_.offsets.push_back(pattern_.offsets.back() + sizes_[row]);
     for (const Entry& entry : rows_[row]) {
       // A block's column is at most its row, so its place is known by now, and order is kept.
@@ -121,8 +137,10 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
 std::int64_t SymmetricBlockRows::Bytes() const {
   std::size_t bytes =
       values_.capacity() * sizeof(double) + pattern_.value_begin.capacity() * sizeof(std::int64_t);
-  for (const std::vector<int>* list :
-       {&pattern_.offsets, &pattern_.row_begin, &pattern_.columns, &pattern_rows_}) {
+  const std::initializer_list<const std::vector<int>*> lists = {
+      &pattern_.offsets, &pattern_.row_begin, &pattern_.columns,
+      &pattern_.groups,  &pattern_rows_,      &groups_};
+  for (const std::vector<int>* list : lists) {
     bytes += list->capacity() * sizeof(int);
   }
   for (const std::vector<Entry>& row : rows_) {

@@ -38,6 +38,12 @@ class SymmetricBlockRows {
   /// Gives a removed row a size and a zero diagonal block again.
   void ReviveRow(int row, int size);
 
+  /// When the row is eliminated (BlockPattern::groups); 0 unless told otherwise. Another group is
+  /// another structure.
+  void SetGroup(int row, int group);
+  int group_of(int row) const { return row < static_cast<int>(groups_.size()) ? groups_[row] : 0; }
+  bool has_groups() const { return num_grouped_ > 0; }
+
   /// Zeroes all blocks (row, ·) and (·, row); or all of all rows. Like RemoveRow it costs what the
   /// row's blocks do.
   void ZeroRow(int row);
@@ -68,6 +74,8 @@ class SymmetricBlockRows {
   void Release(std::int64_t offset, int rows, int columns);
 
   std::vector<int> sizes_;
+  std::vector<int> groups_;  // of the rows up to the last that was ever in another group than 0
+  int num_grouped_ = 0;      // rows in another group than 0
   std::vector<std::vector<Entry>> rows_;
   std::vector<std::vector<int>> below_;
   AlignedVector<double> values_;

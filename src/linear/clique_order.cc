@@ -3,7 +3,10 @@
 #include <camd.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <numeric>
+
+#include "linear/group_order.h"
 
 namespace inceres::internal {
 
@@ -22,6 +25,24 @@ bool IsSet(char flag) {
   return flag != 0;
 }
 
+// Per variable what it is ordered by before fill counts: its group, and within it whether it comes
+// last. As 0, 1, …: where no row, or every row, is to come last there is no second class.
+void ListClasses(const EliminationGraph& graph, std::vector<int>* classes) {
+  const bool all_last = std::all_of(graph.last.begin(), graph.last.end(), IsSet);
+  classes->assign(graph.last.size(), 0);
+  for (std::size_t i = 0; i < classes->size() && !all_last; ++i) {
+    (*classes)[i] = IsSet(graph.last[i]) ? 1 : 0;
+  }
+  if (graph.groups.empty()) {
+    return;
+  }
+  const std::vector<int> ranks = RanksOf(graph.groups);
+  for (std::size_t i = 0; i < classes->size(); ++i) {
+    (*classes)[i] += 2 * ranks[i];
+  }
+  *classes = RanksOf(*classes);
+}
+
 }  // namespace
 
 void EliminationGraph::Clear() {
@@ -31,6 +52,7 @@ void EliminationGraph::Clear() {
   separator_begin.assign(1, 0);
   members.clear();
   last.clear();
+  groups.clear();
 }
 
 Status CliqueOrder::Find(const EliminationGraph& graph, SymbolicFactor* factor) {
@@ -57,13 +79,14 @@ bool CliqueOrder::OrderByCamd(const EliminationGraph& graph) {
   }
   // CAMD eliminates classes by ascending number, and within a class as it likes. The numbers have
   // to stay below that of the nodes, so a class without members gets none: without subtrees the
-  // variables begin with 0, and where all are to come last there is no second class of them.
-  constraints_.assign(num_nodes, 0);
+  // variables begin with 0.
+  //
+  // That subtrees come before variables of lower groups than theirs is in order: whatever was above
+  // one of them is of its group or a higher one, and only such rows come to be above it again.
+  ListClasses(graph, &constraints_);
   const int lowest = num_nodes > n ? 1 : 0;  // of a variable
-  const bool all_last = std::all_of(graph.last.begin(), graph.last.end(), IsSet);
-  for (int i = 0; i < n; ++i) {
-    constraints_[i] = lowest + (!all_last && IsSet(graph.last[i]) ? 1 : 0);
-  }
+  std::for_each(constraints_.begin(), constraints_.end(), [lowest](int& c) { c += lowest; });
+  constraints_.resize(num_nodes, 0);
   // Its memory serves as a workspace of ListPattern later on.
   permutation_.resize(num_nodes);
   const int result = camd_order(num_nodes, columns_begin_.data(), columns_.data(),

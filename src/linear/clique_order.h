@@ -15,7 +15,8 @@ struct EliminationGraph {
   std::vector<int> sizes;                        // scalars of each variable
   std::vector<int> edge_begin{0}, edges;         // per variable: coupled ones of a lower number
   std::vector<int> separator_begin{0}, members;  // per subtree: variables
-  std::vector<char> last;                        // per variable: it is to come after all others
+  std::vector<char> last;   // per variable: it is to come after all others of its group
+  std::vector<int> groups;  // per variable; empty: all are in one
 
   int num_variables() const { return static_cast<int>(sizes.size()); }
   int num_subtrees() const { return static_cast<int>(separator_begin.size()) - 1; }

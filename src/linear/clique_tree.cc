@@ -169,6 +169,9 @@ void CliqueTree::ListGraph(const SymmetricBlockRows& S, const std::vector<int>& 
   graph_.Clear();
   for (const int row : loose_) {
     graph_.sizes.push_back(S.size_of(row));
+    if (S.has_groups()) {
+      graph_.groups.push_back(S.group_of(row));
+    }
     for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
       if (entry.column != row && local_[entry.column] != kNone) {
         graph_.edges.push_back(local_[entry.column]);
@@ -256,7 +259,8 @@ void CliqueTree::MakeClique(int f) {
     const int place = is_pivot ? clique.front.width : clique.front.below() + clique.front.height;
     (is_pivot ? clique.front.width : clique.front.height) += size;
     if (is_pivot) {
-      rows_[row] = {c, place, size, next_stamp_++};
+      const int group = graph_.groups.empty() ? 0 : graph_.groups[local_[row]];
+      rows_[row] = {c, place, size, group, next_stamp_++};
     }
     clique.rows.push_back(row);
     clique.places.push_back(place);

@@ -61,6 +61,8 @@ class CliqueTree {
     return row < static_cast<int>(rows_.size()) && rows_[row].clique != kNone;
   }
   int SizeOf(int row) const { return rows_[row].size; }
+  /// That it was ordered by.
+  int GroupOf(int row) const { return rows_[row].group; }
   /// The clique that has the row among its pivots.
   int CliqueOf(int row) const { return rows_[row].clique; }
   /// First scalar row of it there.
@@ -116,6 +118,7 @@ class CliqueTree {
     int clique = kNone;
     int place = 0;
     int size = 0;
+    int group = 0;
     std::int64_t stamp = 0;
   };
 

@@ -27,6 +27,8 @@ class DenseCholesky final : public ReducedSolver {
                double* x) override;
   std::size_t Bytes() const override { return L_.size() * sizeof(double); }
 
+  /// The block rows of the pattern as they are eliminated.
+  const std::vector<int>& order() const { return order_.blocks; }
   /// Flops of one factorization.
   double PredictedFlops() const { return order_.flops; }
   /// Entries of the factor that may not be zero.

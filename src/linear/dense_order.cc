@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "linear/envelope_order.h"
+#include "linear/group_order.h"
 
 namespace inceres::internal {
 
@@ -125,8 +126,11 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
 DenseOrder OrderForEnvelope(const BlockPattern& pattern) {
   std::vector<int> own(pattern.num_blocks());
   std::iota(own.begin(), own.end(), 0);
+  std::vector<int> front = FrontOrdering(pattern).Order();
+  SortByGroup(pattern, &own);
+  SortByGroup(pattern, &front);
   DenseOrder order = InOrder(pattern, std::move(own));
-  DenseOrder other = InOrder(pattern, FrontOrdering(pattern).Order());
+  DenseOrder other = InOrder(pattern, std::move(front));
   return other.flops < order.flops ? other : order;
 }
 

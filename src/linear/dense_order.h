@@ -20,7 +20,8 @@ struct DenseOrder {
 /// The order that takes fewer flops of two: the pattern's own, and always next the row that lets
 /// the fewest scalar rows enter the front, the rows begun but not done (King 1970). Speeds and
 /// biases, which know their neighbors in time only, so come ahead of the poses that all see the
-/// same landmarks. Cost: O(blocks² + blocks of S); deterministic.
+/// same landmarks. Groups of the pattern go before both. Cost: O(blocks² + blocks of S);
+/// deterministic.
 DenseOrder OrderForEnvelope(const BlockPattern& pattern);
 
 }  // namespace inceres::internal

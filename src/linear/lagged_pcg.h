@@ -39,6 +39,8 @@ class LaggedPcg final : public ReducedSolver, private ConjugateGradients::System
                double* x) override;
   std::size_t Bytes() const override { return factor_->Bytes() + iteration_.Bytes(); }
 
+  /// That it is preconditioned by.
+  const ReducedSolver& factor() const { return *factor_; }
   /// Since Analyze.
   int num_factorizations() const { return num_factorizations_; }
 

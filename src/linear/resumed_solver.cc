@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "linear/group_order.h"
+
 namespace inceres::internal {
 
 // The envelope factor that is resumed (docs/algorithms.md, "Reduced linear systems", resuming;
@@ -76,17 +78,33 @@ void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
 ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& changed) {
   // Before the order follows S, so that a row that has left still tells where it was.
   num_exact_ = std::min({num_exact_, FirstPlace(changed), cholesky_.num_valid_rows()});
+  // Rows that have gone leave the order behind num_exact_, new ones come at its end.
+  order_.Follow(*A.rows(), num_exact_);
+  KeepGroups(*A.rows());
   // What is computed from rows of L is worth no more than they are.
   num_current_y_ = std::min(num_current_y_, num_exact_);
   num_passed_on_ = std::min(num_passed_on_, num_exact_);
-  // Rows that have gone leave the order behind num_exact_, new ones come at its end.
-  order_.Follow(*A.rows(), num_exact_);
   FollowPacking(*A.rows());
   plan_ = Predict(A, FirstPlace(changed));
   if (OrderMayHaveAged(*A.rows())) {
     Reorder(A, changed);
   }
   return plan_;
+}
+
+// Up to the first row that is out of its place the order stands, and the factor with it.
+void ResumedSolver::KeepGroups(const SymmetricBlockRows& S) {
+  if (!S.has_groups()) {
+    return;
+  }
+  tail_ = order_.rows();
+  SortByGroup(S, &tail_);
+  const auto first = std::mismatch(tail_.begin(), tail_.end(), order_.rows().begin()).first;
+  if (first != tail_.end()) {
+    num_exact_ = std::min(num_exact_, static_cast<int>(first - tail_.begin()));
+    tail_.erase(tail_.begin(), first);
+    order_.SetTail(tail_);
+  }
 }
 
 ResumedSolver::Plan ResumedSolver::Predict(const ReducedMatrix& A, int first_changed) {
@@ -116,7 +134,10 @@ void ResumedSolver::Reorder(const ReducedMatrix& A, const Rows& changed) {
     last_.assign(1, *std::max_element(tail_.begin(), tail_.end()));  // the newest
   }
   // Tried in place and taken back if it is no better: both orders have the same rows.
-  order_.SetTail(ordering_.Reorder(*A.rows(), order_, num_exact_, last_));
+  std::vector<int>& fresh_tail = workspace_;
+  fresh_tail = ordering_.Reorder(*A.rows(), order_, num_exact_, last_);
+  SortByGroup(*A.rows(), &fresh_tail);
+  order_.SetTail(fresh_tail);
   const Plan fresh = Predict(A, FirstPlace(changed));
   if (kAging * (fresh.flops + fresh.again) < plan_.flops + plan_.again) {
     plan_ = fresh;

@@ -27,6 +27,9 @@ namespace inceres::internal {
 /// Factorize and one like it cheaper by a good deal. The reordering itself costs no factorization,
 /// and the next change there finds the end of the factor; so it does not repeat itself.
 ///
+/// Rows of a lower group (SymmetricBlockRows::group_of) go before those of a higher one: a new one
+/// then has its place before these, and the factor is resumed there.
+///
 /// Without truncation: the same bits as EnvelopeCholesky from scratch in order(). With it, every
 /// row of Lᵀx = y holds up to the changes of x that were not passed on, each at most twice the
 /// threshold. Cost of a call: the rows from the first changed on and the rows those reach. Source:
@@ -68,6 +71,7 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
  private:
   int FirstPlace(const Rows& rows) const;
   void FollowPacking(const SymmetricBlockRows& S);
+  void KeepGroups(const SymmetricBlockRows& S);
   Plan Predict(const ReducedMatrix& A, int first_changed);
   bool OrderMayHaveAged(const SymmetricBlockRows& S) const;
   void Reorder(const ReducedMatrix& A, const Rows& changed);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/counting_sort.h"
+#include "linear/group_order.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -107,13 +108,25 @@ bool OrderByAmd(const BlockPattern& pattern, std::vector<int>* order) {
                    order->data(), nullptr, nullptr) >= AMD_OK;
 }
 
-// AMD within each half, which knows that the separator comes last.
+// AMD within each class, which knows what comes after: all of a class before the next one.
+bool OrderByClasses(const BlockPattern& pattern, std::vector<int> classes,
+                    std::vector<int>* order) {
+  order->resize(pattern.num_blocks());
+  return camd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(),
+                    order->data(), nullptr, nullptr, classes.data()) >= CAMD_OK;
+}
+
+// The separator comes last.
 bool OrderByHalves(const BlockPattern& pattern, std::vector<int>* order) {
   std::vector<int> part = CutInHalves(pattern);
-  order->resize(pattern.num_blocks());
-  return !part.empty() &&
-         camd_order(pattern.num_blocks(), pattern.row_begin.data(), pattern.columns.data(),
-                    order->data(), nullptr, nullptr, part.data()) >= CAMD_OK;
+  return !part.empty() && OrderByClasses(pattern, std::move(part), order);
+}
+
+// The caller's groups, where he has any. The postorder that follows moves what is in different
+// branches of the tree only: no row comes before one of a lower group that it is coupled to.
+bool OrderRows(const BlockPattern& pattern, std::vector<int>* order) {
+  return pattern.groups.empty() ? OrderByAmd(pattern, order)
+                                : OrderByClasses(pattern, RanksOf(pattern.groups), order);
 }
 
 // The elimination tree of S in an order, and how many entries each column of the factor has.
@@ -371,12 +384,13 @@ class EliminationTree {
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor) {
   *factor = SymbolicFactor();
   std::vector<int> order;
-  if (!OrderByAmd(pattern, &order)) {
+  if (!OrderRows(pattern, &order)) {
     return Status::Error(StatusCode::kUnavailable,
                          "AMD could not order the reduced system (out of memory?)");
   }
   EliminationTree tree(pattern, order);
-  if (may_dissect && tree.Flops() >= kMinFlopsForDissection && OrderByHalves(pattern, &order)) {
+  if (may_dissect && pattern.groups.empty() && tree.Flops() >= kMinFlopsForDissection &&
+      OrderByHalves(pattern, &order)) {
     EliminationTree halves(pattern, order);
     // Slightly more flops are taken, since halves are factored at the same time.
     factor->dissected = halves.Flops() < kWorthOfHalves * tree.Flops();

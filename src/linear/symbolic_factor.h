@@ -22,13 +22,13 @@ struct SymbolicFactor {
 };
 
 /// Orders the blocks by AMD (Amestoy, Davis & Duff, ACM TOMS 30(3), 2004), or by AMD on either side
-/// of a small separator, which METIS finds, where that takes hardly more flops. kUnavailable when
-/// out of memory. Without `may_dissect` AMD's order stands, for half of the time. Cost: about half
-/// a microsecond a block of S. Sources: Liu, "The Role of Elimination Trees in Sparse
-/// Factorization", SIAM J. Matrix Anal. Appl. 11(1), 1990; Ashcraft & Grimes, "The Influence of
-/// Relaxed Supernode Partitions on the Multifrontal Method", ACM TOMS 15(4), 1989; Chen, Davis,
-/// Hager & Rajamanickam, "Algorithm 887: CHOLMOD", ACM TOMS 35(3), 2008 (the rule by which columns
-/// are joined).
+/// of a small separator, which METIS finds, where that takes hardly more flops; with groups of the
+/// pattern by constrained AMD, without a separator. kUnavailable when out of memory. Without
+/// `may_dissect` AMD's order stands, for half of the time. Cost: about half a microsecond a block
+/// of S. Sources: Liu, "The Role of Elimination Trees in Sparse Factorization", SIAM J. Matrix
+/// Anal. Appl. 11(1), 1990; Ashcraft & Grimes, "The Influence of Relaxed Supernode Partitions on
+/// the Multifrontal Method", ACM TOMS 15(4), 1989; Chen, Davis, Hager & Rajamanickam, "Algorithm
+/// 887: CHOLMOD", ACM TOMS 35(3), 2008 (the rule by which columns are joined).
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor);
 
 /// The fronts of a given order, which becomes a postorder of its elimination tree. In a row of the

@@ -85,14 +85,16 @@ void TreeRows::Forget(int row) {
   }
 }
 
-// A row that has gone, or has come back as another, or without a block that it had.
+// A row that has gone, or has come back as another, or without a block that it had, or in another
+// group: then all that know it are ordered anew.
 // The comparison of values would not show it: it visits the blocks that S has.
 void TreeRows::ForgetLostRows(const SymmetricBlockRows& S) {
   for (const int row : pending_) {
     ListNeighbors(S, row, &neighbors_);
     const std::vector<int>& known = rows_[row].neighbors;
     // Both lists ascend.
-    if ((tree_.Has(row) && S.size_of(row) != tree_.SizeOf(row)) ||
+    if ((tree_.Has(row) &&
+         (S.size_of(row) != tree_.SizeOf(row) || S.group_of(row) != tree_.GroupOf(row))) ||
         !std::includes(neighbors_.begin(), neighbors_.end(), known.begin(), known.end())) {
       Forget(row);
     }

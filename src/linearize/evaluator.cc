@@ -41,7 +41,7 @@ bool BorrowsValues(const FactorGraph& graph) {
 // Of the factors from begin to end, at the point where they were evaluated; robustifies them if
 // with Jacobians, up to the first whose loss cannot be.
 // The order within a group is that of the factors.
-double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
+double SumCosts(bool jacobians, bool known_point, LossCurvature curvature, int begin, int end,
                 Linearization* family_cache, EvaluationFailure* failure) {
   Linearization& cache = *family_cache;
   const FactorGraph& graph = *cache.graph;
@@ -58,16 +58,21 @@ double SumCosts(bool jacobians, LossCurvature curvature, int begin, int end,
   double cost = 0.0;
   for (int i = begin; i < end; ++i) {
     double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const LossValue value(graph.loss(cache.id, i), f, rows);
+    const Loss* loss = graph.loss(cache.id, i);
+    LossValue& kept = cache.loss_values[i];
+    if (!jacobians) {
+      kept = LossValue(loss, f, rows);
+      cost += kept.cost();
+      continue;
+    }
+    const LossValue value = known_point ? LossValue(loss, f, rows, kept) : LossValue(loss, f, rows);
     cost += value.cost();
-    if (jacobians && !value.HasRoot()) {
+    if (!value.HasRoot()) {
       *failure = {i, kLossWithoutRoot};
       return cost;
     }
-    if (jacobians) {
-      RobustifyFactor(value, rows, num_slots, cache.slots.data(), i,
-                      cache.tangent_offsets.data() + i * offset_stride, curvature, f);
-    }
+    RobustifyFactor(value, rows, num_slots, cache.slots.data(), i,
+                    cache.tangent_offsets.data() + i * offset_stride, curvature, f);
   }
   return cost;
 }
@@ -196,6 +201,9 @@ void Evaluator::BindFamily(FamilyId id) {
   Linearization& cache = families_[id];
   cache.graph = graph_;
   cache.family = &graph_->family(id);
+  if (graph_->HasLosses(id)) {
+    cache.loss_values.resize(cache.num_factors);
+  }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   cache.pins.clear();
   // A variable that does not move has no Jacobian that a pin could freeze.
@@ -258,7 +266,7 @@ void Evaluator::PointToCandidate() {
   }
 }
 
-EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
+EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk) {
   // Jacobians are taken at the current point, costs at the candidate.
   PointTo(!jacobians, chunk);
   Linearization& cache = families_[chunk->family];
@@ -274,7 +282,7 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, Chunk* chunk) {
     double* sum = sums_.data() + chunk->first_sum;
     for (int begin = chunk->begin; begin < chunk->end && !failure.failed();) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
-      *sum++ = SumCosts(jacobians, loss_curvature_, begin, end, &cache, &failure);
+      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, &cache, &failure);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
@@ -317,16 +325,17 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
 
 // Announcements come first and on one thread: a family that prepares is told everything before any
 // of it is evaluated.
-Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
+Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
   for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
     const Status status = Prepare(jacobians, id);
     if (!status.ok()) {
       return status;
     }
   }
-  const Status status = jacobians && !strips_.empty()
-                            ? EvaluateStrips()
-                            : EvaluateChunks(jacobians, 0, static_cast<int>(chunks_.size()));
+  const Status status =
+      jacobians && !strips_.empty()
+          ? EvaluateStrips(known_point)
+          : EvaluateChunks(jacobians, known_point, 0, static_cast<int>(chunks_.size()));
   if (status.ok()) {
     // Groups in the order of the graph, on one thread.
     *cost = std::accumulate(sums_.begin(), sums_.end(), 0.0);
@@ -334,10 +343,10 @@ Status Evaluator::EvaluateAll(bool jacobians, double* cost) {
   return status;
 }
 
-Status Evaluator::EvaluateChunks(bool jacobians, int begin, int end) {
+Status Evaluator::EvaluateChunks(bool jacobians, bool known_point, int begin, int end) {
   chunk_failures_.resize(static_cast<std::size_t>(end - begin));
   const int first_failed = EvaluateTasks(executor_, &chunk_failures_, [&](int k) {
-    return EvaluateChunk(jacobians, &chunks_[begin + k]);
+    return EvaluateChunk(jacobians, known_point, &chunks_[begin + k]);
   });
   return first_failed < 0 ? Status::Ok()
                           : DescribeFailure(jacobians, chunks_[begin + first_failed].family,
@@ -345,7 +354,7 @@ Status Evaluator::EvaluateChunks(bool jacobians, int begin, int end) {
 }
 
 // With Jacobians, some of which are in double for a strip of factors at a time.
-Status Evaluator::EvaluateStrips() {
+Status Evaluator::EvaluateStrips(bool known_point) {
   executor_.For(layout_.quad_offset.back(), kEntryGrain, [&](int begin, int end) {
     std::fill(gradient_.begin() + std::ptrdiff_t{begin} * kQuad,
               gradient_.begin() + std::ptrdiff_t{end} * kQuad, 0.0);
@@ -354,7 +363,7 @@ Status Evaluator::EvaluateStrips() {
     if (strip.family >= 0) {
       families_[strip.family].BeginStrip(chunks_[strip.begin].begin);
     }
-    const Status status = EvaluateChunks(/*jacobians=*/true, strip.begin, strip.end);
+    const Status status = EvaluateChunks(/*jacobians=*/true, known_point, strip.begin, strip.end);
     if (strip.family >= 0) {
       if (status.ok()) {
         KeepStrip(strip);
@@ -382,7 +391,7 @@ void Evaluator::KeepStrip(const Strip& strip) {
 // evaluation.
 Status Evaluator::EvaluateCandidateCost(double* cost) {
   const Status status = points_.ComputeCandidateTangents();
-  return status.ok() ? EvaluateAll(/*jacobians=*/false, cost) : status;
+  return status.ok() ? EvaluateAll(/*jacobians=*/false, /*known_point=*/false, cost) : status;
 }
 
 void Evaluator::AcceptCandidate() {
@@ -423,7 +432,7 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
       return status;
     }
   }
-  return EvaluateAll(/*jacobians=*/true, cost);
+  return EvaluateAll(/*jacobians=*/true, known_point, cost);
 }
 
 std::int64_t Evaluator::Bytes() const {
@@ -434,7 +443,8 @@ std::int64_t Evaluator::Bytes() const {
         (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.single_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() *
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
-    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*));
+    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*) +
+                                       cache.loss_values.size() * sizeof(LossValue));
   }
   return bytes + static_cast<std::int64_t>(sizeof(double) * gradient_.size()) + points_.Bytes();
 }

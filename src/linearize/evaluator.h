@@ -59,8 +59,9 @@ class Evaluator {
   /// double; null if there are none. Of the last EvaluateJacobians.
   const double* strip_gradient() const { return strips_.empty() ? nullptr : gradient_.data(); }
 
-  /// Residuals, Jacobians and cost at the current point. `known_point`: its tangent maps were
-  /// computed by EvaluateCandidateCost.
+  /// Residuals, Jacobians and cost at the current point. `known_point`: it was a candidate whose
+  /// cost EvaluateCandidateCost has evaluated: tangent maps are known, and losses of factors whose
+  /// residual is the same to the bit.
   Status EvaluateJacobians(bool known_point, double* cost);
 
   /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
@@ -110,10 +111,10 @@ class Evaluator {
   void FindParameters(const std::vector<double>& state, FamilyId id,
                       std::vector<const double*>* parameters) const;
   void PointTo(bool candidate, Chunk* chunk);
-  EvaluationFailure EvaluateChunk(bool jacobians, Chunk* chunk);
-  Status EvaluateAll(bool jacobians, double* cost);
-  Status EvaluateChunks(bool jacobians, int begin, int end);
-  Status EvaluateStrips();
+  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk);
+  Status EvaluateAll(bool jacobians, bool known_point, double* cost);
+  Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
+  Status EvaluateStrips(bool known_point);
   void KeepStrip(const Strip& strip);
   Status Prepare(bool jacobians, FamilyId id);
   Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;

@@ -8,6 +8,7 @@
 #include "base/lowest_index.h"
 #include "base/zeroed_array.h"
 #include "inceres/problem/factor_graph.h"
+#include "linearize/robustify.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -123,6 +124,8 @@ struct Linearization {
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
   std::vector<std::int32_t> tangent_offsets;
+  // per factor: its loss at the candidate that was evaluated last; empty where nobody keeps it
+  std::vector<LossValue> loss_values;
 
  private:
   bool IsPinned(int factor) const;

@@ -28,6 +28,7 @@ constexpr std::int64_t kTarget = sizeof(std::int32_t);
 // Per variable: the tangent map, and where it is in the layout.
 constexpr std::int64_t kVariable = 64;
 constexpr std::int64_t kPoints = 2;  // current and candidate
+constexpr std::int64_t kLossValue = 4 * kDouble;
 
 // Whether any of its factors does: then all of them are counted as if they did, mostly rightly. The
 // first factor answers for most families; it may be a free place, or touch a point that is a frame.
@@ -99,8 +100,9 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, bool keep
     CheckCounts(counts);
     // Residuals at both points, Jacobians at one.
     budget->Take(BytesOfJacobians(family, graph.NumFactors(id), quads, keeps_singles) +
-                     counts.num_factors * (kDouble * kPoints * counts.residual_size +
-                                           kConnection * counts.num_slots),
+                     counts.num_factors *
+                         (kDouble * kPoints * counts.residual_size +
+                          kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),
                  "the Jacobians");
     if (eliminates_landmarks && has_landmarks && TouchesLandmarks(graph, id)) {
       budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),

@@ -232,6 +232,10 @@ class PlanBuilder {
     CheckSize();
     plans_->pattern = PatternWithoutBlocks(
         {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
+    const FactorGraph& graph = evaluator_.graph();
+    for (int row = 0; graph.HasEliminationGroups() && row < layout_.num_frames; ++row) {
+      plans_->pattern.groups.push_back(graph.elimination_group(layout_.variables[row]));
+    }
     std::vector<int> columns;
     for (int row = 0; row < layout_.num_frames; ++row) {
       columns.clear();

@@ -22,9 +22,20 @@ inline double SquaredNorm(const double* f, int size) {
 
 /// A factor's loss at its residual f: ρ, ρ' and ρ'' at s = ‖f‖². Without a loss ρ(s) = s.
 struct LossValue {
+  LossValue() = default;
   LossValue(const Loss* loss, const double* f, int residual_size)
       : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
     if (loss != nullptr) {
+      loss->Evaluate(s, rho);
+    }
+  }
+  /// The same, of a loss whose value at some residual is known: where s is that of the residual to
+  /// the bit, as at a point that was evaluated for its cost before, the loss is not asked again.
+  LossValue(const Loss* loss, const double* f, int residual_size, const LossValue& known)
+      : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
+    if (loss != nullptr && s == known.s) {
+      *this = known;
+    } else if (loss != nullptr) {
       loss->Evaluate(s, rho);
     }
   }
@@ -35,8 +46,8 @@ struct LossValue {
   /// where ρ'' > 0 and ρ' is not, on which Ceres aborts.
   bool HasRoot() const { return !(s > 0.0 && rho[2] > 0.0) || rho[1] > 0.0; }
 
-  double s;
-  double rho[3];
+  double s = -1.0;  // of no residual
+  double rho[3] = {};
 };
 
 /// Why a factor cannot be linearized whose loss has none of LossValue::HasRoot.

@@ -90,6 +90,7 @@ Status EditCheck::Run() {
   then(&EditCheck::CheckNewValues);
   then(&EditCheck::CheckPins);
   then(&EditCheck::CheckBounds);
+  then(&EditCheck::CheckGroups);
   if (status.ok()) {
     ReserveVariables();
     ReserveFactors();
@@ -148,8 +149,10 @@ Status EditCheck::CheckComingFactors() const {
 
 // FindFault sees variables as the edit leaves them; the text looks up the culprit in the same way.
 Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
-  const FactorFault fault = FindFault(graph_.family(id.family), ids,
-                                      [this](VariableId variable) { return See(variable); });
+  AcceptedManifolds accepted;
+  const FactorFault fault = FindFault(
+      graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); },
+      &accepted);
   return fault.fault == Fault::kNone
              ? Status::Ok()
              : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
@@ -267,6 +270,19 @@ Status EditCheck::CheckBounds() const {
     }
   }
   return Status::Ok();
+}
+
+Status EditCheck::CheckGroups() const {
+  Status status;
+  for (std::size_t i = 0; status.ok() && i < edit_.elimination_groups().size(); ++i) {
+    const auto& [id, group] = edit_.elimination_groups()[i];
+    status = CheckVariableId("SetEliminationGroup", id, /*may_come=*/true);
+    if (status.ok() && group < 0) {
+      status = Invalid("SetEliminationGroup: " + VariableName(id) + " is given the group " +
+                       std::to_string(group) + "; groups are 0 or above");
+    }
+  }
+  return status;
 }
 
 }  // namespace internal

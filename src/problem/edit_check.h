@@ -45,6 +45,7 @@ class EditCheck {
   Status CheckNewValues() const;
   Status CheckPins() const;
   Status CheckBounds() const;
+  Status CheckGroups() const;
   void ReserveVariables() const;
   void ReserveFactors() const;
   void PreparePins() const;

@@ -183,6 +183,7 @@ class EditCommit {
     variable.role = Role::kFrame;
     variable.constant = true;
     variable.removed = true;
+    graph_.SetEliminationGroup(id, 0);
     graph_.bounds_.erase(id);
     graph_.pins_.erase(id);
     ++graph_.num_removed_variables_;
@@ -255,6 +256,9 @@ class EditCommit {
       graph_.bounds_.erase(bounds.id);
     }
     graph_.bounds_.merge(edits_.coming_bounds);
+    for (const auto& [id, group] : edit_.elimination_groups()) {
+      graph_.SetEliminationGroup(id, group);
+    }
   }
 
   // After everything has come: what this edit frees is for the next one, whose ids are given out in

@@ -131,6 +131,12 @@ VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role
   return AppendVariable(internal::MakeOwned(ambient_size, role, std::move(manifold)), values);
 }
 
+void FactorGraph::SetEliminationGroup(VariableId id, int group) {
+  std::int32_t& now = variables_[Index(id)].group;
+  num_grouped_ += (group != 0 ? 1 : 0) - (now != 0 ? 1 : 0);
+  now = group;
+}
+
 VariableId FactorGraph::AddBorrowedConstant(const double* values, int ambient_size) {
   ++revision_;
   return AppendVariable(internal::MakeBorrowed(values, ambient_size), nullptr);

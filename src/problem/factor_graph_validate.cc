@@ -79,6 +79,7 @@ Status FactorGraph::Validate() const {
     // Nothing can be wrong with such a variable but its values.
     const bool ordinary =
         variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
+        variable.group >= 0 &&
         (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
     if (ordinary || variable.removed) {
       continue;
@@ -123,6 +124,10 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
     return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
                    "; it must lie between 0 and its ambient size " +
                    std::to_string(variable.ambient_size));
+  }
+  if (variable.group < 0) {
+    return Invalid(VariableName(id) + " is in the elimination group " +
+                   std::to_string(variable.group) + "; groups are 0 or above");
   }
   // A constant landmark is not eliminated, so its size does not matter.
   if (variable.role == Role::kLandmark && !constant &&
@@ -198,6 +203,7 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   const bool all_alike = all_live && record.num_factors > 0 &&
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
+  internal::AcceptedManifolds accepted;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[Index(factor)] == internal::Place::kFree) {
       continue;
@@ -212,7 +218,8 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
       continue;
     }
     const FactorFault fault = internal::FindFault(
-        family, ids, [this](VariableId variable) { return internal::See(variables_, variable); });
+        family, ids, [this](VariableId variable) { return internal::See(variables_, variable); },
+        &accepted);
     // The culprit's record is only there to tell its sizes.
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];
@@ -248,6 +255,10 @@ Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const Vari
       return Invalid(where + " has tangent size " + std::to_string(slot.tangent_size) + " but " +
                      VariableName(variable) + " has " + std::to_string(culprit->tangent_size) +
                      "; is the manifold the family expects set?");
+    case Fault::kManifold:
+      return Invalid(where + " takes " + NameOf(graph.family(id.family).Space(fault.slot)) +
+                     ", but " + VariableName(variable) +
+                     " is on a manifold that moves it otherwise");
     case Fault::kRepeated:
       return Invalid(where + " repeats " + VariableName(variable));
     case Fault::kTwoLandmarks:

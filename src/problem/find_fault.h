@@ -7,6 +7,7 @@
 
 #include "base/formatted.h"
 #include "inceres/problem/factor_graph.h"
+#include "problem/slot_space.h"
 
 namespace inceres::internal {
 
@@ -55,6 +56,7 @@ enum class Fault : std::uint8_t {
   kGoing,
   kAmbientSize,
   kTangentSize,
+  kManifold,
   kRepeated,
   kTwoLandmarks
 };
@@ -79,10 +81,34 @@ inline Sight See(const std::vector<VariableRecord>& variables, VariableId id) {
   return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
 }
 
+/// The manifolds that a family has accepted at its slots, so that variables which share one are
+/// asked about once.
+class AcceptedManifolds {
+ public:
+  bool Accepts(const FactorFamily& family, int s, const Manifold& manifold) {
+    const bool is_kept = s < kKeptSlots;
+    if (is_kept && accepted_[s] == &manifold) {
+      return true;
+    }
+    if (!MovesIn(family.Space(s), manifold)) {
+      return false;
+    }
+    if (is_kept) {
+      accepted_[s] = &manifold;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr int kKeptSlots = 8;
+  const Manifold* accepted_[kKeptSlots] = {};
+};
+
 /// The rules of a factor, whether it is there already or comes with an edit: see(id) is the
-/// variable as the factor finds it.
+/// variable as the factor finds it. `accepted` is for factors of this family.
 template <typename SeeVariable>
-FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see) {
+FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see,
+                      AcceptedManifolds* accepted) {
   int num_landmarks = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const Sight sight = see(ids[s]);
@@ -101,6 +127,9 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
     }
     if (variable.tangent_size != family.slot(s).tangent_size) {
       return {Fault::kTangentSize, s};
+    }
+    if (variable.manifold != nullptr && !accepted->Accepts(family, s, *variable.manifold)) {
+      return {Fault::kManifold, s};
     }
     if (variable.role == Role::kLandmark && ++num_landmarks > 1) {
       return {Fault::kTwoLandmarks, s};

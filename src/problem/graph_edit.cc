@@ -63,6 +63,7 @@ void GraphEdit::Restart() {
   new_values_.clear();
   pins_.clear();
   bounds_.clear();
+  groups_.clear();
 }
 
 // The first misuse is kept: later ones may follow from it. AddFactor writes into the family at once
@@ -183,7 +184,7 @@ bool GraphEdit::empty() const {
   return misuse_.ok() && new_variables_.empty() && new_factors_.empty() &&
          removed_variables_.empty() && removed_factors_.empty() && losses_.empty() &&
          measurements_.empty() && constants_.empty() && new_values_.empty() && pins_.empty() &&
-         bounds_.empty();
+         bounds_.empty() && groups_.empty();
 }
 
 }  // namespace inceres

@@ -91,6 +91,12 @@ Status GraphRestorer::RestoreValues(GraphParts* parts, FactorGraph* graph) {
                      " are of another size or not finite, or it is not there");
     }
   }
+  for (const auto& [id, group] : parts->groups) {
+    if (!graph->HasVariable(id)) {
+      return Invalid(VariableName(id) + " is in an elimination group, and is not there");
+    }
+    graph->SetEliminationGroup(id, group);
+  }
   // Taken over after all have been looked at.
   graph->bounds_ = std::move(parts->bounds);
   graph->pins_ = std::move(parts->pins);

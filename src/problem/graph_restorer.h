@@ -30,7 +30,8 @@ struct GraphParts {
   std::vector<double> state;
   std::map<VariableId, VariableBounds> bounds;
   std::map<VariableId, std::vector<double>> pins;
-  std::vector<VariableId> free_variables;  // those of one size: the last one is given out first
+  std::map<VariableId, std::int32_t> groups;  // of those in another one than 0
+  std::vector<VariableId> free_variables;     // those of one size: the last one is given out first
   std::vector<Family> families;
 };
 

@@ -49,6 +49,9 @@ class GraphParser {
       ParseFamily();
     }
     if (reader_.ok() && reader_.remaining() > 0) {
+      ParseGroups();
+    }
+    if (reader_.ok() && reader_.remaining() > 0) {
       reader_.Fail(std::to_string(reader_.remaining()) + " bytes are left over");
     }
   }
@@ -58,6 +61,7 @@ class GraphParser {
   void ParseBounds();
   void ParsePins();
   void ParseFamily();
+  void ParseGroups();
   std::vector<std::int32_t> ParseIds(std::size_t count);
   // The ambient size of a variable whose id is read; 0 after a failure.
   std::size_t ParseSizeOf(VariableId* id);
@@ -176,6 +180,16 @@ void GraphParser::ParseFamily() {
   }
   family.free_places = ParseIds(reader_.ReadCount(4));
   parts_.families.push_back(std::move(family));
+}
+
+// An id and a group: 8 bytes. A graph without groups ends before.
+void GraphParser::ParseGroups() {
+  const std::size_t count = reader_.ReadCount(8);
+  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
+    VariableId id = -1;
+    ParseSizeOf(&id);
+    parts_.groups[id] = reader_.ReadInt();
+  }
 }
 
 }  // namespace

@@ -68,6 +68,7 @@ class GraphPrinter {
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       PrintFamily(id);
     }
+    PrintGroups();
   }
 
  private:
@@ -77,6 +78,7 @@ class GraphPrinter {
   void PrintPins();
   void PrintFreeVariables();
   void PrintFamily(FamilyId id);
+  void PrintGroups();
   std::size_t SizeOf(VariableId id) const {
     return static_cast<std::size_t>(graph_.AmbientSize(id));
   }
@@ -203,6 +205,24 @@ void GraphPrinter::PrintFamily(FamilyId id) {
   // Backwards for the same reason.
   for (int k = num_free - 1; k >= 0; --k) {
     writer_.WriteInt(graph_.FreePlace(id, k));
+  }
+}
+
+// At the end, and nothing at all where there are none: such a file is as it was before groups.
+void GraphPrinter::PrintGroups() {
+  if (!graph_.HasEliminationGroups()) {
+    return;
+  }
+  std::vector<VariableId> grouped;
+  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
+    if (graph_.elimination_group(id) != 0) {
+      grouped.push_back(id);
+    }
+  }
+  writer_.WriteLong(static_cast<std::int64_t>(grouped.size()));
+  for (const VariableId id : grouped) {
+    writer_.WriteInt(id);
+    writer_.WriteInt(graph_.elimination_group(id));
   }
 }
 

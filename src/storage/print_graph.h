@@ -13,6 +13,7 @@ namespace inceres::internal {
 ///     bounds, pins           of those that have any
 ///     free variables         removed ones
 ///     families               each with its factors' variables and losses, and its free places
+///     elimination groups     of variables in another one than 0; nothing where there are none
 ///
 /// A failure is the writer's.
 void PrintGraph(const FactorGraph& graph, GraphWriter* writer);

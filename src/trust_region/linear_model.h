@@ -62,6 +62,10 @@ class LinearModel {
   /// Whether the last Solve has left landmarks where they are (ConjugateGradientsOptions).
   virtual bool left_out_landmarks() const { return false; }
 
+  /// The frames of the layout in the order in which the factor of a direct solver eliminates them;
+  /// empty where there is none of which that is known.
+  virtual std::vector<int> EliminationOrder() const { return {}; }
+
   /// Name of what solves the (reduced) system.
   virtual const char* SolverName() const = 0;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "linear/elimination_order.h"
 #include "linear/select_solver.h"
 
 namespace inceres::internal {
@@ -81,6 +82,10 @@ Status PlainModel::Solve(const double* damping, double* step) {
   b_.resize(Gradient().size());
   std::transform(Gradient().begin(), Gradient().end(), b_.begin(), [](double g) { return -g; });
   return SolveReduced(hessian_.C().data(), b_.data(), damping, step);
+}
+
+std::vector<int> PlainModel::EliminationOrder() const {
+  return reduced_solver_ ? EliminationOrderOf(*reduced_solver_) : std::vector<int>();
 }
 
 // Sizes of the reduced system, and bytes of what grows with the problem.

@@ -28,6 +28,7 @@ class PlainModel : public LinearModel {
   const char* SolverName() const override {
     return reduced_solver_ ? reduced_solver_->Name() : "none";
   }
+  std::vector<int> EliminationOrder() const override;
   void Describe(WorkCounts* work) const override;
 
  protected:

@@ -133,8 +133,10 @@ struct Workspace {
       return JacobianStorage::kBySlotInSingle;
     }
     // Where none was asked for the small dense models are open, which have no reduced system.
+    // One that is to eliminate in a certain order needs blocks, too.
     const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
-                      !options.reduced_solver_factory && !IsIterative(options.linear_model);
+                      !options.reduced_solver_factory && !IsIterative(options.linear_model) &&
+                      !graph.HasEliminationGroups();
     return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
@@ -181,6 +183,7 @@ class Solver::Impl {
     return workspace_ != nullptr && workspace_->Suits(options, graph);
   }
   std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
+  std::vector<VariableId> EliminationOrder() const;
 
  private:
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const LoopOptions& loop,
@@ -229,6 +232,16 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   // The budget ends with this function; what is taken from now on was counted here.
   workspace->evaluator.set_memory_budget(nullptr);
   return workspace;
+}
+
+std::vector<VariableId> Solver::Impl::EliminationOrder() const {
+  std::vector<VariableId> ids;
+  if (workspace_ != nullptr) {
+    for (const int frame : workspace_->model->EliminationOrder()) {
+      ids.push_back(workspace_->layout.variables[frame]);
+    }
+  }
+  return ids;
 }
 
 // Of valid options and a valid graph. May throw MemoryExceeded, bad_alloc, and what a factor
@@ -341,6 +354,10 @@ bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) 
 
 std::int64_t Solver::Bytes() const {
   return impl_->Bytes();
+}
+
+std::vector<VariableId> Solver::EliminationOrder() const {
+  return impl_->EliminationOrder();
 }
 
 Summary Solve(const SolverOptions& options, FactorGraph* graph) {

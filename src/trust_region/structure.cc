@@ -17,6 +17,11 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   if (!visit(graph.num_variables()) || !visit(graph.num_families())) {
     return false;
   }
+  // The order of elimination is part of the plans.
+  const bool grouped = graph.HasEliminationGroups();
+  if (!visit(grouped ? 1 : 0)) {
+    return false;
+  }
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     const bool landmark = graph.role(id) == Role::kLandmark;
     const bool curved = graph.manifold(id) != nullptr;
@@ -26,7 +31,8 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
     const std::int64_t offset = graph.StateOffset(id);
     if (!visit(flags) || !visit(graph.AmbientSize(id)) || !visit(graph.TangentSize(id)) ||
         !visit(static_cast<std::int32_t>(offset)) ||
-        !visit(static_cast<std::int32_t>(offset >> 32))) {
+        !visit(static_cast<std::int32_t>(offset >> 32)) ||
+        (grouped && !visit(graph.elimination_group(id)))) {
       return false;
     }
   }

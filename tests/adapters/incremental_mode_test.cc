@@ -202,12 +202,10 @@ TEST(IncrementalGate, OptionsNoModeHonors) {
 TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
   const std::vector<std::pair<std::string, std::function<void(Options*, ceres::Problem*, double*)>>>
       cases = {
-          {"use_nonmonotonic_steps", [](Options* options, ceres::Problem*,
-                                        double*) { options->use_nonmonotonic_steps = true; }},
           {"DENSE_QR", [](Options* options, ceres::Problem*,
                           double*) { options->linear_solver_type = ceres::DENSE_QR; }},
-          {"bounds", [](Options*, ceres::Problem* problem,
-                        double* block) { problem->SetParameterLowerBound(block, 0, -1e6); }},
+          {"use_inner_iterations", [](Options* options, ceres::Problem*,
+                                      double*) { options->use_inner_iterations = true; }},
       };
   for (const auto& [reason, set] : cases) {
     for (const bool session : {false, true}) {

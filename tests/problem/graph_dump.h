@@ -18,7 +18,8 @@ inline std::string Dump(const FactorGraph& graph) {
     text << "\nvariable " << id << (graph.HasVariable(id) ? "" : " removed") << " sizes "
          << graph.AmbientSize(id) << ' ' << graph.TangentSize(id) << " role "
          << static_cast<int>(graph.role(id)) << " constant " << graph.IsConstant(id) << " manifold "
-         << graph.manifold(id) << " offset " << graph.StateOffset(id);
+         << graph.manifold(id) << " group " << graph.elimination_group(id) << " offset "
+         << graph.StateOffset(id);
     text << " borrowed " << (graph.StateOffset(id) < 0 ? graph.Values(id) : nullptr);
     for (int k = 0; graph.PinnedValues(id) != nullptr && k < graph.AmbientSize(id); ++k) {
       text << (k == 0 ? " pinned" : "") << ' ' << graph.PinnedValues(id)[k];

@@ -497,5 +497,17 @@ TEST_F(EditErrors, SetValuesThatAreNotFinite) {
   ExpectRefused("SetValues: value 1 of variable 0 is nan");
 }
 
+TEST_F(EditErrors, SetEliminationGroup) {
+  edit_.SetEliminationGroup(0, 3);
+  edit_.SetEliminationGroup(1, -2);
+  ExpectRefused("SetEliminationGroup: variable 1 is given the group -2; groups are 0 or above");
+}
+
+TEST_F(EditErrors, SetEliminationGroupOfAVariableThatGoes) {
+  edit_.RemoveVariable(1);
+  edit_.SetEliminationGroup(1, 1);
+  ExpectRefused("SetEliminationGroup: variable 1 is removed by the same edit");
+}
+
 }  // namespace
 }  // namespace inceres

@@ -425,5 +425,28 @@ TEST_F(Edit, ASlidingWindowDoesNotGrow) {
   EXPECT_EQ(graph_.num_live_variables(), 5 + 6);
 }
 
+TEST_F(Edit, AGroupGoesWithItsVariable) {
+  GraphEdit edit(graph_);
+  edit.SetEliminationGroup(1, 2);
+  edit.SetEliminationGroup(1, 4);
+  const VariableId id = edit.AddVariable(kValues, 2, Role::kFrame);
+  edit.SetEliminationGroup(id, 1);
+  EXPECT_FALSE(edit.empty());
+  Apply(edit);
+  EXPECT_EQ(graph_.elimination_group(1), 4);
+  EXPECT_EQ(graph_.elimination_group(id), 1);
+  EXPECT_TRUE(graph_.HasEliminationGroups());
+  edit.Restart();
+  EXPECT_TRUE(edit.empty());
+  edit.RemoveVariable(1);
+  edit.RemoveVariable(id);
+  Apply(edit);
+  EXPECT_FALSE(graph_.HasEliminationGroups());
+  edit.Restart();
+  const VariableId again = edit.AddVariable(kValues, 2, Role::kFrame);
+  Apply(edit);
+  EXPECT_EQ(graph_.elimination_group(again), 0) << "an id that is used again";
+}
+
 }  // namespace
 }  // namespace inceres

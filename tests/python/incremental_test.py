@@ -195,6 +195,19 @@ class IncrementalTest(unittest.TestCase):
         solver.update()
         np.testing.assert_allclose(solver.values(ids), np.tile([3.0, -3.0], (3, 1)))
 
+    def test_frames_are_put_into_groups(self):
+        solver = inceres.IncrementalSolver()
+        prior = solver.add_family(inceres.DiagonalPrior(2))
+        with solver.edit() as edit:
+            ids = edit.add_variables(np.zeros((3, 2)))
+            edit.add_factors(prior, ids[:, None], np.tile([3.0, -3.0, 1.0, 1.0], (3, 1)))
+            edit.set_elimination_group(ids[:1], 2)
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids), np.tile([3.0, -3.0], (3, 1)), atol=1e-6)
+        with self.assertRaisesRegex(ValueError, "is given the group -5"):
+            with solver.edit() as edit:
+                edit.set_elimination_group(ids, -5)
+
     def test_callbacks_read_values_and_stop(self):
         street = Growing(batch_share=1.0)
         for i in range(4):

@@ -200,6 +200,16 @@ class GraphTest(unittest.TestCase):
         graph.solve()
         np.testing.assert_allclose(graph.values(ids), [[3.0, -2.0]], atol=1e-6)
 
+    def test_an_order_of_elimination_changes_no_result(self):
+        plain, cameras, _ = street()
+        expected = plain.solve()["final_cost"]
+        graph, cameras, _ = street()
+        graph.set_elimination_group(cameras[:1], 3)
+        self.assertAlmostEqual(graph.solve()["final_cost"], expected)
+        graph.set_elimination_group(cameras[:1], -1)
+        with self.assertRaisesRegex(ValueError, "elimination group -1; groups are 0 or above"):
+            graph.solve()
+
     def test_wrong_arguments_are_named(self):
         graph, cameras, points = street()
         for kind, text, call in [

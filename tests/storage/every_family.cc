@@ -45,8 +45,10 @@ class Maker {
   }
 
  private:
+  bool turns_on_the_left_ = false;
+
   // Values that a variable of these sizes may have, on a manifold of them.
-  VariableId AddVariable(const FactorFamily::Slot& slot) {
+  VariableId AddVariable(const FactorFamily::Slot& slot, SlotSpace space) {
     std::vector<double> values = random_.Vector(static_cast<std::size_t>(slot.ambient_size));
     std::shared_ptr<const Manifold> manifold;
     if (slot.ambient_size == 7 || slot.ambient_size == 8) {
@@ -58,6 +60,9 @@ class Maker {
         values[k] /= std::sqrt(norm);
       }
       manifold = pose_;
+      if (space == SlotSpace::kLeftPose || (space == SlotSpace::kAny && turns_on_the_left_)) {
+        manifold = std::make_shared<LeftPoseManifold>();
+      }
       if (slot.ambient_size == 8) {
         values[7] = std::fabs(values[7]) + 0.1;
         manifold = std::make_shared<SimilarityManifold>();
@@ -75,7 +80,7 @@ class Maker {
                const typename Family::Measurement& measurement) {
     std::vector<VariableId> ids;
     for (int s = 0; s < handle->num_slots(); ++s) {
-      ids.push_back(AddVariable(handle->slot(s)));
+      ids.push_back(AddVariable(handle->slot(s), handle->Space(s)));
     }
     ASSERT_GE(graph_.AddFactor(handle, measurement, ids, NextLoss()), 0);
   }
@@ -138,6 +143,7 @@ class Maker {
   void AddImu() {
     ImuOptions options;
     options.conventions = ImuConventions::Okvis();
+    turns_on_the_left_ = true;  // which an empty family does not know yet
     options.max_speed_change = std::numeric_limits<double>::infinity();
     std::vector<ImuSample> samples(6);
     for (std::size_t k = 0; k < samples.size(); ++k) {
@@ -182,6 +188,8 @@ class Maker {
     const double elsewhere[] = {1.5, 2.5, 3.5};
     graph_.PinLinearization(pinned, elsewhere);
     graph_.SetConstant(graph_.AddVariable(point, 3, Role::kLandmark), true);
+    graph_.SetEliminationGroup(pinned, 7);
+    graph_.SetEliminationGroup(bounded, 2);
   }
 
   void RemoveSome() {

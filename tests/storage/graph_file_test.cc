@@ -49,6 +49,7 @@ void ExpectSameVariables(const FactorGraph& a, const FactorGraph& b) {
     EXPECT_EQ(ValuesOf(a, id), ValuesOf(b, id)) << id;
     EXPECT_EQ(TypeOf(a.manifold(id)), TypeOf(b.manifold(id))) << id;
     EXPECT_EQ(a.bounds(id) == nullptr, b.bounds(id) == nullptr);
+    EXPECT_EQ(a.elimination_group(id), b.elimination_group(id));
     if (a.bounds(id) != nullptr && b.bounds(id) != nullptr) {
       EXPECT_EQ(a.bounds(id)->lower, b.bounds(id)->lower);
       EXPECT_EQ(a.bounds(id)->upper, b.bounds(id)->upper);

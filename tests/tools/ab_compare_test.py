@@ -205,12 +205,23 @@ class AbCompareTest(unittest.TestCase):
         _, message = run(TOOL, "--problem", "g2o:" + self.graph, *flags, code=1)
         self.assertIn("no/such/folder.json", message)
 
+    def test_inner_iterations(self):
+        """Fewer steps of the whole problem than without them, in both, and the same cost."""
+        flags = ["--configurations", "dense_schur", "--function_tolerance", "1e-10"]
+        _, plain = self.compare(*flags)
+        output, report = self.compare(*flags, "--inner_iterations")
+        self.assertIn("inner_iterations", output)
+        self.assertLess(abs(report["relative_cost_difference"]), 1e-8)
+        for before, after in zip(plain["runs"], report["runs"]):
+            self.assertLess(after["iterations"], before["iterations"])
+
     def test_flags_that_make_no_sense(self):
         bal = ["--problem", "bal:" + self.small]
         for flags in (["--problem", "toro:x"], [], bal + ["--configurations", "dense_schur,magic"],
                       ["--problem", "g2o:" + self.graph, "--configurations", "dense_schur"], bal + ["--repeats", "0"],
                       bal + ["--tolerance", "nan"], bal + ["--robust", "huber"], bal + ["--num_threads", "0"],
-                      bal + ["--mode", "fast"], bal + ["--mode", "incremental", "--builtin_factors", "--linear_solver", "dense_qr"], ["--problem", "g2o:" + self.graph, "--builtin_factors"],
+                      bal + ["--mode", "fast"], bal + ["--inner_iterations", "--builtin_factors"],
+                      bal + ["--inner_iterations", "--mode", "incremental"], bal + ["--mode", "incremental", "--builtin_factors", "--linear_solver", "dense_qr"], ["--problem", "g2o:" + self.graph, "--builtin_factors"],
                       bal + ["--linear_solver", "lagged_pcg"], bal + ["surplus"],
                       bal + ["--linear_solver", "cgnr", "--trust_region", "dogleg"]):
             _, message = run(TOOL, *flags, code=2)

@@ -184,6 +184,7 @@ json AbJson(const AbContext& context, const AbResult& result) {
           {"repeats", result.ours.rounds.size()},
           {"robust", ToString(context.settings.robust)},
           {"builtin_factors", context.settings.builtin_factors},
+          {"inner_iterations", context.settings.inner_iterations},
           {"runs", runs},
           {"dropped", dropped},
           {"best_stock", result.FastestStock().configuration},

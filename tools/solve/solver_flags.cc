@@ -205,6 +205,7 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
                       ceres::Solver::Options* options) {
   ceres::Solver::Options result;
   result.trust_region_strategy_type = settings.trust_region;
+  result.use_inner_iterations = settings.inner_iterations;
   result.linear_solver_type = type;
   if (type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR) {
     result.preconditioner_type = PreconditionerOf(settings, type);

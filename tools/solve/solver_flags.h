@@ -25,7 +25,8 @@ struct SolverSettings : CommonSettings {
   bool single_precision = false;      ///< of the Jacobians that conjugate gradients multiply by
   std::int64_t max_memory_bytes = 0;  ///< that a solve may take; 0: what is left
   bool builtin_factors = false;
-  bool incremental = false;  ///< ours solves in incremental mode
+  bool incremental = false;       ///< ours solves in incremental mode
+  bool inner_iterations = false;  ///< of a ceres::Problem; no flag reads it here
 };
 
 /// Reads --trust_region, --linear_solver, --preconditioner, --max_memory, --mode,

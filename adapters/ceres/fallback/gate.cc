@@ -1,6 +1,6 @@
 #include "adapters/ceres/fallback/gate.h"
 
-#include <algorithm>
+#include "adapters/ceres/read/selection.h"
 
 namespace inceres::internal {
 namespace {
@@ -122,23 +122,17 @@ std::string NeedsExactMode(const ceres::Solver::Options& options,
   if (options.use_inner_iterations) {
     return "use_inner_iterations: coordinate descent after each step of the whole problem";
   }
-  if (options.use_nonmonotonic_steps) {
-    return "use_nonmonotonic_steps, and incremental steps go down only";
-  }
   return options.linear_solver_type == ceres::DENSE_QR
              ? "linear_solver_type DENSE_QR, and incremental steps form normal equations"
              : "";
 }
 
 std::string NeedsExactMode(const ProblemView& view) {
-  const auto bounded =
-      std::find_if(view.blocks.begin(), view.blocks.end(), [](const ParameterBlockView& block) {
-        return block.reduced() && block.bounds != BoundsKind::kNone;
-      });
-  return bounded == view.blocks.end()
+  const ParameterBlockView* bounded = FindBoundsOnManifold(view);
+  return bounded == nullptr
              ? ""
-             : "bounds, onto which incremental steps are not projected: " + Describe(*bounded) +
-                   " has some";
+             : "bounds of values that steps do not move one by one: " + Describe(*bounded) +
+                   " has some, and is on a manifold";
 }
 
 std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
@@ -155,7 +149,7 @@ std::string FindObstacle(const ceres::Solver::Options& options, bool incremental
   look();
   *ordering = ReadOrdering(options, view);
   if (is_incremental()) {
-    *exact_reason = NeedsExactMode(view);
+    *exact_reason = view.defect.empty() ? NeedsExactMode(view) : "";
     obstacle = is_incremental() ? "" : OptionsObstacle(options);
   }
   if (!obstacle.empty()) {

@@ -32,7 +32,8 @@ std::string DenseQrObstacle(const ceres::Solver::Options& options, const Problem
 
 /// What these options, or bounds of this problem, ask of a solve in incremental mode that only
 /// exact mode has: its reason for being exact, or an empty string. `evaluation_callback` is the
-/// problem's, or null.
+/// problem's, or null. Of a bounded block on a manifold Plus and PlusJacobian are called, once
+/// each, to see what they do.
 std::string NeedsExactMode(const ceres::Solver::Options& options,
                            const ceres::EvaluationCallback* evaluation_callback);
 std::string NeedsExactMode(const ProblemView& view);

@@ -9,6 +9,7 @@
 
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/factor_shapes.h"
+#include "adapters/ceres/read/selection.h"
 
 namespace inceres::internal {
 namespace {
@@ -350,6 +351,9 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
   differences.Check("max_num_consecutive_invalid_steps",
                     &Options::max_num_consecutive_invalid_steps);
   differences.Check("jacobi_scaling", &Options::jacobi_scaling);
+  differences.Check("use_nonmonotonic_steps", &Options::use_nonmonotonic_steps);
+  differences.Check("max_consecutive_nonmonotonic_steps",
+                    &Options::max_consecutive_nonmonotonic_steps);
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
   }
@@ -396,6 +400,9 @@ IncrementalOptions IncrementalOptionsFor(const SolveInput& input, const Incremen
     result.batch_conjugate_gradients = *input.asked->conjugate_gradients;
   }
   ChooseIterativeSolver(input.options, input.view, input.ordering, kMaxDirectSize, &result);
+  if (result.batch_share > 0.0 && HasBounds(input.view)) {
+    result.batch_share = 1.0;  // the batch solver's clamped steps creep along bounds
+  }
   return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/selection.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "src/base/scientific.h"
 
@@ -71,6 +72,7 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   core.initial_cost = update.initial_cost + result.outside_cost;
   core.final_cost = update.final_cost + result.outside_cost;
   core.fixed_cost = result.fixed_cost;
+  core.is_constrained = HasBounds(input.view);
   core.iterations = result.trace;
   const auto successful = [](const IterationSummary& iteration) {
     return iteration.step_is_successful;

@@ -29,6 +29,8 @@ struct Correspondence {
     int tangent_size = 0;
     Role role = Role::kFrame;
     bool constant = false;
+    bool selects = false;        // in the graph it is on a SubsetManifold instead of the user's
+    std::vector<double> bounds;  // lower, then upper; empty without any
     // at the solver's values; empty without a manifold or a proof
     std::vector<double> plus_jacobian;
   };

@@ -2,13 +2,36 @@
 
 #include <algorithm>
 #include <cstring>
+#include <memory>
 #include <utility>
+
+#include "adapters/ceres/read/selection.h"
 
 namespace inceres::internal {
 namespace {
 
 bool SameBits(const double* a, const double* b, std::size_t size) {
   return std::memcmp(a, b, size * sizeof(double)) == 0;
+}
+
+bool HasBounds(const ParameterBlockView& block) {
+  return block.bounds != BoundsKind::kNone && !block.constant;
+}
+
+bool BoundsOnManifold(const ParameterBlockView& block) {
+  return HasBounds(block) && block.manifold != nullptr;
+}
+
+// What a bounded block's manifold was found to be (NeedsExactMode).
+std::shared_ptr<const Manifold> SelectionOf(const ParameterBlockView& block) {
+  const std::vector<int> moved = MovedValues(block).value_or(std::vector<int>());
+  std::vector<int> held;
+  for (int k = 0; k < block.ambient_size; ++k) {
+    if (!std::binary_search(moved.begin(), moved.end(), k)) {
+      held.push_back(k);
+    }
+  }
+  return std::make_shared<SubsetManifold>(block.ambient_size, held);
 }
 
 // Where two landmarks meet, those that the selection does not want give way; at most one is left
@@ -105,6 +128,10 @@ bool VariableMatching::IsSame(const Correspondence::Variable& variable,
       variable.manifold != block.manifold || variable.role != role) {
     return false;
   }
+  // Bounds that have come to a block on a manifold: it has to be on another one in the graph.
+  if (BoundsOnManifold(block) && !variable.selects) {
+    return false;
+  }
   if (block.manifold == nullptr || block.tangent_size == 0 || trust_ == Trust::kAddresses) {
     return true;
   }
@@ -114,6 +141,39 @@ bool VariableMatching::IsSame(const Correspondence::Variable& variable,
          SameBits(plus_jacobian.data(), variable.plus_jacobian.data(), plus_jacobian.size());
 }
 
+// Where the block starts: Ceres projects all values of a variable block, those too that its
+// manifold holds and the core would leave where they are.
+const double* VariableMatching::StartOf(const ParameterBlockView& block) {
+  if (!HasBounds(block)) {
+    return block.values;
+  }
+  const double* lower = view_.bounds.data() + block.first_bound;
+  const double* upper = lower + block.ambient_size;
+  start_.resize(At(block.ambient_size));
+  for (int k = 0; k < block.ambient_size; ++k) {
+    start_[At(k)] = std::min(std::max(block.values[k], lower[k]), upper[k]);
+  }
+  return start_.data();
+}
+
+// Those of a constant do not count, and come back with it.
+bool VariableMatching::FollowBounds(const ParameterBlockView& block,
+                                    Correspondence::Variable* variable) {
+  std::vector<double> bounds;
+  if (HasBounds(block)) {
+    const auto first = view_.bounds.begin() + static_cast<std::ptrdiff_t>(block.first_bound);
+    bounds.assign(first, first + 2 * std::ptrdiff_t{block.ambient_size});
+  }
+  if (bounds == variable->bounds) {
+    return false;
+  }
+  const double* lower = bounds.empty() ? nullptr : bounds.data();
+  const double* upper = bounds.empty() ? nullptr : lower + block.ambient_size;
+  edit_.SetBounds(variable->id, lower, upper);
+  variable->bounds = std::move(bounds);
+  return true;
+}
+
 void VariableMatching::TakeOver(int b, Correspondence::Variable variable) {
   const ParameterBlockView& block = view_.block(b);
   if (variable.constant != block.constant) {
@@ -121,12 +181,13 @@ void VariableMatching::TakeOver(int b, Correspondence::Variable variable) {
     edit_.SetConstant(variable.id, block.constant);
     ++changes_.num_toggled_constants;
   }
-  const bool revalued =
-      !SameBits(block.values, solver_.Values(variable.id), At(block.ambient_size));
+  const double* start = StartOf(block);
+  const bool revalued = !SameBits(start, solver_.Values(variable.id), At(block.ambient_size));
   if (revalued) {
-    edit_.SetValues(variable.id, block.values);
+    edit_.SetValues(variable.id, start);
     ++changes_.num_revalued_variables;
   }
+  changes_.num_changed_bounds += FollowBounds(block, &variable) ? 1 : 0;
   Keep(b, std::move(variable), revalued);
 }
 
@@ -164,11 +225,14 @@ void VariableMatching::Add(int b, Role role) {
   if (block.constant && trust_ == Trust::kNothing) {
     variable.id = edit_.AddBorrowedConstant(block.values, block.ambient_size);
   } else {
+    variable.selects = BoundsOnManifold(block);
     variable.id =
-        edit_.AddVariable(block.values, block.ambient_size, role, manifolds_.Get(block.manifold));
+        edit_.AddVariable(StartOf(block), block.ambient_size, role,
+                          variable.selects ? SelectionOf(block) : manifolds_.Get(block.manifold));
     if (block.constant) {
       edit_.SetConstant(variable.id, true);
     }
+    FollowBounds(block, &variable);
   }
   Keep(b, std::move(variable), /*revalued=*/false);
   ++changes_.num_added_variables;

@@ -58,6 +58,8 @@ class VariableMatching {
  private:
   bool IsSame(const Correspondence::Variable& variable, const ParameterBlockView& block,
               Role role) const;
+  const double* StartOf(const ParameterBlockView& block);
+  bool FollowBounds(const ParameterBlockView& block, Correspondence::Variable* variable);
   void TakeOver(int b, Correspondence::Variable variable);
   void Keep(int b, Correspondence::Variable variable, bool revalued);
   void Add(int b, Role role);
@@ -71,6 +73,7 @@ class VariableMatching {
   std::vector<Role> roles_;     // per block
   std::vector<char> revalued_;  // per entry of known_.variables
   std::vector<char> going_;     // per variable id
+  std::vector<double> start_;   // StartOf
   ManifoldTable manifolds_;
 };
 

@@ -105,6 +105,9 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "body reprojection"; }
+  SlotSpace Space(int s) const override {
+    return slot(s).ambient_size == 7 ? SlotSpace::kPose : SlotSpace::kEuclidean;
+  }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

@@ -49,6 +49,8 @@ class INCERES_EXPORT ImuFactorFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(factors_.size()); }
   const char* Name() const override { return "IMU preintegration"; }
+  /// Of poses by the conventions of the first measurement: those of a family are to be on one side.
+  SlotSpace Space(int s) const override;
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
   bool Recenters() const override { return true; }
   bool Recenter(int factor, const double* const* parameters) const override;

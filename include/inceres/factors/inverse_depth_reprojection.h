@@ -51,6 +51,7 @@ class INCERES_EXPORT InverseDepthReprojectionFamily final : public FactorFamily 
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "inverse-depth reprojection"; }
+  SlotSpace Space(int s) const override { return s < 2 ? SlotSpace::kPose : SlotSpace::kEuclidean; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

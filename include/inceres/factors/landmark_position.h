@@ -94,6 +94,9 @@ class INCERES_EXPORT SpatialLandmarkFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "spatial landmark"; }
+  SlotSpace Space(int s) const override {
+    return s == 0 ? SlotSpace::kPose : SlotSpace::kEuclidean;
+  }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
@@ -132,6 +135,7 @@ class INCERES_EXPORT PositionPriorFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "position prior"; }
+  SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

@@ -55,6 +55,13 @@ class PointObservationFamily : public FactorFamily {
   /// On which side poses are perturbed.
   Perturbation perturbation() const { return perturbation_; }
 
+  /// Of poses; the landmark's Jacobian is projected.
+  SlotSpace Space(int s) const override {
+    if (s == 2) {
+      return SlotSpace::kAny;
+    }
+    return perturbation_ == Perturbation::kLeft ? SlotSpace::kLeftPose : SlotSpace::kPose;
+  }
   /// Measurements held.
   int size() const override { return static_cast<int>(measurements_.size()); }
 

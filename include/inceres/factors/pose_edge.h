@@ -65,6 +65,7 @@ class INCERES_EXPORT PoseEdgeFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose edge"; }
+  SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

@@ -80,6 +80,9 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose prior"; }
+  SlotSpace Space(int /*s*/) const override {
+    return side_ == Side::kLeft ? SlotSpace::kLeftPose : SlotSpace::kPose;
+  }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
@@ -118,6 +121,7 @@ class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "speed-bias prior"; }
+  SlotSpace Space(int /*s*/) const override { return SlotSpace::kEuclidean; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

@@ -46,6 +46,7 @@ class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "relative pose"; }
+  SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

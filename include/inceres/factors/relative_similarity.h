@@ -78,6 +78,7 @@ class INCERES_EXPORT RelativeSimilarityFamily final : public FactorFamily {
 
   int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "relative similarity"; }
+  SlotSpace Space(int /*s*/) const override { return SlotSpace::kSimilarity; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:

@@ -24,6 +24,9 @@ struct BlockPattern {
   /// each other without a gap.
   std::vector<std::int64_t> value_begin;
   bool padded = false;  ///< rows of a block are padded to whole fours
+  /// Per block row: of two that the factor couples, that of the lower group is to be eliminated
+  /// first (FactorGraph::SetEliminationGroup). Empty: as the solver likes.
+  std::vector<int> groups;
 
   /// Block rows, as many as frames.
   int num_blocks() const { return static_cast<int>(offsets.size()) - 1; }

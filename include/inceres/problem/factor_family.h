@@ -10,6 +10,16 @@
 
 namespace inceres {
 
+/// How a variable must move for a family whose Evaluate writes tangent Jacobians by formulas of its
+/// own: to first order as this manifold's ⊞ (problem/manifolds.h), whatever its class is.
+enum class SlotSpace : unsigned char {
+  kAny,         ///< as it likes: the family projects, or has no Jacobian that depends on it
+  kEuclidean,   ///< x + δ: no manifold is needed
+  kPose,        ///< PoseManifold
+  kLeftPose,    ///< LeftPoseManifold
+  kSimilarity,  ///< SimilarityManifold
+};
+
 /// How an ambient Jacobian of one variable becomes a tangent one at the current linearization
 /// point: J_tangent = J_ambient · M with M = ∂(x ⊞ δ)/∂δ (ambient_size × tangent_size). The graph
 /// classifies M once per variable and linearization, so that the common cases cost a copy instead
@@ -118,6 +128,10 @@ class INCERES_EXPORT FactorFamily {
   int num_slots() const { return static_cast<int>(slots_.size()); }
   /// The sizes of slot s. Requires 0 ≤ s < num_slots().
   const Slot& slot(int s) const { return slots_[static_cast<std::size_t>(s)]; }
+
+  /// In which tangent space Evaluate writes the Jacobians of slot s. A graph with a variable in
+  /// another one there, on a manifold and not constant, is refused by name.
+  virtual SlotSpace Space(int /*s*/) const { return SlotSpace::kAny; }
 
   /// Number of factors whose measurements the family holds.
   virtual int size() const = 0;

@@ -19,8 +19,8 @@ namespace inceres {
 /// refused.
 ///
 /// Order within an edit: measurements are set, factors go, variables go, variables and factors
-/// come, then losses, constants, values, pins and bounds are set. So room that this edit frees is
-/// used by the next one.
+/// come, then losses, constants, values, pins, bounds and groups are set. So room that this edit
+/// frees is used by the next one.
 ///
 /// Threads: one writer. Nothing here touches the graph, but AddFactor writes the measurement into
 /// the family at once, at a place no factor uses.
@@ -94,6 +94,9 @@ class INCERES_EXPORT GraphEdit {
   /// are outside to the nearest bound, unless they are constant, and takes bounds of values in Rⁿ
   /// only: without a manifold, or with an EuclideanManifold or a SubsetManifold.
   void SetBounds(VariableId id, const double* lower, const double* upper);
+  /// As FactorGraph::SetEliminationGroup. An IncrementalSolver orders that part of the factor anew
+  /// which knows the frame: cheap for one that has just come. A group below 0 is refused.
+  void SetEliminationGroup(VariableId id, int group) { groups_.emplace_back(id, group); }
 
   /// Whether nothing has been asked for since it began.
   bool empty() const;
@@ -153,6 +156,8 @@ class INCERES_EXPORT GraphEdit {
   const std::vector<std::pair<VariableId, std::size_t>>& pins() const { return pins_; }
   /// Bounds to set or to lift.
   const std::vector<NewBounds>& bounds() const { return bounds_; }
+  /// Groups to put variables into.
+  const std::vector<std::pair<VariableId, int>>& elimination_groups() const { return groups_; }
   /// an offset that points to no values
   static constexpr std::size_t kNoValues = static_cast<std::size_t>(-1);
   /// The graph it was begun on.
@@ -190,6 +195,7 @@ class INCERES_EXPORT GraphEdit {
   std::vector<std::pair<VariableId, std::size_t>> new_values_;
   std::vector<std::pair<VariableId, std::size_t>> pins_;
   std::vector<NewBounds> bounds_;
+  std::vector<std::pair<VariableId, int>> groups_;
 };
 
 }  // namespace inceres

@@ -50,6 +50,10 @@ struct ReducedStructure {
   /// Per block row: the last Update, or an edit since the one before, added to its blocks or took
   /// from them. A block changed only if both of its rows did.
   std::vector<bool> changed;
+  /// The frames in the order in which the factor of the last Update eliminates them: of two that it
+  /// couples that of the lower group first (FactorGraph::SetEliminationGroup). Empty without a
+  /// factor: of kPcg, of a user's solver, and until the incremental solver itself has factored.
+  std::vector<VariableId> elimination_order;
 };
 
 /// The solver that remembers: after the first Update, work goes with what changed. Apply edits,

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <vector>
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_graph.h"
@@ -83,6 +84,13 @@ class INCERES_EXPORT Solver {
 
   /// What is held from solve to solve.
   std::int64_t Bytes() const;
+
+  /// The frames of the structure that is held, in the order in which its Cholesky factor eliminates
+  /// them: of two that it couples that of the lower group first (FactorGraph::SetEliminationGroup).
+  /// Landmarks go before them all. Empty where nothing is held, and where steps come without such a
+  /// factor: by conjugate gradients, QR, dynamic_sparsity, a reduced_solver_factory, or a small
+  /// dense matrix that has no blocks. Cost: a pass over the frames.
+  std::vector<VariableId> EliminationOrder() const;
 
  private:
   friend Summary Solve(const SolverOptions& options, FactorGraph* graph);

@@ -100,6 +100,7 @@ struct INCERES_EXPORT ProblemChanges {
   int num_replaced_factors = 0;
   int num_kept_factors = 0;    ///< taken over from the last solve
   int num_changed_losses = 0;  ///< kept or replaced factors with another loss
+  int num_changed_bounds = 0;  ///< kept variables with other bounds, or none any more
 };
 
 /// What happened in a solve.

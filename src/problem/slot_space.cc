@@ -1,0 +1,126 @@
+#include "problem/slot_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <typeinfo>
+#include <vector>
+
+#include "inceres/problem/similarity_manifold.h"
+
+namespace inceres::internal {
+
+// Which manifolds a family's own tangent Jacobians are right for. By what a manifold does and not
+// by its class: VINS's pose, whose PlusJacobian claims to be [I; 0], or a product of R³ and a
+// rotation move as PoseManifold does.
+
+namespace {
+
+// For central differences: their own error is some step² ~ 1e-8, rounding 1e-12; spaces that differ
+// do so by a tenth and more.
+constexpr double kStep = 1e-4;
+constexpr double kTolerance = 1e-6;
+
+std::unique_ptr<Manifold> ManifoldOf(SlotSpace space, int size) {
+  switch (space) {
+    case SlotSpace::kPose:
+      return std::make_unique<PoseManifold>();
+    case SlotSpace::kLeftPose:
+      return std::make_unique<LeftPoseManifold>();
+    case SlotSpace::kSimilarity:
+      return std::make_unique<SimilarityManifold>();
+    default:
+      return std::make_unique<EuclideanManifold>(size);
+  }
+}
+
+bool IsBuiltIn(SlotSpace space, const Manifold& manifold) {
+  switch (space) {
+    case SlotSpace::kAny:
+      return true;
+    case SlotSpace::kEuclidean:
+      return typeid(manifold) == typeid(EuclideanManifold);
+    case SlotSpace::kPose:
+      return typeid(manifold) == typeid(PoseManifold);
+    case SlotSpace::kLeftPose:
+      return typeid(manifold) == typeid(LeftPoseManifold);
+    case SlotSpace::kSimilarity:
+      return typeid(manifold) == typeid(SimilarityManifold);
+  }
+  return false;
+}
+
+// No coordinate is 0 or that of another; a quaternion has length 1, and a scale is positive.
+std::vector<double> PointIn(SlotSpace space, int size) {
+  std::vector<double> x(static_cast<std::size_t>(size));
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    x[k] = 0.3 + std::sin(1.0 + static_cast<double>(k));
+  }
+  if (space != SlotSpace::kEuclidean) {
+    const double norm = std::sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5] + x[6] * x[6]);
+    std::for_each(x.begin() + 3, x.begin() + 7, [norm](double& entry) { entry /= norm; });
+  }
+  return x;
+}
+
+// Where x comes to by ±kStep along one coordinate of the tangent space: their difference.
+bool Move(const Manifold& manifold, const std::vector<double>& x, std::vector<double>* delta,
+          std::size_t column, std::vector<double>* moved) {
+  std::vector<double> back(x.size());
+  moved->resize(x.size());
+  (*delta)[column] = kStep;
+  const bool ahead = manifold.Plus(x.data(), delta->data(), moved->data());
+  (*delta)[column] = -kStep;
+  const bool done = manifold.Plus(x.data(), delta->data(), back.data()) && ahead;
+  (*delta)[column] = 0.0;
+  std::transform(moved->begin(), moved->end(), back.begin(), moved->begin(), std::minus<>());
+  return done;
+}
+
+}  // namespace
+
+bool MovesIn(SlotSpace space, const Manifold& manifold) {
+  if (IsBuiltIn(space, manifold)) {
+    return true;
+  }
+  const std::unique_ptr<Manifold> wanted = ManifoldOf(space, manifold.AmbientSize());
+  if (manifold.AmbientSize() != wanted->AmbientSize() ||
+      manifold.TangentSize() != wanted->TangentSize()) {
+    return false;
+  }
+  const std::vector<double> x = PointIn(space, manifold.AmbientSize());
+  std::vector<double> delta(static_cast<std::size_t>(manifold.TangentSize()), 0.0);
+  std::vector<double> given, known;
+  for (std::size_t column = 0; column < delta.size(); ++column) {
+    if (!Move(manifold, x, &delta, column, &given) || !Move(*wanted, x, &delta, column, &known)) {
+      return false;
+    }
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      // Negated, so that NaN fails.
+      if (!(std::abs(given[k] - known[k]) <= kTolerance * 2.0 * kStep)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+const char* NameOf(SlotSpace space) {
+  switch (space) {
+    case SlotSpace::kEuclidean:
+      return "values in Rⁿ, which need no manifold";
+    case SlotSpace::kPose:
+      return "a pose on PoseManifold";
+    case SlotSpace::kLeftPose:
+      return "a pose on LeftPoseManifold";
+    case SlotSpace::kSimilarity:
+      return "a similarity on SimilarityManifold";
+    case SlotSpace::kAny:
+      break;
+  }
+  return "anything";
+}
+
+}  // namespace inceres::internal

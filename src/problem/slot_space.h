@@ -1,0 +1,17 @@
+#pragma once
+
+#include "inceres/problem/factor_family.h"
+#include "inceres/problem/manifolds.h"
+
+namespace inceres::internal {
+
+/// Whether x ⊞ δ of this manifold is that of the space to first order: then Jacobians in the
+/// space's tangent are right for it. The built-in manifold of the space is known at once; any other
+/// class, as a wrapper of a user's or a SubsetManifold that holds nothing, is compared by its Plus,
+/// at one point without special values. Cost of that: four calls of Plus a degree of freedom.
+bool MovesIn(SlotSpace space, const Manifold& manifold);
+
+/// "a pose on PoseManifold", for messages.
+const char* NameOf(SlotSpace space);
+
+}  // namespace inceres::internal
