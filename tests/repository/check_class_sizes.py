@@ -20,10 +20,10 @@ import checking
 LIMIT = 350
 # Classes that are larger still, and how large they may be.
 LARGE = {
-    "EditCheck": 424,
-    "FactorGraph": 559,
-    "IncrementalFamily": 388,
-    "IncrementalMinimizer": 674,
+    "EditCheck": 481,
+    "Evaluator": 381,
+    "FactorGraph": 567,
+    "IncrementalFamily": 396,
 }
 
 FOLDERS = ("src", "include", "adapters")

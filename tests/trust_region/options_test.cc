@@ -12,7 +12,7 @@
 namespace inceres {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 
 TEST(SolverOptions, DefaultsAreValid) {
   EXPECT_TRUE(SolverOptions().Validate().ok());
@@ -51,9 +51,10 @@ INSTANTIATE_TEST_SUITE_P(
         BadOption{"max_solver_time_in_seconds",
                   [](SolverOptions* o) { o->max_solver_time_in_seconds = -1.0; }},
         BadOption{"max_solver_time_in_seconds",
-                  [](SolverOptions* o) { o->max_solver_time_in_seconds = kNaN; }},
+                  [](SolverOptions* o) { o->max_solver_time_in_seconds = kNotANumber; }},
         BadOption{"function_tolerance", [](SolverOptions* o) { o->function_tolerance = -1e-9; }},
-        BadOption{"function_tolerance", [](SolverOptions* o) { o->function_tolerance = kNaN; }},
+        BadOption{"function_tolerance",
+                  [](SolverOptions* o) { o->function_tolerance = kNotANumber; }},
         BadOption{"gradient_tolerance", [](SolverOptions* o) { o->gradient_tolerance = -1e-9; }},
         BadOption{"parameter_tolerance", [](SolverOptions* o) { o->parameter_tolerance = -1e-9; }},
         BadOption{"min_trust_region_radius",
@@ -65,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadOption{"initial_trust_region_radius",
                   [](SolverOptions* o) { o->initial_trust_region_radius = 0.0; }},
         BadOption{"initial_trust_region_radius",
-                  [](SolverOptions* o) { o->initial_trust_region_radius = kNaN; }},
+                  [](SolverOptions* o) { o->initial_trust_region_radius = kNotANumber; }},
         BadOption{"min_relative_decrease",
                   [](SolverOptions* o) { o->min_relative_decrease = -0.1; }},
         BadOption{"min_lm_diagonal", [](SolverOptions* o) { o->min_lm_diagonal = 0.0; }},
@@ -84,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadOption{"min_line_search_step_contraction",
                   [](SolverOptions* o) { o->min_line_search_step_contraction = 1e-3; }},
         BadOption{"min_line_search_step_size",
-                  [](SolverOptions* o) { o->min_line_search_step_size = kNaN; }},
+                  [](SolverOptions* o) { o->min_line_search_step_size = kNotANumber; }},
         BadOption{"max_num_line_search_step_size_iterations",
                   [](SolverOptions* o) { o->max_num_line_search_step_size_iterations = -1; }}),
     [](const auto& instance) { return instance.param.field + std::to_string(instance.index); });
