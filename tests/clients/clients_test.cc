@@ -23,6 +23,10 @@ struct Client {
   const char* left_to_stock;
 };
 
+// Of inexact steps on numeric derivatives, stopped on the way: stock differs from itself by 2e-4
+// where one value of the start is moved by a few units in the last place.
+constexpr double kOfInexactSteps = 1e-3;
+
 void PrintTo(const Client& client, std::ostream* stream) {
   *stream << client.name;
 }
@@ -95,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Clients,
                                            Client{"slam_toolbox", 1e-6, true, nullptr},
                                            Client{"openvins", 1e-6, true, nullptr},
                                            Client{"fuse", 1e-6, true, nullptr},
-                                           Client{"asp", 1e-6, true, nullptr}),
+                                           Client{"asp", kOfInexactSteps, true, nullptr}),
                          [](const auto& client) { return std::string(client.param.name); });
 
 }  // namespace

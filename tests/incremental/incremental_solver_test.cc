@@ -349,6 +349,7 @@ class MoodyPriors final : public AmbientFamily<MoodyPriors> {
 TEST(IncrementalSolver, AFamilyThatThrowsLeavesTheEditUndone) {
   IncrementalOptions options;
   options.batch_share = 2.0;
+  options.function_tolerance = 1e-13;
   IncrementalSolver solver(options);
   const auto family = solver.AddFamily(std::make_shared<MoodyPriors>());
   const double start = 0.0;
