@@ -16,9 +16,9 @@ BalGraph AddBal(const BalProblem& bal, const std::shared_ptr<const Loss>& loss,
                 FactorGraph* graph) {
   BalGraph ids;
   // The state is one array: it would be copied several times while it grows.
-  graph->Reserve(graph->num_variables() + bal.num_cameras + bal.num_points,
-                 internal::CappedCount(graph->state().size() + bal.cameras.size() +
-                                       bal.points.size()));
+  graph->Reserve(
+      graph->num_variables() + bal.num_cameras + bal.num_points,
+      internal::CappedCount(graph->state().size() + bal.cameras.size() + bal.points.size()));
   for (int i = 0; i < bal.num_cameras; ++i) {
     ids.cameras.push_back(
         graph->AddVariable(bal.CameraData(i), BalProblem::kCameraSize, Role::kFrame));
