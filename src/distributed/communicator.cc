@@ -209,8 +209,9 @@ void Communicator::SendParts(const double* sent, const Parts& to, double* receiv
   for (std::size_t r = 0; r < to.counts.size(); ++r) {
     CountMessage(r, static_cast<std::size_t>(to.counts[r]) * sizeof(double));
   }
-  MPI_Alltoallv(sent, to.counts.data(), to.begins.data(), MPI_DOUBLE, received, from.counts.data(),
-                from.begins.data(), MPI_DOUBLE, comm_);
+  // In parentheses as in exchange.h: PETSc's macro of this name counts the bytes as well.
+  (MPI_Alltoallv)(sent, to.counts.data(), to.begins.data(), MPI_DOUBLE, received,
+                  from.counts.data(), from.begins.data(), MPI_DOUBLE, comm_);
 }
 
 // The message comes first, since MPI may kill this process at once.
