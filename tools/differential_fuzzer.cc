@@ -24,11 +24,12 @@
 #include "tools/command_line/output.h"
 #include "tools/command_line/progress_lines.h"
 #include "tools/fuzz/life_process.h"
+#include "tools/fuzz/solver.h"
 
 DEFINE_string(mode, "all",
               "Which solver is under test: exact, incremental, session, dropin, "
               "dropin_incremental, auto, or several, separated by "
-              "commas, or all.");
+              "commas, or all of them; stock: Ceres itself, for comparison.");
 DEFINE_uint64(seed, 1, "The same seed gives the same lives.");
 DEFINE_uint64(first_life, 0, "Begins with this life of the seed.");
 DEFINE_uint64(lives, 100, "How many lives in each mode.");
@@ -222,6 +223,7 @@ std::vector<std::string> WantedModes() {
     return Split(FLAGS_mode);
   }
   std::vector<std::string> modes = Modes();
+  modes.erase(std::remove(modes.begin(), modes.end(), kStockMode), modes.end());
   for (const DropInMode& mode : kDropInModes) {
     modes.emplace_back(mode.name);
   }

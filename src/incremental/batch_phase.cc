@@ -124,7 +124,6 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
   // observer's, which sees stagnation and refusals.
   if (!only && options.batch_strategy == TrustRegionStrategyKind::kMarquardt) {
     batch.function_tolerance = 0.0;
-    batch.gradient_tolerance = tuning.gradient_tolerance;
     // the observer looks at it
     batch.min_trust_region_radius = std::numeric_limits<double>::min();
     batch.max_trust_region_radius = tuning.max_radius;
@@ -135,7 +134,9 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  batch.gradient_tolerance = std::max(batch.gradient_tolerance, options.gradient_tolerance);
+  // Of a cost next to zero nearly all may be left where the gradient is as small as Ceres's default.
+  batch.gradient_tolerance = std::max(only ? batch.gradient_tolerance : tuning.gradient_tolerance,
+                                      options.gradient_tolerance);
   batch.parameter_tolerance = options.parameter_tolerance;
   batch.min_relative_decrease = options.min_relative_decrease;
   // Neither is Ceres's, so neither is there where its iterates are asked for.

@@ -138,6 +138,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   // A pass of landmarks has a row of the trace, but solves no reduced system and is not counted as
   // an iteration.
   if (landmarks_.Step()) {
+    NoteLandmarks();
     return Verdict::kGoOn;
   }
   ++context_.summary->num_iterations;
@@ -157,8 +158,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = context_.summary->remaining_decrease;
   // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
   // after each step of the frames.
-  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
-                                                                 : TakeStep(remaining);
+  if (landmarks_.StepIfTheyDominate(landmark_gain, remaining)) {
+    NoteLandmarks();
+    return Verdict::kGoOn;
+  }
+  return TakeStep(remaining);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there
@@ -227,7 +231,14 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     return Verdict::kGoOn;
   }
   if (!context_.control.IsDampedHard()) {
-    return linearization_.FreeHeldLandmarks() ? Verdict::kGoOn : Verdict::kConverged;
+    switch (linearization_.FreeHeldLandmarks()) {
+      case UpdateLinearization::Freed::kSome:
+        return Verdict::kGoOn;
+      case UpdateLinearization::Freed::kFailed:
+        return Verdict::kFailed;
+      default:
+        return Verdict::kConverged;
+    }
   }
   // μ was at its floor, steps were refused there, and it has risen again.
   switch (context_.control.JudgeRefusals(context_.Tolerance())) {
@@ -238,7 +249,6 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
       return Verdict::kConverged;
     case StepControl::Verdict::kUnknown:
       return Verdict::kStuck;
-    // kTryBetween: a damping between the last two was set, and the loop goes on with it.
     // kTryBetween: a damping between the last two was set, and the loop goes on with it.
     default:
       return Verdict::kGoOn;
@@ -281,6 +291,14 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   earlier_factor_.NoteStep(gain_ratio, shortened);
 }
 
+// Landmarks that have just gained much, freed of their damping, may go on to: what they are left
+// with under the damping of before is no proof against it.
+void IncrementalMinimizer::NoteLandmarks() {
+  if (context_.row().cost_change > context_.stop.Allowed(context_.system.cost())) {
+    linearization_.ForgetFreed();
+  }
+}
+
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.
 IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   ++context_.summary->num_unsuccessful_steps;
@@ -300,7 +318,6 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
       context_.system.Redamp(landmark);
     }
   }
-  // Beyond max_damping the Update ends without convergence.
   // Beyond max_damping the Update ends without convergence.
   return may_go_on ? Verdict::kGoOn : Verdict::kStuck;
 }

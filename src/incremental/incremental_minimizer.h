@@ -57,6 +57,7 @@ class IncrementalMinimizer {
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);
+  void NoteLandmarks();
   Verdict Retreat(bool refreshed);
 
   UpdateContext context_;

@@ -175,8 +175,7 @@ struct Tuning {
     /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems
     /// singular.
     double max_radius = 1e10;
-    /// Of that rule: it is there for costs next to zero, too, where Ceres's default ends a solve
-    /// early.
+    /// Absolute, for costs next to zero, where Ceres's default ends a solve early.
     double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.
     double shrunk_share = 0.01;

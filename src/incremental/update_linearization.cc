@@ -64,11 +64,11 @@ bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& wor
   return status.ok();
 }
 
-bool UpdateLinearization::FreeHeldLandmarks() {
+UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks() {
   if (landmarks_freed_ ||
       !context_.system.RedampHidden(context_.control.mu(),
                                     context_.stop.Allowed(context_.system.cost()))) {
-    return false;
+    return Freed::kNone;
   }
   const StageTimer timer(&context_.summary->linearize_seconds);
   // A second time would find the same until a step is taken.
@@ -77,7 +77,7 @@ bool UpdateLinearization::FreeHeldLandmarks() {
   RelinearizeWork work;
   const Status status =
       context_.system.Relinearize(context_.control.mu(), RuleOf(context_.options.rebuild), &work);
-  return Count(status, work);
+  return Count(status, work) ? Freed::kSome : Freed::kFailed;
 }
 
 // For covariances: with λ_min, whatever μ has been.

@@ -19,11 +19,13 @@ class UpdateLinearization {
   /// linearization errs too much for them.
   void LookAtReweighed();
 
+  enum class Freed { kNone, kSome, kFailed };
   /// Far points are damped by more than the frames, or they would run away along their rays: for a
   /// claim they are damped as little, where that shows more to gain than may be left undone. Once a
-  /// step; true if they were.
-  bool FreeHeldLandmarks();
-  /// A step was taken, or an Update begins.
+  /// step; kFailed: the Update is over.
+  Freed FreeHeldLandmarks();
+  /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than may
+  /// be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
 
   /// Where the batch solver was the last to move: linearizes everything, with the least damping of

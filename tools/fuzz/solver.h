@@ -32,7 +32,9 @@ class SolverUnderTest {
   virtual bool used_stock() const { return false; }
 };
 
-/// The modes this program has: exact, incremental and session, or with the drop-in in front of
+/// Stock Ceres under test, for comparison: what the judge makes of it.
+constexpr char kStockMode[] = "stock";
+/// The modes this program has: exact, incremental, session and kStockMode, or with the drop-in in front of
 /// Ceres the one that INCERES_MODE says: dropin, dropin_incremental or auto.
 std::vector<std::string> Modes();
 /// `mode` is one of Modes().

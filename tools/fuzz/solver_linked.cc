@@ -44,13 +44,25 @@ class Session : public SolverUnderTest {
   SolveReport report_;
 };
 
+class Stock : public SolverUnderTest {
+ public:
+  void Solve(const ceres::Solver::Options& options, ceres::Problem* problem,
+             ceres::Solver::Summary* summary) override {
+    SolveByStock(options, problem, summary);
+  }
+  bool follows_stock() const override { return false; }  // it is judged as others are
+};
+
 }  // namespace
 
 std::vector<std::string> Modes() {
-  return {"exact", "incremental", "session"};
+  return {"exact", "incremental", "session", kStockMode};
 }
 
 std::unique_ptr<SolverUnderTest> MakeSolver(const std::string& mode) {
+  if (mode == kStockMode) {
+    return std::make_unique<Stock>();
+  }
   if (mode == "session") {
     return std::make_unique<Session>();
   }
