@@ -307,10 +307,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
+  // Where S had no factor there was no step, and what is left is that of another damping.
+  const bool tried = row.step == UpdateStep::kFrames;
   // it could not be evaluated
-  const bool blindly = row.step == UpdateStep::kFrames && !(row.model_cost_change > 0.0);
+  const bool blindly = tried && !(row.model_cost_change > 0.0);
   StepControl& control = context_.control;
-  const bool may_go_on = control.Refuse(context_.summary->remaining_decrease, blindly);
+  const bool may_go_on =
+      control.Refuse(tried ? context_.summary->remaining_decrease : HUGE_VAL, blindly);
   // A change of μ does not reach landmarks by itself: λ is that of their elimination.
   for (const std::int32_t landmark : context_.active.landmarks()) {
     if (context_.options.damping == DampingForm::kHybrid &&
