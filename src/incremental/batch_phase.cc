@@ -134,7 +134,7 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  // Of a cost next to zero nearly all may be left where the gradient is as small as Ceres's default.
+  // Of a cost next to zero nearly all may be left where the gradient is below Ceres's default.
   batch.gradient_tolerance = std::max(only ? batch.gradient_tolerance : tuning.gradient_tolerance,
                                       options.gradient_tolerance);
   batch.parameter_tolerance = options.parameter_tolerance;

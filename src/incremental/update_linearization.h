@@ -24,8 +24,8 @@ class UpdateLinearization {
   /// claim they are damped as little, where that shows more to gain than may be left undone. Once a
   /// step; kFailed: the Update is over.
   Freed FreeHeldLandmarks();
-  /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than may
-  /// be left undone.
+  /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
+  /// may be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
 
   /// Where the batch solver was the last to move: linearizes everything, with the least damping of

@@ -34,8 +34,8 @@ class SolverUnderTest {
 
 /// Stock Ceres under test, for comparison: what the judge makes of it.
 constexpr char kStockMode[] = "stock";
-/// The modes this program has: exact, incremental, session and kStockMode, or with the drop-in in front of
-/// Ceres the one that INCERES_MODE says: dropin, dropin_incremental or auto.
+/// The modes this program has: exact, incremental, session and kStockMode, or with the drop-in in
+/// front of Ceres the one that INCERES_MODE says: dropin, dropin_incremental or auto.
 std::vector<std::string> Modes();
 /// `mode` is one of Modes().
 std::unique_ptr<SolverUnderTest> MakeSolver(const std::string& mode);
