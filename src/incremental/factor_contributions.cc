@@ -11,8 +11,11 @@ namespace inceres::internal {
 // A contribution that is to be taken out must be exactly the one that went in, or rounding is not
 // all that stays behind: hence q and the Jacobians are copied (Keep) before a family linearizes
 // anew, and Replace subtracts the copy and adds the new one in one pass over S. The blocks that a
-// factor's products go to are looked up once and remembered; blocks of S do not move while their
-// frames stay.
+// factor's products go to are looked up once and remembered; blocks of S do not move while anybody
+// has products there.
+//
+// A factor that is turned off, as a loop that was found wrong, has no blocks: between two frames
+// that nothing else couples S has none then, and its factor no fill.
 
 void FactorContributions::Connect(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
@@ -52,14 +55,52 @@ Contribution FactorContributions::RowsOf(FactorRef ref) {
   return {rows_.data(), static_cast<int>(rows_.size()), family.residual_size()};
 }
 
+void FactorContributions::Disconnect(FactorRef ref) {
+  RowsOf(ref);
+  ReleaseBlocks(ref);
+}
+
+// Of the frames in rows_of_. What a landmark sees both frames of is left alone: its products go to
+// the same blocks.
+void FactorContributions::ReleaseBlocks(FactorRef ref) {
+  if (!HasBlocks(ref)) {
+    return;
+  }
+  Blocks(ref)[0] = -1;
+  for (std::size_t r = 0; r < rows_of_.size(); ++r) {
+    for (std::size_t c = 0; c < r; ++c) {
+      if (!IsCoupled(rows_of_[r], rows_of_[c])) {
+        sums_.S().RemoveBlock(rows_of_[r], rows_of_[c]);
+      }
+    }
+  }
+  sums_.Touch(rows_of_);
+}
+
+// Whether a block of S between these may be somebody's.
+bool FactorContributions::IsCoupled(std::int32_t row, std::int32_t column) {
+  const IncrementalStructure::Frame &a = structure_.frames()[row], &b = structure_.frames()[column];
+  if (!a.landmarks.empty() && !b.landmarks.empty()) {
+    return true;
+  }
+  return std::any_of(a.factors.begin(), a.factors.end(), [&](const FactorRef& ref) {
+    return HasBlocks(ref) && structure_.Touches(ref, column);
+  });
+}
+
+// By a loss that has no influence whatever the residual; not by one that has none at this residual
+// only, as Tukey's. Asked when Jacobians are those of the loss, so they are zero then.
+bool FactorContributions::IsTurnedOff(FactorRef ref) const {
+  const auto* const loss = dynamic_cast<const ScaledLoss*>(families_[ref.family].loss(ref.factor));
+  return loss != nullptr && loss->scale() == 0.0;
+}
+
 // Where the factor's products go. A block of S stays where it is while its frames do.
 const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
-  const int num_slots = families_[ref.family].num_slots();
-  const int num_pairs = num_slots * (num_slots + 1) / 2;
-  std::int32_t* blocks = blocks_[ref.family].data() + std::ptrdiff_t{ref.factor} * num_pairs;
+  std::int32_t* blocks = Blocks(ref);
   if (blocks[0] < 0) {
     // The lower triangle of the factor's frames, row by row, as the kernels count. Slots outside
-    // the system have no row, so fewer entries than num_pairs may be in use.
+    // the system have no row, so not all entries may be in use.
     for (std::size_t r = 0, at = 0; r < rows_of_.size(); ++r) {
       for (std::size_t c = 0; c <= r; ++c, ++at) {
         blocks[at] = sums_.BlockOf(rows_of_[r], rows_of_[c]);
@@ -81,8 +122,9 @@ void FactorContributions::AddRows(const Contribution& contribution, const double
 // BlocksOf may add blocks to S and move its values, so it comes before the kernels are given
 // pointers.
 void FactorContributions::Add(FactorRef ref, double sign) {
+  const bool is_there = sign > 0.0 ? !IsTurnedOff(ref) : HasBlocks(ref);
   const Contribution contribution = RowsOf(ref);
-  if (contribution.count > 0) {
+  if (contribution.count > 0 && is_there) {
     const std::int32_t* blocks = BlocksOf(ref);  // S may grow
     AddRows(contribution, families_[ref.family].q(ref.factor), nullptr, sign, blocks);
   }
@@ -128,12 +170,21 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
     out += std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
   }
   contribution.replaces = true;
-  AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOf(ref));
+  const bool is_off = IsTurnedOff(ref);
+  if (!is_off || HasBlocks(ref)) {
+    AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOf(ref));
+  }
+  if (is_off) {
+    ReleaseBlocks(ref);
+  }
 }
 
 // For a row that is summed anew (rebuilding, drift). Its column belongs to other rows, which
 // change as well and are marked, but their b and diag(C) stay: those have this factor already.
 void FactorContributions::AddToRow(FactorRef ref, std::int32_t only) {
+  if (IsTurnedOff(ref)) {
+    return;
+  }
   const Contribution contribution = RowsOf(ref);
   targets_.clear();
   for (int r = 0; r < contribution.count; ++r) {

@@ -23,6 +23,8 @@ class FactorContributions {
 
   /// The factor's blocks of S are looked up anew: it has come to these frames.
   void Connect(FactorRef ref);
+  /// It leaves them; its contribution is not in S any more.
+  void Disconnect(FactorRef ref);
 
   /// With the Jacobians cached now: sign +1 adds, -1 takes out.
   void Add(FactorRef ref, double sign);
@@ -38,7 +40,16 @@ class FactorContributions {
 
  private:
   Contribution RowsOf(FactorRef ref);
+  std::int32_t* Blocks(FactorRef ref) {
+    const int num_slots = families_[ref.family].num_slots();
+    return blocks_[ref.family].data() +
+           std::ptrdiff_t{ref.factor} * (num_slots * (num_slots + 1) / 2);
+  }
+  bool HasBlocks(FactorRef ref) { return Blocks(ref)[0] >= 0; }
   const std::int32_t* BlocksOf(FactorRef ref);
+  void ReleaseBlocks(FactorRef ref);
+  bool IsCoupled(std::int32_t row, std::int32_t column);
+  bool IsTurnedOff(FactorRef ref) const;
   void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
                const std::int32_t* blocks);
   double* KeepRoom(std::ptrdiff_t count);
@@ -47,7 +58,7 @@ class FactorContributions {
   const IncrementalStructure& structure_;
   SchurSums& sums_;
   // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first
-  // -1: not looked up yet.
+  // -1: the factor has none, for it has just come or is turned off.
   std::vector<std::vector<std::int32_t>> blocks_;
   std::vector<BlockRow> rows_;         // of the contribution under way
   std::vector<std::int32_t> rows_of_;  // their frames

@@ -100,6 +100,7 @@ void IncrementalSchur::Connect(FactorRef ref, const std::int32_t* frames, std::i
 }
 
 void IncrementalSchur::Disconnect(FactorRef ref) {
+  factors_.Disconnect(ref);
   structure_.Disconnect(ref);
   if (structure_.LandmarkOfFactor(ref) >= 0) {
     blocks_.Displace(structure_.LandmarkOfFactor(ref));

@@ -46,11 +46,20 @@ void Clear(UpdateSummary* summary) {
   *summary = std::move(cleared);
 }
 
-// What is added takes nothing from what others know.
-bool OnlyAdds(const GraphEdit& edit) {
+// What is added takes nothing from what others know; nor does another loss of a factor that has
+// said nothing so far.
+bool OnlyAdds(const GraphEdit& edit, const std::vector<internal::IncrementalFamily>& families) {
+  const auto is_silent = [&](const std::pair<FactorId, std::shared_ptr<const Loss>>& loss) {
+    const FactorId id = loss.first;
+    return id.family >= static_cast<FamilyId>(families.size()) ||
+           id.index >= families[id.family].num_places() ||
+           !families[id.family].linearized(id.index) ||
+           families[id.family].weight(id.index) == 0.0;
+  };
   return edit.removed_variables().empty() && edit.removed_factors().empty() &&
-         edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
-         edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
+         std::all_of(edit.losses().begin(), edit.losses().end(), is_silent) &&
+         edit.measurements().empty() && edit.constants().empty() && edit.new_values().empty() &&
+         edit.pins().empty() && edit.bounds().empty();
 }
 
 }  // namespace
@@ -122,8 +131,10 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
 // Later edits are followed by difference.
 Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   Status status = options_.Validate();
+  bool only_adds = false;
   if (status.ok() && (begun_ || live != nullptr)) {
     Form();
+    only_adds = weakest_.is_known && OnlyAdds(edit, live->families());
     status = live->Apply(edit);
   } else if (status.ok()) {
     status = internal::ActiveBounds::Check(edit);
@@ -133,7 +144,7 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   if (!edit.empty() && status.ok()) {
     converged_ = false;
     edited_ = true;
-    weakest_.is_known = weakest_.is_known && OnlyAdds(edit);
+    weakest_.is_known = weakest_.is_known && only_adds;
   }
   return status;
 }

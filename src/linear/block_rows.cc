@@ -168,6 +168,16 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   return offset;
 }
 
+void SymmetricBlockRows::RemoveBlock(int row, int column) {
+  ++version_;
+  auto& entries = rows_[row];
+  const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
+  Release(entry->offset, sizes_[row], sizes_[column]);
+  entries.erase(entry);
+  std::vector<int>& below = below_[column];
+  below.erase(std::lower_bound(below.begin(), below.end(), row));
+}
+
 std::int64_t SymmetricBlockRows::Find(int row, int column) const {
   const auto& entries = rows_[row];
   const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);

@@ -52,6 +52,9 @@ class SymmetricBlockRows {
   /// The block's values, adding a zero block if there is none; row ≥ column.
   std::int64_t FindOrAdd(int row, int column);
 
+  /// Removes a block off the diagonal, which is there; row > column.
+  void RemoveBlock(int row, int column);
+
   /// Offset of the block, or -1.
   std::int64_t Find(int row, int column) const;
 

@@ -72,7 +72,7 @@ Status FactorLinearizer::Connect(FactorId id, Linearization* factors) {
   return Status::Ok();
 }
 
-Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
+Status FactorLinearizer::LinearizePlainly(FactorId id, LinearizedFactor* result) {
   Linearization& factors = families_.try_emplace(id.family, graph_, id.family).first->second;
   const Status connected = Connect(id, &factors);
   if (!connected.ok()) {
@@ -83,6 +83,18 @@ Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
     return Status::Error(StatusCode::kEvaluationFailed,
                          graph_.DescribeFailure(id.family, failure, factors.Parameters(id.index)));
   }
+  *result = {factors.residual_size,
+             factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size,
+             slots_.data()};
+  return Status::Ok();
+}
+
+Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
+  const Status linearized = LinearizePlainly(id, result);
+  if (!linearized.ok()) {
+    return linearized;
+  }
+  Linearization& factors = families_.at(id.family);
   double* f = factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size;
   // The same correction as batch mode with Ceres's options.
   const LossValue value(graph_.loss(id.family, id.index), f, factors.residual_size);
@@ -93,7 +105,6 @@ Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
   }
   RobustifyFactor(value, factors.residual_size, factors.num_slots, slots_.data(), 0,
                   offsets_.data(), LossCurvature::kPositive, f);
-  *result = {factors.residual_size, f, slots_.data()};
   return Status::Ok();
 }
 

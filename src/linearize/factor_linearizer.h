@@ -37,6 +37,8 @@ class FactorLinearizer {
   /// The result is valid until the next call. Fails as FactorFamily::Evaluate or
   /// Manifold::PlusJacobian do, with their names.
   Status Linearize(FactorId id, LinearizedFactor* result);
+  /// The same before its loss.
+  Status LinearizePlainly(FactorId id, LinearizedFactor* result);
 
  private:
   Status MapOf(VariableId id, const TangentMap** map);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 
 #include "linearize/widened.h"
 
@@ -50,6 +51,13 @@ void PackDiagonal(int size, double* padded, double* packed) {
   PackBlock(size, size, padded, packed);
 }
 
+// Where the residual of a factor lies whose Jacobian for a slot is at so many quads: that over the
+// quads of a block is the factor's number.
+std::int32_t ResidualAt(const Linearization& cache, int slot, std::int32_t offset) {
+  return offset / static_cast<std::int32_t>(cache.slots[slot].factor_stride / kQuad) *
+         cache.residual_size;
+}
+
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -77,6 +85,7 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   for (const Linearization& cache : evaluator.families()) {
     residuals_.push_back(cache.keeps_singles() ? nullptr : cache.residuals.data());
   }
+  PlanSmallBlocks();
 }
 
 // A block of the pattern without products is zero, such as one of frames that share landmarks only,
@@ -115,6 +124,62 @@ void Hessian::BuildProducts() {
   }
 }
 
+// Blocks of 3 × 3, of planar poses or of the halves of spatial ones: mostly one product a block,
+// and what is around it would take several times as long. So one kernel sums all of a block, and
+// the gradient of a diagonal one, from terms that say all.
+void Hessian::PlanSmallBlocks() {
+  for (const Source& source : sources_) {
+    small_sources_.push_back({source.products.a, source.products.b, residuals_[source.family]});
+  }
+  small_begin_.push_back(0);
+  for (std::size_t block = 0; block < plans_.block_row.size(); ++block) {
+    if (IsSmall(block)) {
+      AddSmallTerms(block);
+    }
+    small_begin_.push_back(static_cast<std::int32_t>(small_terms_.size()));
+  }
+}
+
+// Of residuals of 3 or 6, whichever comes first, in double, with no product that is kept.
+bool Hessian::IsSmall(std::size_t block) {
+  constexpr int kSize = 3;
+  constexpr int kMostTerms = 32;  // of a segment: more are summed in batches
+  const BlockPattern& pattern = plans_.pattern;
+  if (pattern.block_size(plans_.block_row[block]) != kSize ||
+      pattern.block_size(pattern.columns[block]) != kSize ||
+      sources_.size() > std::numeric_limits<std::int16_t>::max()) {
+    return false;
+  }
+  const int begin = plans_.hessian.segments_begin[block];
+  const int end = plans_.hessian.segments_begin[block + 1];
+  int depth = small_depth_;
+  for (int s = begin; s < end; ++s) {
+    const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+    const Source& source = sources_[segment.source];
+    depth = depth == 0 ? source.products.depth : depth;
+    if ((depth != kSize && depth != 2 * kSize) || source.products.depth != depth ||
+        source.keeps_singles || segment.count > kMostTerms || kept_.Find(s) != nullptr) {
+      return false;
+    }
+  }
+  return begin < end;
+}
+
+void Hessian::AddSmallTerms(std::size_t block) {
+  for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
+       ++s) {
+    const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+    const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
+    const Linearization& cache = evaluator_.families()[source.family];
+    small_depth_ = cache.residual_size;
+    for (int n = 0; n < segment.count; ++n) {
+      const ProductTerm& term = plans_.hessian.terms[segment.first_term + n];
+      small_terms_.push_back({term.a, term.b, ResidualAt(cache, source.row_slot, term.b),
+                              static_cast<std::int16_t>(segment.source), n + 1 == segment.count});
+    }
+  }
+}
+
 void Hessian::BuildGradientTerms() {
   // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
   // Each comes once because no factor repeats a variable (FactorGraph::Validate).
@@ -127,15 +192,11 @@ void Hessian::BuildGradientTerms() {
       const ProductPlan::Segment& segment = plans_.hessian.segments[k];
       const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
       const Linearization& cache = evaluator_.families()[source.family];
-      // Quads of a factor's block of Jacobian: an offset over this is the factor's number, and that
-      // times its residual's size is where its residual is.
-      const auto quads =
-          static_cast<std::int32_t>(cache.slots[source.row_slot].factor_stride / kQuad);
       gradient_segments_.push_back(
           {segment.source, static_cast<int>(gradient_terms_.size()), segment.count});
       for (int n = 0; n < segment.count; ++n) {
         const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
-        gradient_terms_.push_back({offset, offset / quads * cache.residual_size});
+        gradient_terms_.push_back({offset, ResidualAt(cache, source.row_slot, offset)});
       }
     }
     gradient_segments_begin_.push_back(static_cast<int>(gradient_segments_.size()));
@@ -161,6 +222,10 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     if (C_begin_[k] < 0) {
       continue;
     }
+    if (small_begin_[k + 1] > small_begin_[k]) {
+      SumSmallBlock(k);
+      continue;
+    }
     const int rows = pattern.block_size(plans_.block_row[k]);
     const int columns = pattern.block_size(pattern.columns[k]);
     // The kernels sum into blocks whose rows are padded to quads; in C rows follow each other
@@ -178,6 +243,21 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     } else {
       PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
     }
+  }
+}
+
+void Hessian::SumSmallBlock(std::size_t block) {
+  const BlockPattern& pattern = plans_.pattern;
+  const int row = plans_.block_row[block];
+  double* const C = C_.data() + C_begin_[block];
+  const bool is_diagonal = pattern.columns[block] == row;
+  double* const gradient = is_diagonal ? gradient_.data() + pattern.offsets[row] : nullptr;
+  small_kernels_.sum_products_of_three(
+      {small_sources_.data(), small_terms_.data() + small_begin_[block],
+       small_begin_[block + 1] - small_begin_[block], small_depth_},
+      C, gradient);
+  for (int k = 0; k < 3 && is_diagonal; ++k) {
+    diagonal_[pattern.offsets[row] + k] = C[k * 3 + k];
   }
 }
 

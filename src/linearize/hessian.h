@@ -7,6 +7,7 @@
 #include "linearize/block_scratch.h"
 #include "linearize/kept_products.h"
 #include "linearize/product_plan.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -49,6 +50,10 @@ class Hessian {
  private:
   void PlaceFrameBlocks();
   void AccumulateFrameBlocks(int begin, int end);
+  void PlanSmallBlocks();
+  bool IsSmall(std::size_t block);
+  void AddSmallTerms(std::size_t block);
+  void SumSmallBlock(std::size_t block);
   void AddSegment(int segment, int rows, int columns, double* sum);
   void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
@@ -74,6 +79,7 @@ class Hessian {
   const LandmarkIncidences& incidences_;
   const FramePlans& plans_;
   const Kernels& kernels_;
+  const SmallKernels& small_kernels_ = BestSmallKernels();
   KeptProducts kept_;
   ZeroedArray C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
@@ -82,7 +88,11 @@ class Hessian {
   ZeroedArray landmark_eta_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
-  std::vector<Source> sources_;  // of the plan
+  std::vector<Source> sources_;             // of the plan
+  std::vector<SmallSource> small_sources_;  // the same, for blocks of 3 × 3
+  std::vector<SmallTerm> small_terms_;
+  std::vector<std::int32_t> small_begin_;  // per block, one more; none: it is summed otherwise
+  int small_depth_ = 0;                    // of all of them; 0: there are none
   std::vector<VectorTerm> gradient_terms_;
   std::vector<GradientSegment> gradient_segments_;
   std::vector<int> gradient_segments_begin_;  // per frame, one more

@@ -133,12 +133,11 @@ template <int kSize>
 void IncrementalFamily::WeighCandidatesSized(int begin, int end) {
   // Most residuals are of size 1 or 2, known at compile time there: no loop.
   const int size = kSize > 0 ? kSize : residual_size();
-  const FactorGraph& graph = *factors_.graph;
-  const bool has_losses = graph.HasLosses(id());
+  const bool has_losses = factors_.graph->HasLosses(id());
   const double* f = factors_.candidate_residuals.data() + First(begin);
   double* q = candidate_q_.data() + First(begin);
   for (int i = begin; i < end; ++i, f += size, q += size) {
-    const LossValue value(has_losses ? graph.loss(id(), i) : nullptr, f, size);
+    const LossValue value(has_losses ? loss(i) : nullptr, f, size);
     State& state = states_[i];
     state.candidate_cost = value.cost();
     state.candidate_w = value.weight();
@@ -175,7 +174,7 @@ void IncrementalFamily::WeighCandidates(int begin, int end) {
 // f / (1 − α) is (I + β n nᵀ) f, since f is along n. f̂ begins as f, so all errors are zero.
 void IncrementalFamily::Weigh(int factor) {
   const double* f = residual(factor);
-  const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
+  const LossValue value(loss(factor), f, residual_size());
   // The second-order term is taken only for factors whose last step changed f little: elsewhere the
   // curvature at one point misleads.
   const RobustScale scale(value,

@@ -132,9 +132,9 @@ class IncrementalFamily {
     return state.w > ratio * state.linearized_w || ratio * state.w < state.linearized_w;
   }
 
-  /// Whether the factor's loss has a positive second-order term at its present residual, ρ'' > 0,
-  /// which H leaves out.
+  /// Whether the factor's loss has ρ'' > 0 at its present residual, a term that H leaves out.
   bool HasCurvedLoss(int factor) const;
+  const Loss* loss(int factor) const { return factors_.graph->loss(id(), factor); }
   /// Whether α ≠ 0: then its Jacobian is not √w times the plain one.
   bool IsCorrected(int factor) const { return linearized_[factor] == Linearized::kCorrected; }
   /// √β n of a factor that is corrected: the plain √w J is (I + β n nᵀ) times the one kept.

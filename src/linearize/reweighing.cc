@@ -55,7 +55,7 @@ double IncrementalFamily::TakeBackWeight(int factor) {
 // α is 0 from here on: n and the curvature belong to another residual.
 bool IncrementalFamily::Reweigh(int factor) {
   const double* f = residual(factor);
-  const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());
+  const LossValue value(loss(factor), f, residual_size());
   const double sqrt_w = std::sqrt(value.weight());
   // The root of a negative weight is NaN. Nothing has been written so far.
   if (!std::isfinite(sqrt_w) || !std::isfinite(value.cost())) {

@@ -26,6 +26,7 @@ class GncSchedule {
   double LastWeight(double s) const;
 
   double mu() const { return mu_; }
+  GncKernel kernel() const { return kernel_; }
 
  private:
   GncKernel kernel_;

@@ -5,8 +5,9 @@
 
 #include "base/stopwatch.h"
 #include "inceres/solver/gnc.h"
-#include "robust/gnc_schedule.h"
+#include "robust/foresight.h"
 #include "robust/squared_errors.h"
+#include "robust/suspect.h"
 
 namespace inceres {
 
@@ -20,6 +21,10 @@ namespace inceres {
 // linearization: cached Jacobians are scaled (docs/algorithms.md, "Incremental Schur complement",
 // other weights). Hence small changes are not worth telling, and decided suspects rest.
 //
+// A wrong loop bends the whole graph before its weight has gone, and then the graph comes back. So
+// suspects that come few at a time wait without weight for a solution of all else, of which
+// Foresight tells what the rounds would do; only where it is not sure are they carried out.
+//
 // Kept between Updates: of each suspect its phase, μ, threshold, and the loss that it has been
 // given in the solver's graph, with its weight. Any other loss there is not from here: the suspect
 // has come with it, or was edited, and the next Update replaces it.
@@ -30,6 +35,26 @@ namespace {
 // A weight that is off by less than this share of the larger one leaves its factor as it is.
 constexpr double kFineWeight = 0.05;
 
+// Of more that come together what holds them may be among themselves: nothing is foreseen.
+constexpr std::size_t kMostForeseen = 8;
+// Ends an Update after so many iterations.
+class IterationLimit : public UpdateObserver {
+ public:
+  explicit IterationLimit(int limit) : limit_(limit) {}
+  ObserverAction EndOfIteration(const UpdateIteration& iteration) override {
+    is_reached_ = iteration.iteration >= limit_;
+    return is_reached_ ? ObserverAction::kTerminateSuccessfully : ObserverAction::kContinue;
+  }
+  bool is_reached() const { return is_reached_; }
+
+ private:
+  const int limit_;
+  bool is_reached_ = false;
+};
+
+// Variables that are looked at for what holds a new one.
+constexpr std::size_t kMostSteps = 64;
+
 }  // namespace
 }  // namespace internal
 
@@ -39,20 +64,20 @@ class LivingGnc::Impl {
       : options_(options), solver_(*solver) {}
 
   // The threshold is found by Prepare, when the factor is in the graph; 0 until then.
-  void Watch(FactorId factor) {
-    suspects_.push_back(
-        {factor, 0.0, 1.0, nullptr, internal::GncSchedule(options_.kernel, options_.step)});
-  }
+  void Watch(FactorId factor) { suspects_.emplace_back(factor, options_); }
   // The weight stays until the next Update finds that of a suspect that has just come.
   void Reset(FactorId factor) {
     for (Suspect& suspect : suspects_) {
       if (IsSame(suspect.id, factor)) {
-        Begin(&suspect);
+        suspect.phase = Phase::kNew;
       }
     }
   }
+  // Together: what was taken for right may have to go for what was left out.
   void ResetAll() {
-    std::for_each(suspects_.begin(), suspects_.end(), [](Suspect& suspect) { Begin(&suspect); });
+    for (Suspect& suspect : suspects_) {
+      suspect.phase = Phase::kUnforeseen;
+    }
   }
   void Forget(FactorId factor) {
     suspects_.erase(
@@ -64,17 +89,8 @@ class LivingGnc::Impl {
   void Update(GncSummary* summary);
 
  private:
-  // New: its μ has not begun. Open: its weight is on the way. Settled: 0 or 1 by its threshold, or
-  // the last weight of Geman–McClure.
-  enum class Phase { kNew, kOpen, kSettled };
-  struct Suspect {
-    FactorId id;
-    double threshold;
-    double weight;                     // that it has been given
-    std::shared_ptr<const Loss> loss;  // as which; null: weight 1
-    internal::GncSchedule schedule;
-    Phase phase = Phase::kNew;
-  };
+  using Suspect = internal::Suspect;
+  using Phase = Suspect::Phase;
 
   // A place in a family is given to other factors in time, which generations tell apart; an id
   // without one, below 0, means whatever is there.
@@ -82,25 +98,28 @@ class LivingGnc::Impl {
     return a.family == b.family && a.index == b.index &&
            (a.generation < 0 || b.generation < 0 || a.generation == b.generation);
   }
-  static void Begin(Suspect* suspect) { suspect->phase = Phase::kNew; }
-
   bool Prepare(GncSummary* summary);
   Status Measure();
   Status ApplyWeights(const std::vector<double>& weights);
   bool HasOtherLoss(const Suspect& suspect) const {
     return solver_.graph().loss(suspect.id.family, suspect.id.index) != suspect.loss.get();
   }
-  double NextWeight(Suspect* suspect, double s) const;
-  double WeightOfNew(Suspect* suspect, double s) const;
   bool Reweigh(bool first, int* num_open);
-  bool UpdateSolver(GncSummary* summary);
+  std::size_t LetWait();
+  void LookAgain();
+  bool IsHeldWithout(VariableId id) const;
+  void Foresee();
+  bool UpdateSolver(int max_iterations, GncSummary* summary);
   void Judge(GncSummary* summary) const;
 
   GncOptions options_;
   IncrementalSolver& solver_;
   std::vector<Suspect> suspects_;
   std::vector<double> squared_errors_;
-  std::vector<double> weights_;  // wanted, one a suspect
+  std::vector<double> weights_;   // wanted, one a suspect
+  VariableId num_known_ = 0;      // that were there after the last Update
+  std::size_t num_out_then_ = 0;  // without weight, when they were looked at again
+  bool is_cut_ = false;           // the last round has not come to its minimum
 };
 
 // Whatever may have become wrong since the last Update: options, and suspects that were removed
@@ -138,43 +157,6 @@ Status LivingGnc::Impl::Measure() {
       solver_.graph(), ids, [this](VariableId id) { return solver_.Values(id); }, &squared_errors_);
 }
 
-// The history begins where the cost is convex up to its error; what is an inlier has none.
-// In doubt is what is no inlier yet: s above 1. Its first weight lies between 0 and 1.
-double LivingGnc::Impl::WeightOfNew(Suspect* suspect, double s) const {
-  suspect->schedule = internal::GncSchedule(options_.kernel, options_.step);
-  const bool in_doubt = suspect->schedule.Begin(s);
-  suspect->phase = in_doubt ? Phase::kOpen : Phase::kSettled;
-  return in_doubt ? suspect->schedule.Weight(s) : suspect->schedule.LastWeight(s);
-}
-
-// The schedule of one suspect. A settled one that truncation has kept and whose error has grown
-// past its threshold begins anew, as if it had just come: it is not dropped at once. One that was
-// dropped and has come below comes back at once, by LastWeight.
-double LivingGnc::Impl::NextWeight(Suspect* suspect, double s) const {
-  const bool truncated = options_.kernel == GncKernel::kTruncatedLeastSquares;
-  if (suspect->phase == Phase::kNew ||
-      (suspect->phase == Phase::kSettled && truncated && suspect->weight == 1.0 && s > 1.0)) {
-    return WeightOfNew(suspect, s);
-  }
-  if (suspect->phase == Phase::kSettled) {
-    return suspect->schedule.LastWeight(s);
-  }
-  suspect->schedule.Advance();
-  // A right one is drawn in by the first round or two: from there on it is as one that comes with
-  // the error it has now.
-  if (truncated && s <= 1.0) {
-    suspect->phase = Phase::kSettled;
-    return 1.0;
-  }
-  // Never backwards: an error that has grown changes nothing here.
-  suspect->schedule.SkipTo(s);
-  const double weight = suspect->schedule.Weight(s);
-  // Of Geman–McClure the weight is never 0 or 1: it is decided when μ is 1.
-  const bool decided = truncated ? weight == 0.0 || weight == 1.0 : suspect->schedule.IsLast();
-  suspect->phase = decided ? Phase::kSettled : Phase::kOpen;
-  return weight;
-}
-
 // Whether a weight is to change; at first only suspects in doubt are looked at, for what was added
 // to the problem since is not solved for.
 bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
@@ -185,7 +167,7 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
     Suspect& suspect = suspects_[k];
     const bool looked_at = !first || suspect.phase != Phase::kSettled;
     const double weight =
-        looked_at ? NextWeight(&suspect, squared_errors_[k] / suspect.threshold) : suspect.weight;
+        looked_at ? suspect.NextWeight(squared_errors_[k] / suspect.threshold) : suspect.weight;
     const bool decided = weight == 0.0 || weight == 1.0;
     // Weights 0 and 1 are told exactly, so that in the end they agree with the verdicts.
     const bool differs = decided ? weight != suspect.weight
@@ -194,9 +176,110 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
     const bool changes = differs || HasOtherLoss(suspect);
     weights_[k] = changes ? weight : suspect.weight;
     any = any || changes;
-    *num_open += suspect.phase == Phase::kOpen ? 1 : 0;
+    *num_open += suspect.phase == Phase::kOpen || suspect.phase == Phase::kWaiting ? 1 : 0;
   }
   return any;
+}
+
+// Whether the variable has its place without suspects: it was there when they came, or other
+// factors lead from it to such a one, or to a constant, or hold it by themselves. Not far away: in
+// a graph that is all new nothing is foreseen.
+bool LivingGnc::Impl::IsHeldWithout(VariableId id) const {
+  const FactorGraph& graph = solver_.graph();
+  std::vector<VariableId> seen{id};
+  for (std::size_t k = 0; k < std::min(seen.size(), internal::kMostSteps) && graph.TracksFactors();
+       ++k) {
+    if (seen[k] < num_known_ || graph.IsConstant(seen[k])) {
+      return true;
+    }
+    bool is_held = false;
+    graph.ForEachFactorOf(seen[k], [&](FactorId factor) {
+      const bool is_suspect =
+          std::any_of(suspects_.begin(), suspects_.end(),
+                      [&](const Suspect& suspect) { return IsSame(suspect.id, factor); });
+      const int num_slots = graph.family(factor.family).num_slots();
+      is_held = is_held || (!is_suspect && num_slots == 1);
+      for (int s = 0; s < num_slots && !is_suspect; ++s) {
+        const VariableId other = graph.Variables(factor.family, factor.index)[s];
+        if (std::find(seen.begin(), seen.end(), other) == seen.end()) {
+          seen.push_back(other);
+        }
+      }
+    });
+    if (is_held) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// A wrong suspect that was taken for right makes right ones wrong, and foresight of one at a time
+// never tells. So as often as there are twice as many without weight, the newest of them take their
+// rounds together.
+void LivingGnc::Impl::LookAgain() {
+  std::vector<Suspect*> out;
+  for (Suspect& suspect : suspects_) {
+    if (suspect.IsOut()) {
+      out.push_back(&suspect);
+    }
+  }
+  if (out.size() < std::max<std::size_t>(2, 2 * num_out_then_)) {
+    return;
+  }
+  num_out_then_ = out.size();
+  const std::size_t num_looked_at = std::min(out.size(), internal::kMostForeseen);
+  std::for_each(out.end() - static_cast<std::ptrdiff_t>(num_looked_at), out.end(),
+                [](Suspect* suspect) { suspect->phase = Phase::kUnforeseen; });
+}
+
+// Which of the new ones in doubt wait for foresight: all of them or none; how many. Those that an
+// Update has left waiting that failed are as new.
+std::size_t LivingGnc::Impl::LetWait() {
+  std::vector<Suspect*> doubtful;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    Phase& phase = suspects_[k].phase;
+    phase = phase == Phase::kWaiting ? Phase::kNew : phase;
+    if (phase == Phase::kNew && squared_errors_[k] > suspects_[k].threshold) {
+      doubtful.push_back(&suspects_[k]);
+    }
+  }
+  const auto is_held = [this](const Suspect* suspect) {
+    const FactorGraph& graph = solver_.graph();
+    const VariableId* const ids = graph.Variables(suspect->id.family, suspect->id.index);
+    return std::all_of(ids, ids + graph.family(suspect->id.family).num_slots(),
+                       [this](VariableId id) { return IsHeldWithout(id); });
+  };
+  if (options_.kernel != GncKernel::kTruncatedLeastSquares ||
+      doubtful.size() > internal::kMostForeseen ||
+      !std::all_of(doubtful.begin(), doubtful.end(), is_held)) {
+    return 0;
+  }
+  for (Suspect* const suspect : doubtful) {
+    suspect->phase = Phase::kWaiting;
+  }
+  return doubtful.size();
+}
+
+// Where nothing is foreseen all rounds are carried out.
+void LivingGnc::Impl::Foresee() {
+  std::vector<std::size_t> places;
+  std::vector<Suspect> waiting;
+  std::vector<FactorId> ids;
+  for (std::size_t k = 0; k < suspects_.size(); ++k) {
+    if (suspects_[k].phase == Phase::kWaiting) {
+      places.push_back(k);
+      waiting.push_back(suspects_[k]);
+      ids.push_back(suspects_[k].id);
+    }
+  }
+  internal::Foresight foresight;
+  std::vector<Phase> phases(places.size(), Phase::kUnforeseen);
+  if (foresight.Prepare(solver_, ids).ok()) {
+    phases = internal::ForeseePhases(foresight, waiting, options_.max_rounds);
+  }
+  for (std::size_t n = 0; n < places.size(); ++n) {
+    suspects_[places[n]].phase = phases[n];
+  }
 }
 
 // One edit for all. Weights are remembered after the solver has accepted it: on failure its losses
@@ -222,16 +305,19 @@ Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
   return status;
 }
 
-// One round: the solver's Update and its row in the summary, with the largest μ of those that are
-// open. False ends it, with the solver's own message.
-bool LivingGnc::Impl::UpdateSolver(GncSummary* summary) {
+// One round: the solver's Update, or so many iterations of it if they are not 0, and its row in the
+// summary, with the largest μ of those that are open. False ends it, with the solver's own message.
+bool LivingGnc::Impl::UpdateSolver(int max_iterations, GncSummary* summary) {
   GncRound round;
   for (const Suspect& suspect : suspects_) {
     round.num_full += suspect.weight == 1.0 ? 1 : 0;
     round.num_none += suspect.weight == 0.0 ? 1 : 0;
     round.mu = suspect.phase == Phase::kOpen ? std::max(round.mu, suspect.schedule.mu()) : round.mu;
   }
-  const UpdateSummary update = solver_.Update();
+  internal::IterationLimit limit(max_iterations);
+  UpdateSummary update;
+  solver_.Update(&update, max_iterations > 0 ? &limit : nullptr);
+  is_cut_ = limit.is_reached();
   if (!IsUsable(update.termination)) {
     summary->termination = update.termination;
     summary->message = update.message;
@@ -266,11 +352,21 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
   }
   int num_open = 0;
   bool changes = true;
+  std::size_t num_waiting = 0;
   // Measure, weigh, solve. The first round solves even if no weight changes: the graph may have
   // been edited. It looks only at suspects that are not settled, because their errors are at values
   // that have not been solved for since; from the second on all are looked at.
   for (int i = 0;; ++i) {
     Status status = Measure();
+    if (status.ok() && i == 0) {
+      num_waiting = LetWait();
+      if (num_waiting == 0) {
+        LookAgain();
+      }
+    } else if (status.ok() && num_waiting > 0) {
+      Foresee();
+      num_waiting = 0;
+    }
     if (status.ok()) {
       changes = Reweigh(/*first=*/i == 0, &num_open);
       status = changes ? ApplyWeights(weights_) : status;
@@ -281,7 +377,7 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
       return;
     }
     // At the limit weights have been applied for which nothing is solved any more.
-    const bool settled = i > 0 && !changes && num_open == 0;
+    const bool settled = i > 0 && !changes && num_open == 0 && !is_cut_;
     if (settled || i >= options_.max_rounds) {
       summary->termination = settled ? Termination::kConvergence : Termination::kNoConvergence;
       summary->message = settled ? "The weights have settled."
@@ -289,11 +385,14 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
       break;
     }
     // Without a change of weights another Update has nothing to do; μ of open suspects moves on in
-    // the next round.
-    if ((changes || i == 0) && !UpdateSolver(summary)) {
+    // the next round. As long as weights are on the way no round is worth more than a few steps.
+    const bool is_open = num_open > 0 && num_waiting == 0;
+    if ((changes || i == 0 || is_cut_) &&
+        !UpdateSolver(is_open ? options_.iterations_a_round : 0, summary)) {
       return;
     }
   }
+  num_known_ = solver_.graph().num_variables();
   Judge(summary);
 }
 

@@ -19,6 +19,32 @@ struct ContributionSums {
   double* squares_peak = nullptr;
 };
 
+/// Where terms of a kind lie: A_p at a + 4 term.a, B_p at b + 4 term.b, v_p at v + term.v.
+struct SmallSource {
+  const double* a = nullptr;
+  const double* b = nullptr;
+  const double* v = nullptr;
+};
+
+/// One product B_pᵀA_p, and A_pᵀv_p with it. Terms of a segment are summed by themselves, and then
+/// added.
+struct SmallTerm {
+  std::int32_t a;
+  std::int32_t b;
+  std::int32_t v;
+  std::int16_t source;
+  bool ends_segment;
+};
+
+/// C = Σ_p B_pᵀA_p, and y = Σ_p A_pᵀv_p, with A_p and B_p of `depth` rows, 3 or 6, and 3 columns,
+/// padded to quads.
+struct SmallProducts {
+  const SmallSource* sources = nullptr;
+  const SmallTerm* terms = nullptr;
+  int count = 0;
+  int depth = 0;
+};
+
 /// Inner loops of small blocks, such as those of poses, where what is around a product would take
 /// longer than the product. As Kernels, one table an instruction set; each gives the bits of those
 /// kernels of its set that it stands for.
@@ -31,6 +57,9 @@ struct SmallKernels {
   /// one. In one pass where all blocks are those of poses, 3 × 3 or 6 × 6.
   void (*add_contribution)(const Contribution& contribution, double sign,
                            const ContributionSums& sums);
+  /// C, 3 × 3 without padding, and the three entries of y unless that is null, written and not
+  /// added to: what accumulate_products and accumulate_vectors would make of zeros.
+  void (*sum_products_of_three)(const SmallProducts& products, double* C, double* y);
 };
 
 /// The table of an instruction set, or null where KernelsFor is.

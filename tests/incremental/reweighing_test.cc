@@ -147,6 +147,31 @@ TEST(Reweighing, CountsNoEvaluationWhereWeightsAreAllThatChanges) {
   EXPECT_EQ(line.TakeCount(), 1);
 }
 
+// What is turned off, or gone, couples nothing: S is as if it had never come. What is back does.
+TEST(Reweighing, WhatIsTurnedOffHasNoBlockInS) {
+  Line line;
+  ASSERT_EQ(line.solver().Update().termination, Termination::kConvergence);
+  const std::size_t all = line.solver().Structure().blocks.size();
+  ASSERT_EQ(all, static_cast<std::size_t>(Line::kPlaces - 2 + Line::kLoops - 1));  // 0 is constant
+  for (const double weight : {0.0, 0.5, 0.0, 1.0}) {
+    for (const int loop : {0, 2}) {  // of place 0, and of 10 and 25
+      const UpdateSummary summary =
+          line.SetLoss(line.Loop(loop), std::make_shared<ScaledLoss>(nullptr, weight));
+      ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+      const double minimum = line.BatchMinimum();
+      EXPECT_NEAR(summary.final_cost, minimum, 1e-7 * (1.0 + minimum));
+    }
+    EXPECT_EQ(line.solver().Structure().blocks.size(), weight == 0.0 ? all - 1 : all) << weight;
+  }
+  GraphEdit edit(line.solver().graph());
+  edit.RemoveFactor(line.Loop(3));
+  ASSERT_TRUE(line.solver().Apply(edit).ok());
+  const UpdateSummary summary = line.solver().Update();
+  ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_EQ(line.solver().Structure().blocks.size(), all - 1);
+  EXPECT_NEAR(summary.final_cost, line.BatchMinimum(), 1e-7 * (1.0 + summary.final_cost));
+}
+
 // The minimum of a problem whose factors bend is the batch solver's, whatever weights came and
 // went.
 TEST(Reweighing, EndsAtTheBatchMinimum) {

@@ -49,6 +49,15 @@ class BlockRowsTest : public testing::Test {
     std::fill_n(block, count, 1.0);
   }
 
+  // Takes the row's first block away, if it is not the diagonal one.
+  void Uncouple(int row) {
+    if (S_.row(row).size() > 1) {
+      const int column = S_.row(row).front().column;
+      S_.RemoveBlock(row, column);
+      pattern_.erase({row, column});
+    }
+  }
+
   void RemoveRow(int row) {
     S_.RemoveRow(row);
     alive_[static_cast<std::size_t>(row)] = false;
@@ -120,6 +129,8 @@ TEST_F(BlockRowsTest, KnowsItsPatternUnderRandomEdits) {
       AddRow();
     } else if (kind == 1) {
       RemoveRow(random_.Below(S_.num_rows()));
+    } else if (kind == 2) {
+      Uncouple(random_.Below(S_.num_rows()));
     } else {
       Couple(random_.Below(S_.num_rows()), random_.Below(S_.num_rows()));
     }

@@ -72,6 +72,13 @@ struct GrowingSystem {
     }
   }
 
+  // Takes the row's first block away, if it is not the diagonal one.
+  void Uncouple(int row) {
+    if (S.row(row).size() > 1) {
+      S.RemoveBlock(row, S.row(row).front().column);
+    }
+  }
+
   void RemoveRow(int row) {
     const int begin = OffsetOf(row);
     const int end = begin + S.size_of(row);
@@ -174,7 +181,7 @@ struct RandomChange {
     test::Random& random = system->random;
     for (int edit = random.Below(4); edit >= 0; --edit) {
       const int row = random.Below(std::max(1, system->num_rows()));
-      const int kind = system->num_rows() < 3 ? 0 : random.Below(8);
+      const int kind = system->num_rows() < 3 ? 0 : random.Below(9);
       if (kind <= 1) {
         Touch(system->num_rows());
         system->AddRow(1 + random.Below(9), 1 + random.Below(6), random.Below(4) == 0);
@@ -200,6 +207,9 @@ struct RandomChange {
           system->Couple(row, column);
           Touch(row);
         }
+      } else if (kind == 8) {
+        system->Uncouple(row);
+        Touch(row);
       }
     }
     std::sort(rows.begin(), rows.end());

@@ -364,6 +364,39 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   }
 }
 
+// Two segments of two sources, of two terms and one: C without padding, and y, as by the kernels
+// that sum a segment into zeros.
+TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
+  for (const int depth : {3, 6}) {
+    const AlignedVector<double> A = PaddedRows(4 * depth, 3), B = PaddedRows(4 * depth, 3);
+    const std::vector<double> v = random_.Vector(static_cast<std::size_t>(4 * depth));
+    const SmallSource sources[] = {{A.data(), B.data(), v.data()}, {B.data(), A.data(), v.data()}};
+    const SmallTerm terms[] = {{0, depth, depth, 0, false},
+                               {3 * depth, 2 * depth, 0, 0, true},
+                               {depth, depth, 2 * depth, 1, true}};
+    AlignedVector<double> C_parts(3 * kQuad, 0.0), y_parts(kQuad, 0.0);
+    const ProductTerm products[] = {{0, depth}, {3 * depth, 2 * depth}, {depth, depth}};
+    const VectorTerm vectors[] = {{0, depth}, {3 * depth, 0}, {depth, 2 * depth}};
+    for (int s = 0; s < 2; ++s) {
+      const int first = 2 * s, count = 2 - s;
+      kernels().accumulate_products(
+          {sources[s].a, sources[s].b, products + first, count, depth, 3, 3}, 1.0, C_parts.data());
+      kernels().accumulate_vectors({sources[s].a, v.data(), vectors + first, count, depth, 3}, 1.0,
+                                   y_parts.data());
+    }
+    double C[9], y[3], C_alone[9];
+    small_kernels().sum_products_of_three({sources, terms, 3, depth}, C, y);
+    small_kernels().sum_products_of_three({sources, terms, 3, depth}, C_alone, nullptr);
+    for (int c = 0; c < 3; ++c) {
+      for (int r = 0; r < 3; ++r) {
+        EXPECT_EQ(C[3 * c + r], C_parts[static_cast<std::size_t>(c * kQuad + r)]) << depth;
+        EXPECT_EQ(C_alone[3 * c + r], C[3 * c + r]) << depth;
+      }
+      EXPECT_EQ(y[c], y_parts[static_cast<std::size_t>(c)]) << depth;
+    }
+  }
+}
+
 // Of poses in the plane and in space, which have a pass of their own, and of others: two rows, one
 // block left out.
 TEST_P(ProductKernels, WholeContributionsHaveTheBitsOfTheirParts) {

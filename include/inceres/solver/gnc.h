@@ -60,7 +60,8 @@ struct INCERES_EXPORT GncOptions {
   double step = 1.4;
   /// weighted problems at most, ≥ 1; with estimate_scale: at most for each scale
   int max_rounds = 100;
-  /// ≥ 1: steps of one weighted problem, but for the last one, which has solver.max_num_iterations
+  /// ≥ 1: steps of one weighted problem, but for the last one, which has solver.max_num_iterations;
+  /// of LivingGnc while weights are on the way
   int iterations_a_round = 3;
   /// Batch, if set: gives every weighted problem its start. Where the factors allow for a global
   /// solver or a relaxation (of a pose graph: ChordalStart, io/pose_graph_start.h), a graduation
@@ -156,6 +157,14 @@ INCERES_EXPORT GncSummary SolveGnc(const GncOptions& options, const std::vector<
 /// and the factor's variables have moved meanwhile. Only the factors whose variables the solver
 /// then moves by enough are linearized; all others keep their Jacobians, and S follows by
 /// difference.
+///
+/// Suspects that come in doubt, up to eight in an Update, weigh nothing until all else is solved
+/// for; then IncrementalSolver::Covariance of their variables tells, to first order, what rounds
+/// would come to. Where that is plain nothing moves for a wrong suspect, and a right one gets its
+/// weight at once; else, of Geman–McClure, and where there is no covariance or a variable would
+/// have no place without them, the rounds are taken. Whenever twice as many weigh nothing as the
+/// last time, the newest eight of these take rounds again: a wrong one that came before anything
+/// contradicted it makes right ones wrong.
 ///
 /// A wrong suspect that comes before any right one contradicts it is taken for right; ResetAll lets
 /// all be judged anew, together.

@@ -35,8 +35,9 @@ class INCERES_EXPORT UpdateObserver {
 /// changed it. For pictures and for understanding what an Update costs; the numbers themselves stay
 /// inside.
 struct ReducedStructure {
-  /// A block below the diagonal: row > column. Stored, so it may have become zero: blocks go when
-  /// one of their frames does.
+  /// A block below the diagonal: row > column. Stored, so it may have become zero. Blocks go with
+  /// one of their frames; of two frames of which one sees no landmarks also with the last factor of
+  /// both that is there, and not turned off (ScaledLoss with scale 0).
   struct Block {
     int row;     ///< block row, below the diagonal
     int column;  ///< block column

@@ -1,0 +1,88 @@
+#include "robust/foresight.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include <Eigen/LU>
+
+#include "linearize/factor_linearizer.h"
+
+namespace inceres::internal {
+
+// The minimum over δ of ½ δᵀΣ⁻¹δ + ½ (f + Jδ)ᵀW(f + Jδ) is where f + Jδ = (I + J Σ Jᵀ W)⁻¹ f: the
+// first term is what the rest of the graph costs more. Σ comes from the factor that the Update has
+// left, and is of the size of the suspects' variables, however large the graph is.
+
+void Foresight::ListVariables(const FactorGraph& graph, const std::vector<FactorId>& suspects) {
+  variables_.clear();
+  begin_.assign(1, 0);
+  for (const FactorId& id : suspects) {
+    const FactorFamily& family = graph.family(id.family);
+    begin_.push_back(begin_.back() + family.residual_size());
+    const VariableId* const ids = graph.Variables(id.family, id.index);
+    std::copy_if(ids, ids + family.num_slots(), std::back_inserter(variables_),
+                 [&](VariableId variable) { return !graph.IsConstant(variable); });
+  }
+  std::sort(variables_.begin(), variables_.end());
+  variables_.erase(std::unique(variables_.begin(), variables_.end()), variables_.end());
+}
+
+// Without their losses, which let them weigh nothing. Columns are those of the joint covariance.
+Status Foresight::Linearize(const IncrementalSolver& solver, const std::vector<FactorId>& suspects,
+                            const std::vector<int>& columns, Eigen::MatrixXd* J) {
+  const FactorGraph& graph = solver.graph();
+  FactorLinearizer linearizer(
+      graph, [&](VariableId id) { return solver.Values(id); },
+      [&](VariableId id) { return !graph.IsConstant(id); });
+  *J = Eigen::MatrixXd::Zero(begin_.back(), columns.back());
+  f_.resize(begin_.back());
+  for (std::size_t k = 0; k < suspects.size(); ++k) {
+    LinearizedFactor factor;
+    const Status status = linearizer.LinearizePlainly(suspects[k], &factor);
+    if (!status.ok()) {
+      return status;
+    }
+    f_.segment(begin_[k], factor.rows) = Eigen::Map<const Eigen::VectorXd>(factor.f, factor.rows);
+    const VariableId* const ids = graph.Variables(suspects[k].family, suspects[k].index);
+    for (int s = 0; s < graph.family(suspects[k].family).num_slots(); ++s) {
+      const SlotJacobians& slot = factor.slots[s];
+      if (slot.data != nullptr) {
+        const auto at = std::lower_bound(variables_.begin(), variables_.end(), ids[s]);
+        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        J->block(begin_[k], columns[at - variables_.begin()], factor.rows, slot.columns) =
+            Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
+                slot.data, factor.rows, slot.columns, Eigen::OuterStride<>(slot.row_stride));
+      }
+    }
+  }
+  return Status::Ok();
+}
+
+Status Foresight::Prepare(const IncrementalSolver& solver, const std::vector<FactorId>& suspects) {
+  ListVariables(solver.graph(), suspects);
+  LiveCovariance covariance;
+  Status status = solver.Covariance(variables_, {}, &covariance);
+  Eigen::MatrixXd J;
+  status = status.ok() ? Linearize(solver, suspects, covariance.offsets, &J) : status;
+  if (status.ok()) {
+    spread_ = J * Eigen::Map<const Eigen::MatrixXd>(covariance.values.data(), J.cols(), J.cols()) *
+              J.transpose();
+  }
+  return status;
+}
+
+std::vector<double> Foresight::SquaredErrors(const std::vector<double>& weights) const {
+  Eigen::MatrixXd A = spread_;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    A.middleCols(begin_[k], begin_[k + 1] - begin_[k]) *= weights[k];
+  }
+  A.diagonal().array() += 1.0;
+  const Eigen::VectorXd f = A.partialPivLu().solve(f_);
+  std::vector<double> errors;
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    errors.push_back(f.segment(begin_[k], begin_[k + 1] - begin_[k]).squaredNorm());
+  }
+  return errors;
+}
+
+}  // namespace inceres::internal
