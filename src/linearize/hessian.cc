@@ -50,6 +50,11 @@ void PackDiagonal(int size, double* padded, double* packed) {
   PackBlock(size, size, padded, packed);
 }
 
+// 0 where rows are padded, or need not be.
+int UnpaddedStride(const SlotJacobians& slot) {
+  return slot.row_stride % kQuad != 0 ? slot.row_stride : 0;
+}
+
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -109,6 +114,9 @@ void Hessian::BuildProducts() {
     made.products.depth = cache.residual_size;
     // The same slot for row and column: every term is a Jacobian with itself.
     made.products.symmetric = source.row_slot == source.column_slot;
+    made.products.a_stride = UnpaddedStride(cache.slots[source.column_slot]);
+    made.products.b_stride = UnpaddedStride(cache.slots[source.row_slot]);
+    made.gradient.a_stride = made.products.b_stride;
     made.gradient.a = cache.slots[source.row_slot].data;
     made.gradient.depth = cache.residual_size;
     sources_.push_back(made);
@@ -214,8 +222,8 @@ void Hessian::AddWidened(int source, const BlockProducts& products, double* out)
   const Linearization& cache = evaluator_.families()[of.family];
   const SlotJacobians& J_column = cache.slots[of.column_slot];
   const SlotJacobians& J_row = cache.slots[of.row_slot];
-  AccumulateWidened(kernels_, products, J_column.single, J_column.factor_stride / kQuad,
-                    products.symmetric ? nullptr : J_row.single, J_row.factor_stride / kQuad, out);
+  AccumulateWidened(kernels_, products, J_column.single,
+                    products.symmetric ? nullptr : J_row.single, out);
 }
 
 void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
@@ -257,7 +265,6 @@ void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, d
 // apart whatever its size; entries beyond it stay zero, as the padding of J is.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
-  WidenedLandmarkFactors widened;
   for (int l = begin; l < end; ++l) {
     const auto i = static_cast<std::size_t>(l);
     double* P = P_.data() + l * landmark_stride_;
@@ -266,9 +273,7 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
-      widened.ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
-        kernels_.landmark_gram(size, factors, P, eta);
-      });
+      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
     }
     if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
       const double* const of_landmark =
