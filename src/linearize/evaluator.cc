@@ -175,12 +175,11 @@ void Evaluator::BuildFamily(FamilyId id) {
   if (storage_ == JacobianStorage::kWholeRows) {
     cache.GrowTables(num_places);
     PlaceWholeRows(layout_, &cache);
-  } else if (storage_ == JacobianStorage::kByFactor ||
-             storage_ == JacobianStorage::kByFactorInSingle) {
+  } else if (storage_ == JacobianStorage::kBySlot) {
+    cache.Grow(num_places, num_places);
+  } else {
     cache.PlaceByFactor(num_places, storage_ == JacobianStorage::kByFactorInSingle &&
                                         Linearization::MayKeepSingles(*cache.family, num_places));
-  } else {
-    cache.Grow(num_places, num_places);
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.
