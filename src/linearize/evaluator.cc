@@ -54,7 +54,7 @@ double SumCosts(bool jacobians, bool known_point, LossCurvature curvature, int b
   }
   const auto num_slots = static_cast<int>(cache.slots.size());
   // Whole rows have one slot with offset 0 for all factors.
-  const std::ptrdiff_t offset_stride = cache.storage == JacobianStorage::kBySlot ? num_slots : 0;
+  const std::ptrdiff_t offset_stride = cache.has_whole_rows() ? 0 : num_slots;
   double cost = 0.0;
   for (int i = begin; i < end; ++i) {
     double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
@@ -175,11 +175,11 @@ void Evaluator::BuildFamily(FamilyId id) {
   if (storage_ == JacobianStorage::kWholeRows) {
     cache.GrowTables(num_places);
     PlaceWholeRows(layout_, &cache);
-  } else if (storage_ == JacobianStorage::kBySlotInSingle &&
-             Linearization::MayKeepSingles(*cache.family, num_places)) {
-    cache.GrowInSingles(num_places);
-  } else {
+  } else if (storage_ == JacobianStorage::kBySlot) {
     cache.Grow(num_places, num_places);
+  } else {
+    cache.PlaceByFactor(num_places, storage_ == JacobianStorage::kByFactorInSingle &&
+                                        Linearization::MayKeepSingles(*cache.family, num_places));
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.

@@ -58,6 +58,11 @@ std::int32_t ResidualAt(const Linearization& cache, int slot, std::int32_t offse
          cache.residual_size;
 }
 
+// 0 where rows are padded, or need not be.
+int UnpaddedStride(const SlotJacobians& slot) {
+  return slot.row_stride % kQuad != 0 ? slot.row_stride : 0;
+}
+
 std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
   return incidences.sizes.empty()
              ? 0
@@ -118,6 +123,9 @@ void Hessian::BuildProducts() {
     made.products.depth = cache.residual_size;
     // The same slot for row and column: every term is a Jacobian with itself.
     made.products.symmetric = source.row_slot == source.column_slot;
+    made.products.a_stride = UnpaddedStride(cache.slots[source.column_slot]);
+    made.products.b_stride = UnpaddedStride(cache.slots[source.row_slot]);
+    made.gradient.a_stride = made.products.b_stride;
     made.gradient.a = cache.slots[source.row_slot].data;
     made.gradient.depth = cache.residual_size;
     sources_.push_back(made);
@@ -140,7 +148,8 @@ void Hessian::PlanSmallBlocks() {
   }
 }
 
-// Of residuals of 3 or 6, whichever comes first, in double, with no product that is kept.
+// Of residuals of 3 or 6, whichever comes first, in double, rows padded, with no product that is
+// kept.
 bool Hessian::IsSmall(std::size_t block) {
   constexpr int kSize = 3;
   constexpr int kMostTerms = 32;  // of a segment: more are summed in batches
@@ -158,7 +167,8 @@ bool Hessian::IsSmall(std::size_t block) {
     const Source& source = sources_[segment.source];
     depth = depth == 0 ? source.products.depth : depth;
     if ((depth != kSize && depth != 2 * kSize) || source.products.depth != depth ||
-        source.keeps_singles || segment.count > kMostTerms || kept_.Find(s) != nullptr) {
+        source.products.a_stride != 0 || source.products.b_stride != 0 || source.keeps_singles ||
+        segment.count > kMostTerms || kept_.Find(s) != nullptr) {
       return false;
     }
   }
@@ -294,8 +304,8 @@ void Hessian::AddWidened(int source, const BlockProducts& products, double* out)
   const Linearization& cache = evaluator_.families()[of.family];
   const SlotJacobians& J_column = cache.slots[of.column_slot];
   const SlotJacobians& J_row = cache.slots[of.row_slot];
-  AccumulateWidened(kernels_, products, J_column.single, J_column.factor_stride / kQuad,
-                    products.symmetric ? nullptr : J_row.single, J_row.factor_stride / kQuad, out);
+  AccumulateWidened(kernels_, products, J_column.single,
+                    products.symmetric ? nullptr : J_row.single, out);
 }
 
 void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
@@ -337,7 +347,6 @@ void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, d
 // apart whatever its size; entries beyond it stay zero, as the padding of J is.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
-  WidenedLandmarkFactors widened;
   for (int l = begin; l < end; ++l) {
     const auto i = static_cast<std::size_t>(l);
     double* P = P_.data() + l * landmark_stride_;
@@ -346,9 +355,7 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
-      widened.ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
-        kernels_.landmark_gram(size, factors, P, eta);
-      });
+      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
     }
     if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
       const double* const of_landmark =

@@ -92,7 +92,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
           entry.landmark_slot = slot;
           entry.num_slots = cache.num_slots;
           entry.jacobians = cache.slots.data();
-          entry.residuals = cache.residuals.data();
+          // Jᵀf of families in single precision is Evaluator::strip_gradient.
+          entry.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
           entry.y_targets = targets.data();
           entry.tangent_offsets = cache.tangent_offsets.data();
           found.emplace_back(static_cast<int>(l), entry);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <numeric>
 #include <utility>
 
 namespace inceres::internal {
@@ -87,22 +88,43 @@ void Linearization::Grow(int num_places, int new_capacity) {
   tangent_offsets.resize(parameters.size(), -1);
 }
 
-void Linearization::GrowInSingles(int num_places) {
-  std::ptrdiff_t size = 0;
-  for (const SlotJacobians& slot : slots) {
-    size += slot.factor_stride;
-  }
-  // Strides are multiples of four.
-  single_values = ZeroedArray(static_cast<std::size_t>(size) * num_places / 2);
-  jacobian_values = ZeroedArray(static_cast<std::size_t>(size) * kStripSize);
-  auto* next = reinterpret_cast<float*>(single_values.data());  // of nothing but zero bits as yet
+// A factor's blocks follow each other: of a BAL problem 24 entries, three lines of the cache, where
+// slots apart take 32. Whole quads, since offsets of blocks are counted in these.
+void Linearization::PlaceByFactor(int num_places, bool in_singles) {
+  int size = 0;
   for (SlotJacobians& slot : slots) {
-    slot.single = next;
-    next += num_places * slot.factor_stride;
+    slot.row_stride = slot.columns;
+    size += residual_size * slot.columns;
+  }
+  const std::ptrdiff_t factor_stride = PadToQuad(size);
+  // A last row is read as a whole quad.
+  const auto room = [&](int count) {
+    return static_cast<std::size_t>(factor_stride * count + kQuad);
+  };
+  for (SlotJacobians& slot : slots) {
+    slot.factor_stride = factor_stride;
+  }
+  jacobian_values = ZeroedArray(room(in_singles ? kStripSize : num_places));
+  if (in_singles) {
+    single_values = ZeroedArray(room(num_places) / 2);
+    auto* next = reinterpret_cast<float*>(single_values.data());  // of nothing but zeros as yet
+    for (SlotJacobians& slot : slots) {
+      slot.single = next;
+      next += residual_size * slot.columns;
+    }
+  } else {
+    BeginStrip(0);
   }
   candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
   GrowTables(num_places);
   tangent_offsets.resize(parameters.size(), -1);
+}
+
+std::ptrdiff_t Linearization::FactorSize() const {
+  return std::accumulate(slots.begin(), slots.end(), std::ptrdiff_t{0},
+                         [&](std::ptrdiff_t sum, const SlotJacobians& slot) {
+                           return sum + std::ptrdiff_t{residual_size} * slot.row_stride;
+                         });
 }
 
 // Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
@@ -116,7 +138,7 @@ void Linearization::BeginStrip(int first) {
         begin - static_cast<std::uintptr_t>(first * slot.factor_stride) * sizeof(double);
     slot.data = reinterpret_cast<double*>(of_zero);  // NOLINT(performance-no-int-to-ptr)
     views[s] = {slot.data, slot.factor_stride, slot.row_stride};
-    next += kStripSize * slot.factor_stride;
+    next += residual_size * slot.columns;
   }
 }
 
@@ -129,12 +151,12 @@ void Linearization::EndStrip() {
 }
 
 void Linearization::KeepSingles(int begin, int end) {
-  for (const SlotJacobians& slot : slots) {
-    const double* const from = slot.data + begin * slot.factor_stride;
-    std::transform(from, from + (end - begin) * slot.factor_stride,
-                   slot.single + begin * slot.factor_stride,
-                   [](double entry) { return static_cast<float>(entry); });
-  }
+  // Of all slots, for a factor's blocks lie together.
+  const SlotJacobians& first = slots[0];
+  const double* const from = first.data + begin * first.factor_stride;
+  std::transform(from, from + (end - begin) * first.factor_stride,
+                 first.single + begin * first.factor_stride,
+                 [](double entry) { return static_cast<float>(entry); });
 }
 
 void Linearization::Connect(std::size_t entry, const double* x, const double* pinned,

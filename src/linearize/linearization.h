@@ -15,12 +15,15 @@ namespace inceres::internal {
 
 /// How the tangent Jacobians of a family's factors lie in memory.
 enum class JacobianStorage {
-  kBySlot,  ///< those of each slot together: factors touch what they like
+  kBySlot,  ///< those of each slot together, rows padded: factors touch what they like
   /// rows of J with all columns: a small problem whose factors touch the same variables
   kWholeRows,
-  /// as kBySlot, and those of families that are large (Linearization::MayKeepSingles) in single
+  /// those of each factor together, rows without padding: for passes over J that take as long as
+  /// memory needs to give it
+  kByFactor,
+  /// as kByFactor, and those of families that are large (Linearization::MayKeepSingles) in single
   /// precision
-  kBySlotInSingle,
+  kByFactorInSingle,
 };
 
 /// The factors of one family, linearized: where their variables are, residuals and tangent
@@ -49,8 +52,9 @@ struct Linearization {
   /// Factors that such a family has Jacobians in double of, at a time.
   static constexpr int kStripSize = 2048;
 
-  /// Room for all places in single precision, and for a strip of them in double.
-  void GrowInSingles(int num_places);
+  /// Instead of Grow, once: room for so many factors, those of each together; `in_singles` for all
+  /// places in single precision and for a strip of them in double.
+  void PlaceByFactor(int num_places, bool in_singles);
   bool keeps_singles() const { return single_values.size() > 0; }
   /// Until EndStrip Jacobians of up to kStripSize factors from `first` on have a place in double.
   void BeginStrip(int first);
@@ -89,13 +93,12 @@ struct Linearization {
            Entry(factor);
   }
   std::ptrdiff_t Entry(int factor) const { return std::ptrdiff_t{factor} * num_slots; }
+  bool has_whole_rows() const { return storage == JacobianStorage::kWholeRows; }
   /// What products with J take for one factor: all of a family's whole rows are one.
-  int num_blocks() const {
-    return storage == JacobianStorage::kBySlot ? num_factors : std::min(num_factors, 1);
-  }
-  int rows_per_block() const {
-    return residual_size * (storage == JacobianStorage::kBySlot ? 1 : num_factors);
-  }
+  int num_blocks() const { return has_whole_rows() ? std::min(num_factors, 1) : num_factors; }
+  int rows_per_block() const { return residual_size * (has_whole_rows() ? num_factors : 1); }
+  /// Entries of J of one factor that a pass over J reads.
+  std::ptrdiff_t FactorSize() const;
   FactorRows Rows(int begin, int end) const;
 
   const FactorGraph* graph;
@@ -108,7 +111,7 @@ struct Linearization {
   JacobianStorage storage = JacobianStorage::kBySlot;
   ZeroedArray residuals;
   ZeroedArray candidate_residuals;
-  // all slots, one after the other, or whole rows, or a strip of them
+  // all slots, one after the other, or factors, or whole rows, or a strip of factors
   ZeroedArray jacobian_values;
   ZeroedArray single_values;         // floats, two in the place of a double; mostly empty
   std::vector<SlotJacobians> slots;  // of whole rows there is one

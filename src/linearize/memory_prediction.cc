@@ -49,14 +49,34 @@ bool HasLargeFamilies(const FactorGraph& graph) {
   return found;
 }
 
-// Of Jacobians of so many quads a factor.
-std::int64_t BytesOfJacobians(const FactorFamily& family, int num_places, std::int64_t quads,
-                              bool keeps_singles) {
-  const std::int64_t in_double = kDouble * kQuad * quads;
-  if (!keeps_singles || !Linearization::MayKeepSingles(family, num_places)) {
+bool IsByFactor(JacobianStorage storage) {
+  return storage == JacobianStorage::kByFactor || storage == JacobianStorage::kByFactorInSingle;
+}
+
+std::int64_t BytesOfJacobians(const FactorFamily& family, int num_places, JacobianStorage storage) {
+  std::int64_t entries = 0;  // of a factor
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const int columns = family.slot(s).tangent_size;
+    entries += family.residual_size() * (IsByFactor(storage) ? columns : PadToQuad(columns));
+  }
+  const std::int64_t in_double = kDouble * PadToQuad(static_cast<int>(entries));
+  if (storage != JacobianStorage::kByFactorInSingle ||
+      !Linearization::MayKeepSingles(family, num_places)) {
     return num_places * in_double;
   }
   return num_places * in_double / 2 + Linearization::kStripSize * in_double;
+}
+
+// The largest block of a slot, padded or not, or all of a factor's blocks together.
+std::int64_t QuadsOfBlock(const FactorFamily& family, JacobianStorage storage) {
+  std::int64_t largest = 0, all = 0;
+  for (int s = 0; s < family.num_slots(); ++s) {
+    const std::int64_t quads =
+        std::int64_t{family.residual_size()} * (PadToQuad(family.slot(s).tangent_size) / kQuad);
+    largest = std::max(largest, quads);
+    all += quads;
+  }
+  return IsByFactor(storage) ? all : largest;
 }
 
 }  // namespace
@@ -71,9 +91,9 @@ void CheckCounts(const FamilyCounts& counts) {
                            "quads of Jacobians of one family and slot");
 }
 
-void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, bool keeps_singles,
+void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianStorage storage,
                   MemoryBudget* budget) {
-  const bool has_strips = keeps_singles && HasLargeFamilies(graph);
+  const bool has_strips = storage == JacobianStorage::kByFactorInSingle && HasLargeFamilies(graph);
   // Borrowed values are counted, too.
   std::int64_t values = 0, padded = 0;
   bool has_landmarks = false;
@@ -90,16 +110,10 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, bool keep
     counts.num_factors = graph.NumFactors(id);
     counts.num_slots = family.num_slots();
     counts.residual_size = family.residual_size();
-    std::int64_t quads = 0;
-    for (int s = 0; s < counts.num_slots; ++s) {
-      const std::int64_t block_quads =
-          std::int64_t{counts.residual_size} * (PadToQuad(family.slot(s).tangent_size) / kQuad);
-      counts.largest_block_quads = std::max(counts.largest_block_quads, block_quads);
-      quads += block_quads;
-    }
+    counts.largest_block_quads = QuadsOfBlock(family, storage);
     CheckCounts(counts);
     // Residuals at both points, Jacobians at one.
-    budget->Take(BytesOfJacobians(family, graph.NumFactors(id), quads, keeps_singles) +
+    budget->Take(BytesOfJacobians(family, graph.NumFactors(id), storage) +
                      counts.num_factors *
                          (kDouble * kPoints * counts.residual_size +
                           kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),

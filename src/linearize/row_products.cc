@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "linearize/widened.h"
-
 namespace inceres::internal {
 
 // L(0) − L(δ) = −(Jδ)ᵀ(f + ½ Jδ), row by row (docs/algorithms.md, "Step quality"). The form ηᵀδ −
@@ -29,9 +27,8 @@ RowProducts JacobianProduct::Multiply(const double* v) {
     evaluator_.executor().For(num_chunks, 1, [&](int begin, int end) {
       for (int chunk = begin; chunk < end; ++chunk) {
         const int first = chunk * kChunkSize;
-        partial_[chunk] = MultiplyRows(
-            kernels, cache.Rows(first, std::min(first + kChunkSize, cache.num_blocks())),
-            padded_.data());
+        partial_[chunk] = kernels.row_products(
+            cache.Rows(first, std::min(first + kChunkSize, cache.num_blocks())), padded_.data());
       }
     });
     // In the order of the chunks, not of the tasks.

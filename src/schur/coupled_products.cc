@@ -5,7 +5,6 @@
 #include <functional>
 
 #include "linear/small_cholesky.h"
-#include "linearize/widened.h"
 
 namespace inceres::internal {
 
@@ -31,9 +30,7 @@ constexpr std::int64_t kJacobianShare = 100;
 int NumParts(const Evaluator& evaluator, int num_landmarks, int frame_entries) {
   std::int64_t size = 0;
   for (const Linearization& family : evaluator.families()) {
-    for (const SlotJacobians& slot : family.slots) {
-      size += std::int64_t{family.num_factors} * slot.factor_stride;
-    }
+    size += std::int64_t{family.num_factors} * family.FactorSize();
   }
   const std::int64_t most = std::min(kMaxParts, std::max(num_landmarks, 1));
   return static_cast<int>(
@@ -56,15 +53,6 @@ CoupledProducts::CoupledProducts(const Evaluator& evaluator, const LandmarkIncid
       num_parts_(NumParts(evaluator, incidences.num_landmarks(), frame_entries_)) {
 }
 
-void CoupledProducts::AddLandmark(int landmark, const double* u, WidenedLandmarkFactors* widened,
-                                  double* y) const {
-  for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
-       ++k) {
-    widened->ForEach(incidences_.factors[k],
-                     [&](const LandmarkFactors& factors) { kernels_.add_coupling(factors, u, y); });
-  }
-}
-
 // y += the sums of the parts, entry by entry in the order of the parts.
 void CoupledProducts::AddParts(double* y) const {
   evaluator_.executor().For(frame_entries_ / kQuad, kFrameTask, [&](int begin_quad, int end_quad) {
@@ -77,52 +65,51 @@ void CoupledProducts::AddParts(double* y) const {
   });
 }
 
-template <typename Find>
-void CoupledProducts::AddLandmarks(const double* U_inv, double* y, const Find& find) {
+template <typename Visit>
+void CoupledProducts::AddInParts(double* y, const Visit& visit) {
   // Who never asks for a product has no memory for it.
   if (num_parts_ > 1 && parts_.size() == 0) {
     parts_ = ZeroedArray(static_cast<std::size_t>(num_parts_ - 1) * frame_entries_);
   }
   const std::int64_t num_landmarks = incidences_.num_landmarks();
   evaluator_.executor().For(num_parts_, 1, [&](int begin, int end) {
-    WidenedLandmarkFactors widened;
     for (int part = begin; part < end; ++part) {
       double* sum = y;
       if (part > 0) {
         sum = parts_.data() + std::ptrdiff_t{part - 1} * frame_entries_;
         std::fill(sum, sum + frame_entries_, 0.0);
       }
-      const auto last = static_cast<int>(num_landmarks * (part + 1) / num_parts_);
-      for (auto l = static_cast<int>(num_landmarks * part / num_parts_); l < last; ++l) {
-        double u[kQuad] = {};
-        find(l, U_inv + l * hessian_.landmark_stride(), &widened, u);
-        AddLandmark(l, u, &widened, sum);
-      }
+      visit(static_cast<int>(num_landmarks * part / num_parts_),
+            static_cast<int>(num_landmarks * (part + 1) / num_parts_), sum);
     }
   });
   AddParts(y);
 }
 
 void CoupledProducts::Add(const double* v, const double* U_inv, double* y) {
-  AddLandmarks(U_inv, y, [&](int l, const double* factor, auto* widened, double* u) {
-    double w[kQuad] = {}, U_inv_w[kQuad] = {};
-    for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-      // w = Wᵀ v of this landmark, then u = U_invᵀ U_inv w = P̃⁻¹ w.
-      widened->ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
-        kernels_.multiply_coupling(factors, v, w);
-      });
-    }
-    MultiplyLower(incidences_.sizes[l], factor, w, U_inv_w);
-    MultiplyLowerTransposed(incidences_.sizes[l], factor, U_inv_w, u);
+  CoupledLandmarks landmarks;
+  landmarks.factors_begin = incidences_.factors_begin.data();
+  landmarks.factors = incidences_.factors.data();
+  landmarks.sizes = incidences_.sizes.data();
+  landmarks.U_inv = U_inv;
+  landmarks.U_inv_stride = hessian_.landmark_stride();
+  AddInParts(y, [&](int begin, int end, double* sum) {
+    kernels_.add_coupled(landmarks, begin, end, v, sum);
   });
 }
 
 void CoupledProducts::Subtract(const double* z, const double* U_inv, double* y) {
-  AddLandmarks(U_inv, y, [&](int l, const double* factor, auto* /*widened*/, double* u) {
-    MultiplyLowerTransposed(incidences_.sizes[l], factor,
-                            z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
-    // The sign goes into u, since what follows adds.
-    std::transform(u, u + kQuad, u, std::negate<>());
+  AddInParts(y, [&](int begin, int end, double* sum) {
+    for (int l = begin; l < end; ++l) {
+      double u[kQuad] = {};
+      MultiplyLowerTransposed(incidences_.sizes[l], U_inv + l * hessian_.landmark_stride(),
+                              z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
+      // The sign goes into u, since what follows adds.
+      std::transform(u, u + kQuad, u, std::negate<>());
+      for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
+        kernels_.add_coupling(incidences_.factors[k], u, sum);
+      }
+    }
   });
 }
 

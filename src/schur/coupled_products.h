@@ -4,7 +4,6 @@
 
 #include "base/zeroed_array.h"
 #include "linearize/hessian.h"
-#include "linearize/widened.h"
 
 namespace inceres::internal {
 
@@ -28,11 +27,9 @@ class CoupledProducts {
   std::int64_t Bytes() const;
 
  private:
-  /// y += Σ_l W_l u_l; find(l, factor, widened, u) writes the four entries of u_l, factor being l's
-  /// U_inv.
-  template <typename Find>
-  void AddLandmarks(const double* U_inv, double* y, const Find& find);
-  void AddLandmark(int landmark, const double* u, WidenedLandmarkFactors* widened, double* y) const;
+  /// y += Σ of what visit(begin, end, sum) adds to `sum` for the landmarks from begin to end.
+  template <typename Visit>
+  void AddInParts(double* y, const Visit& visit);
   void AddParts(double* y) const;
 
   const Evaluator& evaluator_;

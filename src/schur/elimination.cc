@@ -119,7 +119,7 @@ bool Elimination::Factorize(int landmark, const double* damping) {
 
 // z = U_inv l, and the landmark's blocks of Y family by family: where two factors share a frame,
 // the second adds to the block that the first has begun.
-void Elimination::EliminateLandmark(int landmark, WidenedLandmarkFactors* widened) {
+void Elimination::EliminateLandmark(int landmark) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
@@ -129,9 +129,7 @@ void Elimination::EliminateLandmark(int landmark, WidenedLandmarkFactors* widene
   // Y_li = Σ J_cᵀ (J_l U_invᵀ), straight from the Jacobians: W is never stored.
   for (int k = incidences_.factors_begin[l]; keeps_all_ && k < incidences_.factors_begin[l + 1];
        ++k) {
-    widened->ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
-      kernels_.eliminate(size, factors, U_inv, Y_.data());
-    });
+    kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
   }
 }
 
@@ -152,9 +150,8 @@ Status Elimination::Eliminate(const double* landmark_damping) {
                        return;
                      }
                    }
-                   WidenedLandmarkFactors widened;
                    for (int l = first + begin; l < first + end; ++l) {
-                     EliminateLandmark(l, &widened);
+                     EliminateLandmark(l);
                    }
                  });
     if (singular.get() < num_landmarks) {
@@ -313,15 +310,13 @@ void Elimination::BackSubstitute(const double* frame_step, double* landmark_step
         padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
   }
   evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
-    WidenedLandmarkFactors widened;
     for (int landmark = begin; landmark < end; ++landmark) {
-      BackSubstituteLandmark(landmark, landmark_step, &widened);
+      BackSubstituteLandmark(landmark, landmark_step);
     }
   });
 }
 
-void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step,
-                                         WidenedLandmarkFactors* widened) const {
+void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) const {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
@@ -336,9 +331,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step,
     double w[kQuad] = {};
     double U_inv_w[kQuad] = {};
     for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-      widened->ForEach(incidences_.factors[k], [&](const LandmarkFactors& factors) {
-        kernels_.multiply_coupling(factors, padded_frame_step_.data(), w);
-      });
+      kernels_.multiply_coupling(incidences_.factors[k], padded_frame_step_.data(), w);
     }
     // Yᵀδ_c = U_inv Wᵀδ_c, with Wᵀδ_c from the Jacobians.
     MultiplyLower(size, U_inv, w, U_inv_w);

@@ -7,7 +7,6 @@
 #include "base/zeroed_array.h"
 #include "linearize/block_scratch.h"
 #include "linearize/hessian.h"
-#include "linearize/widened.h"
 #include "schur/coupled_products.h"
 
 namespace inceres::internal {
@@ -57,13 +56,12 @@ class Elimination {
   };
   void CollectChunkBlocks();
   bool Factorize(int landmark, const double* damping);  // U_inv; false if the block is singular
-  void EliminateLandmark(int landmark, WidenedLandmarkFactors* widened);  // z and Y by it
+  void EliminateLandmark(int landmark);                 // z and Y by it
   void FormBlocks(int chunk, int begin, int end);
   void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
   void SubtractOfFrame(const double* v, int frame, int begin, int end, double* sum) const;
-  void BackSubstituteLandmark(int landmark, double* landmark_step,
-                              WidenedLandmarkFactors* widened) const;
+  void BackSubstituteLandmark(int landmark, double* landmark_step) const;
   void TakeRightHandSideFromJacobians();
   int DampingOffset(int landmark) const;
 

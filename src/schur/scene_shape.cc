@@ -32,7 +32,7 @@ SceneShape::SceneShape(const Evaluator& evaluator, const LandmarkIncidences& inc
     double numbers = 2.0 * factors.residual_size;
     for (int s = 0; s < factors.num_slots; ++s) {
       const double passes = s == factors.landmark_slot ? 1.0 : 2.0;
-      numbers += passes * static_cast<double>(factors.jacobians[s].factor_stride);
+      numbers += passes * factors.residual_size * factors.jacobians[s].row_stride;
     }
     numbers_read_ += factors.count * numbers;
   }

@@ -5,9 +5,9 @@
 
 namespace inceres::internal {
 
-/// Everything a kernel reads is padded to a multiple of four doubles: a row of a Jacobian, a row of
-/// Y, a variable in a tangent vector. The padding is zero. Offsets of blocks are counted in such
-/// quads, so 32 bits reach 64 GiB.
+/// What kernels read is padded to a multiple of four doubles: a row of Y, a variable in a tangent
+/// vector, and a row of a Jacobian, unless it is kept without (SlotJacobians). The padding is zero.
+/// Offsets of blocks are counted in such quads, so 32 bits reach 64 GiB.
 constexpr int kQuad = 4;
 static constexpr int PadToQuad(int size) {
   return (size + kQuad - 1) / kQuad * kQuad;
@@ -32,8 +32,9 @@ struct ProductTerm {
 
 /// C += sign Σ_p B_pᵀ A_p, the one product behind both H_ij = Σ J_iᵀ J_j and S_ij = C_ij − Σ_l Y_il
 /// Y_jlᵀ. A_p is depth × a_size and B_p depth × b_size, row-major, rows padded to quads, or both
-/// with their last column apart (`tail`: then a_size equals b_size, and depth is 4 at most). C is
-/// b_size × a_size with rows padded to quads.
+/// with their last column apart (`tail`: then a_size equals b_size, and depth is 4 at most), or
+/// a_stride and b_stride apart, if these are not 0. C is b_size × a_size with rows padded to quads;
+/// what is added to its padding does not count.
 ///
 /// `symmetric`: every B_p is its A_p, so that C is symmetric. Then only its entries up to the
 /// diagonal count: those above it may have been added to or not.
@@ -47,6 +48,8 @@ struct BlockProducts {
   int b_size = 0;
   bool tail = false;
   bool symmetric = false;
+  int a_stride = 0;  // from row to row, if they are not padded to quads
+  int b_stride = 0;
 };
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
@@ -66,17 +69,20 @@ struct VectorProducts {
   int depth = 0;
   int a_size = 0;
   bool tail = false;
+  int a_stride = 0;  // as of BlockProducts
 };
 
-/// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, rows
-/// row_stride apart (a multiple of 4).
+/// The Jacobians of one slot over a family: block i starts at data + i · factor_stride, which is a
+/// multiple of 4, its rows row_stride apart. Rows are padded to quads, or, where J is kept by
+/// factor (linearize/linearization.h), they are not: row_stride is `columns` then, and kernels may
+/// read up to three entries beyond a block, of which they use none.
 struct SlotJacobians {
   double* data = nullptr;
   std::ptrdiff_t factor_stride = 0;
   int row_stride = 0;
-  int columns = 0;  // the slot's tangent size: what of a row is not padding
-  // Where they are kept in single precision, in the same places; `data` is null then, but for those
-  // who linearize (linearize/linearization.h), and no kernel reads them (linearize/widened.h).
+  int columns = 0;  // the slot's tangent size
+  // Where J is kept in single precision, with the same strides; `data` is null then, but for those
+  // who linearize. Kernels for landmarks, and products of rows, read these, too.
   float* single = nullptr;
 };
 
@@ -88,13 +94,22 @@ struct LandmarkFactors {
   int landmark_slot = 0;
   int num_slots = 0;
   const SlotJacobians* jacobians = nullptr;  // per slot
-  const double* residuals = nullptr;         // residual_size per factor
+  const double* residuals = nullptr;         // residual_size per factor; null: they do not count
   /// Per factor and slot: 2 · (quad offset of the Y block) + 1 if the block was begun by an earlier
   /// factor; -1: no frame here.
   const std::int32_t* y_targets = nullptr;
   const std::int32_t* tangent_offsets =
       nullptr;          // as those of FactorRows; multiply_coupling and add_coupling read them
   bool y_tail = false;  // all blocks of Y have their last column apart
+};
+
+/// Landmarks with all of their factors and with U_inv of each, as that of `eliminate`.
+struct CoupledLandmarks {
+  const int* factors_begin = nullptr;  // per landmark, and one more: its entries of `factors`
+  const LandmarkFactors* factors = nullptr;
+  const char* sizes = nullptr;
+  const double* U_inv = nullptr;
+  std::ptrdiff_t U_inv_stride = 0;  // from landmark to landmark
 };
 
 /// The factors [begin, end) of a family for products with J.
@@ -179,6 +194,10 @@ struct Kernels {
   /// y −= Σ_q Y_qᵀ δ_f(q).
   void (*back_substitute)(int landmark_size, const Incidence* incidences, int count,
                           const double* Y, const double* delta, double* y);
+  /// y += W P̃⁻¹ Wᵀ v over the landmarks [begin, end), P̃⁻¹ = U_invᵀ U_inv, W = Σ J_fᵀ J_l over the
+  /// frames f; both padded. Each landmark's Jacobians are read twice, one reading after the other.
+  void (*add_coupled)(const CoupledLandmarks& landmarks, int begin, int end, const double* v,
+                      double* y);
   /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four
   /// entries.
   void (*multiply_coupling)(const LandmarkFactors& factors, const double* delta, double* w);

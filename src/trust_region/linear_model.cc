@@ -6,7 +6,6 @@
 #include "trust_region/iterative_model.h"
 #include "trust_region/large_block_schur_model.h"
 #include "trust_region/schur_model.h"
-#include "trust_region/step_way.h"
 
 namespace inceres::internal {
 
@@ -31,7 +30,13 @@ bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
 
 }  // namespace
 
-std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
+// The prediction may take a symbolic analysis: it is asked for only where its answer may be
+// followed.
+StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator) {
+  return MayBeIterative(options, evaluator) ? PredictSteps(evaluator).Cheapest() : StepWay::kFactor;
+}
+
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, StepWay way,
                                              const Evaluator& evaluator,
                                              const std::vector<VariableId>* eliminated,
                                              Status* status) {
@@ -63,10 +68,6 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
   if (evaluator.layout().num_landmarks() == 0) {
     return std::make_unique<PlainModel>(options, evaluator, status);
   }
-  // The prediction may take a symbolic analysis: it is asked for only where its answer may be
-  // followed.
-  const StepWay way =
-      MayBeIterative(options, evaluator) ? PredictSteps(evaluator).Cheapest() : StepWay::kFactor;
   if (way != StepWay::kFactor) {
     // Not Ceres's iteration here: landmarks follow in every step.
     return std::make_unique<IterativeModel>(OptionsOf(way, options.conjugate_gradients),

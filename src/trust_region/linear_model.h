@@ -11,6 +11,7 @@
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
 #include "linearize/row_products.h"
+#include "trust_region/step_way.h"
 
 namespace inceres::internal {
 
@@ -99,10 +100,15 @@ class LinearModel {
   JacobianProduct jacobian_;
 };
 
+/// How steps are solved for where options leave that to the solver, by connections alone
+/// (PredictSteps); else kFactor.
+StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator);
+
 /// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are
-/// landmarks. `eliminated` is LoopOptions::eliminated, null mostly. It wants TimeInto before its
-/// first use. Fails if the reduced solver cannot be set up.
-std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options,
+/// landmarks, and `way`, which is ChooseStepWay's, where that is another. `eliminated` is
+/// LoopOptions::eliminated, null mostly. It wants TimeInto before its first use. Fails if the
+/// reduced solver cannot be set up.
+std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, StepWay way,
                                              const Evaluator& evaluator,
                                              const std::vector<VariableId>* eliminated,
                                              Status* status);

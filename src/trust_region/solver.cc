@@ -93,18 +93,17 @@ std::int64_t VectorBytes(const Layout& layout) {
 // What a structure is set up with.
 struct Workspace {
   Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph)
-      // In the order of the members: the evaluator reads layout and executor.
       : layout(graph, EliminatesLandmarks(options, loop)),
         executor(options.num_threads),
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
         dynamic_sparsity(options.dynamic_sparsity),
         conjugate_gradients(options.conjugate_gradients),
-        eliminated(EliminatedBy(loop)),
-        evaluator(graph, layout, executor, StorageOf(options, graph, layout)) {
+        eliminated(EliminatedBy(loop)) {
+    const JacobianStorage storage = StorageOf(options, graph, layout);
+    evaluator.emplace(graph, layout, executor, storage);
     // Whole rows of a dense model have no blocks to leave out.
-    evaluator.set_leaves_out_zero_blocks(dynamic_sparsity &&
-                                         evaluator.storage() == JacobianStorage::kBySlot);
+    evaluator->set_leaves_out_zero_blocks(dynamic_sparsity && storage == JacobianStorage::kBySlot);
   }
 
   // A copy: LoopOptions are the caller's, and gone by the next solve.
@@ -121,23 +120,29 @@ struct Workspace {
     return by_blocks && !options.dynamic_sparsity && loop.eliminated == nullptr;
   }
 
-  static bool KeepsSingles(const SolverOptions& options) {
-    return options.linear_model == LinearModelKind::kIterativeSchur &&
-           options.conjugate_gradients.single_precision_jacobians;
+  // Where S is not formed products with it read all of J: the less there is to read the better.
+  static JacobianStorage StorageFor(const SolverOptions& options) {
+    const ConjugateGradientsOptions& iteration = options.conjugate_gradients;
+    if (options.linear_model != LinearModelKind::kIterativeSchur) {
+      return JacobianStorage::kBySlot;
+    }
+    return iteration.single_precision_jacobians  ? JacobianStorage::kByFactorInSingle
+           : iteration.explicit_schur_complement ? JacobianStorage::kBySlot
+                                                 : JacobianStorage::kByFactor;
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
   static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
                                    const Layout& layout) {
-    if (KeepsSingles(options)) {
-      return JacobianStorage::kBySlotInSingle;
+    if (StorageFor(options) != JacobianStorage::kBySlot) {
+      return StorageFor(options);
     }
     // Where none was asked for the small dense models are open, which have no reduced system.
     // One that is to eliminate in a certain order needs blocks, too.
     const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
                       !options.reduced_solver_factory && !IsIterative(options.linear_model) &&
                       !graph.HasEliminationGroups();
-    return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
+    return free ? internal::StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
@@ -164,7 +169,7 @@ struct Workspace {
   bool dynamic_sparsity;
   ConjugateGradientsOptions conjugate_gradients;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
-  Evaluator evaluator;
+  std::optional<Evaluator> evaluator;
   // Refers to the evaluator, and is destroyed before it.
   std::unique_ptr<LinearModel> model;
   TrustRegionMemory memory;
@@ -206,31 +211,38 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph) &&
                               workspace->eliminated == Workspace::EliminatedBy(loop);
   if (summary->structure_reused) {
-    workspace->evaluator.Rebind(graph);
+    workspace->evaluator->Rebind(graph);
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
   // Counted while it is set up, each thing before it is taken: what does not fit is told without
   // having been tried.
   MemoryBudget budget(options.max_memory_bytes);
-  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop),
-               Workspace::KeepsSingles(options), &budget);
+  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop), Workspace::StorageFor(options),
+               &budget);
   workspace = std::make_unique<Workspace>(options, loop, graph);
-  workspace->evaluator.set_memory_budget(&budget);
+  workspace->evaluator->set_memory_budget(&budget);
   // All variables are constant, or there are none. Ceres calls this converged.
   if (workspace->layout.variables.empty()) {
-    SummarizeStandstill(&workspace->evaluator, summary);
+    SummarizeStandstill(&*workspace->evaluator, summary);
     return nullptr;
   }
+  const StepWay way = ChooseStepWay(options, *workspace->evaluator);
+  if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
+    // Products with an S that is not formed. Nothing has been written to Jacobians yet.
+    workspace->evaluator.emplace(graph, workspace->layout, workspace->executor,
+                                 JacobianStorage::kByFactor);
+    workspace->evaluator->set_memory_budget(&budget);
+  }
   Status status;
-  workspace->model = MakeLinearModel(options, workspace->evaluator, loop.eliminated, &status);
+  workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated, &status);
   if (!status.ok()) {
     summary->message = status.message;
     return nullptr;
   }
-  workspace->evaluator.Take(VectorBytes(workspace->layout), "the vectors of a step");
+  workspace->evaluator->Take(VectorBytes(workspace->layout), "the vectors of a step");
   // The budget ends with this function; what is taken from now on was counted here.
-  workspace->evaluator.set_memory_budget(nullptr);
+  workspace->evaluator->set_memory_budget(nullptr);
   return workspace;
 }
 
@@ -256,21 +268,21 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   // however the loop ends.
   LinearModel& model = *workspace->model;
   summary->reduced_solver = model.SolverName();
-  summary->work.bytes = workspace->evaluator.Bytes();
+  summary->work.bytes = workspace->evaluator->Bytes();
   model.Describe(&summary->work);
   CountWhatMoves(*graph, workspace->layout, &summary->sizes);
   summary->seconds.setup = NowInSeconds() - start;
 
   // Set-up counts into the time limit, as in Ceres.
   loop.seconds_spent_before += summary->seconds.setup;
-  TrustRegionMinimizer minimizer(options, loop, &workspace->evaluator, &model, &workspace->memory,
+  TrustRegionMinimizer minimizer(options, loop, &*workspace->evaluator, &model, &workspace->memory,
                                  summary);
   minimizer.Minimize();
   if (options.dynamic_sparsity) {  // of which model and its solver are known by now
     WorkCounts found;
     model.Describe(&found);
     summary->reduced_solver = model.SolverName();
-    summary->work.bytes = workspace->evaluator.Bytes() + found.bytes;
+    summary->work.bytes = workspace->evaluator->Bytes() + found.bytes;
   }
   summary->final_cost = FinalCost(*summary, minimizer.first_comparable_iteration());
   // The only write to the graph. Where the solve has failed its values are as they were.

@@ -109,9 +109,7 @@ class Prediction {
 bool IsSmall(const Evaluator& evaluator) {
   double numbers = 0.0;
   for (const Linearization& cache : evaluator.families()) {
-    for (const SlotJacobians& slot : cache.slots) {
-      numbers += static_cast<double>(cache.num_factors) * static_cast<double>(slot.factor_stride);
-    }
+    numbers += static_cast<double>(cache.num_factors) * static_cast<double>(cache.FactorSize());
   }
   return PredictFullSystem(evaluator.layout().frame_size()).cost <=
          kFewestIterations * kPerNumberRead * numbers;

@@ -18,9 +18,9 @@ namespace {
 constexpr std::int64_t kMuch = std::int64_t{1} << 40;
 
 std::int64_t Predict(const FactorGraph& graph, bool eliminates_landmarks,
-                     bool keeps_singles = false) {
+                     JacobianStorage storage = JacobianStorage::kBySlot) {
   MemoryBudget budget(kMuch);
-  TakeForGraph(graph, eliminates_landmarks, keeps_singles, &budget);
+  TakeForGraph(graph, eliminates_landmarks, storage, &budget);
   return budget.taken();
 }
 
@@ -73,15 +73,25 @@ TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
   PointGraph points(kNumPoints);
   const Layout layout(points.graph(), true);
   const Executor executor(1);
-  const Evaluator in_double(points.graph(), layout, executor);
-  const Evaluator in_single(points.graph(), layout, executor, JacobianStorage::kBySlotInSingle);
-  // 8 quads of doubles a factor become quads of floats; 2,048 factors stay in double.
-  constexpr std::int64_t kSaved = 128 * std::int64_t{kNumPoints} - 256 * 2048;
+  const Evaluator by_slot(points.graph(), layout, executor);
+  const Evaluator by_factor(points.graph(), layout, executor, JacobianStorage::kByFactor);
+  const Evaluator in_single(points.graph(), layout, executor, JacobianStorage::kByFactorInSingle);
+  const auto predict = [&](JacobianStorage storage) {
+    return Predict(points.graph(), true, storage);
+  };
+  // 8 quads of a factor become 6 without padding, and these quads of floats; 2,048 factors stay in
+  // double. Behind the last factor there is a quad.
+  constexpr std::int64_t kPadding = 64 * std::int64_t{kNumPoints};
+  constexpr std::int64_t kSaved = 160 * std::int64_t{kNumPoints} - 192 * 2048;
   const std::int64_t gradient = 32 * std::int64_t{kNumPoints} + 96;
-  EXPECT_EQ(in_double.Bytes() - in_single.Bytes(), kSaved - gradient);
-  EXPECT_EQ(Predict(points.graph(), true) - Predict(points.graph(), true, true), kSaved - gradient);
+  EXPECT_EQ(by_slot.Bytes() - by_factor.Bytes(), kPadding - 32);
+  EXPECT_EQ(by_slot.Bytes() - in_single.Bytes(), kSaved - gradient - 32 - 16);
+  EXPECT_EQ(predict(JacobianStorage::kBySlot) - predict(JacobianStorage::kByFactor), kPadding);
+  EXPECT_EQ(predict(JacobianStorage::kBySlot) - predict(JacobianStorage::kByFactorInSingle),
+            kSaved - gradient);
   PointGraph few(4096);
-  EXPECT_EQ(Predict(few.graph(), true), Predict(few.graph(), true, true))
+  EXPECT_EQ(Predict(few.graph(), true, JacobianStorage::kByFactor),
+            Predict(few.graph(), true, JacobianStorage::kByFactorInSingle))
       << "a strip takes what would be saved: they stay in double";
 }
 

@@ -87,8 +87,8 @@ TEST_P(SinglePrecision, SumsAreThoseOfDoublesToTheRoundingOfAJacobian) {
   const auto bundle = Bundle(GetParam());
   constexpr std::int64_t kOneChunk = std::int64_t{1} << 40;
   for (const std::int64_t quads_per_chunk : {LandmarkIncidences::kQuadsPerChunk, kOneChunk}) {
-    const Sums in_double(bundle->graph(), JacobianStorage::kBySlot, 1, quads_per_chunk);
-    const Sums in_single(bundle->graph(), JacobianStorage::kBySlotInSingle, 1, quads_per_chunk);
+    const Sums in_double(bundle->graph(), JacobianStorage::kByFactor, 1, quads_per_chunk);
+    const Sums in_single(bundle->graph(), JacobianStorage::kByFactorInSingle, 1, quads_per_chunk);
     EXPECT_EQ(in_single.core.cost, in_double.core.cost) << "costs come from residuals";
     EXPECT_LT(Distance(in_single.gradient, in_double.gradient), 1e-13);
     constexpr double kRounded = 1e-6;
@@ -103,11 +103,27 @@ TEST_P(SinglePrecision, SumsAreThoseOfDoublesToTheRoundingOfAJacobian) {
   }
 }
 
+TEST_P(SinglePrecision, SumsOfJacobiansByFactorAreThoseOfJacobiansBySlot) {
+  const auto bundle = Bundle(GetParam());
+  const Sums by_slot(bundle->graph(), JacobianStorage::kBySlot);
+  const Sums by_factor(bundle->graph(), JacobianStorage::kByFactor);
+  EXPECT_EQ(by_factor.core.cost, by_slot.core.cost);
+  constexpr double kRounding = 1e-12;
+  EXPECT_LT(Distance(by_factor.gradient, by_slot.gradient), kRounding);
+  EXPECT_LT(Distance(by_factor.C, by_slot.C), kRounding);
+  EXPECT_LT(Distance(by_factor.P, by_slot.P), kRounding);
+  EXPECT_LT(Distance(by_factor.S, by_slot.S), kRounding);
+  EXPECT_LT(Distance(by_factor.b, by_slot.b), kRounding);
+  EXPECT_LT(Distance(by_factor.coupled, by_slot.coupled), kRounding);
+  EXPECT_LT(Distance(by_factor.step, by_slot.step), kRounding);
+  EXPECT_LT(Distance(by_factor.decrease, by_slot.decrease), kRounding);
+}
+
 TEST_P(SinglePrecision, SumsHaveTheSameBitsForAnyNumberOfThreads) {
   const auto bundle = Bundle(GetParam());
-  const Sums one(bundle->graph(), JacobianStorage::kBySlotInSingle);
+  const Sums one(bundle->graph(), JacobianStorage::kByFactorInSingle);
   for (const int num_threads : {2, 4}) {
-    const Sums many(bundle->graph(), JacobianStorage::kBySlotInSingle, num_threads);
+    const Sums many(bundle->graph(), JacobianStorage::kByFactorInSingle, num_threads);
     EXPECT_EQ(many.core.cost, one.core.cost);
     EXPECT_EQ(many.gradient, one.gradient);
     EXPECT_EQ(many.C, one.C);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <type_traits>
 
 #include "simd/kernel_fixture.h"
 
@@ -28,7 +29,9 @@ struct LandmarkCase {
           static_cast<std::size_t>(kNumFactors * rows * PadToQuad(slot_size)), 0.0);
       for (int r = 0; r < kNumFactors * rows; ++r) {
         for (int c = 0; c < slot_size; ++c) {
-          values[static_cast<std::size_t>(r * PadToQuad(slot_size) + c)] = random->Unit();
+          // Of single precision, so that both hold the same.
+          values[static_cast<std::size_t>(r * PadToQuad(slot_size) + c)] =
+              static_cast<double>(static_cast<float>(random->Unit()));
         }
       }
       jacobians.push_back({values.data(), std::ptrdiff_t{rows} * PadToQuad(slot_size),
@@ -104,8 +107,82 @@ struct LandmarkCase {
   LandmarkFactors factors;
 };
 
+// The same Jacobians, those of a factor together, rows without padding, in T. What nobody may use
+// is NaN: factors that nobody sees, and what lies between factors and behind the last.
+template <typename T>
+struct ByFactor {
+  explicit ByFactor(const LandmarkCase& padded)
+      : jacobians(padded.jacobians), factors(padded.factors) {
+    const int row = std::accumulate(padded.sizes.begin(), padded.sizes.end(), 0);
+    const std::ptrdiff_t stride = PadToQuad(padded.rows * row);
+    entries.assign(static_cast<std::size_t>(LandmarkCase::kNumFactors * stride + kQuad),
+                   std::numeric_limits<T>::quiet_NaN());
+    std::ptrdiff_t begin = 0;
+    for (int s = 0; s < static_cast<int>(jacobians.size()); ++s) {
+      SlotJacobians& slot = jacobians[static_cast<std::size_t>(s)];
+      for (const int factor : padded.seen) {
+        for (int r = 0; r < padded.rows; ++r) {
+          for (int c = 0; c < slot.columns; ++c) {
+            entries[static_cast<std::size_t>(factor * stride + begin + r * slot.columns + c)] =
+                static_cast<T>(padded.J(s, factor, r, c));
+          }
+        }
+      }
+      T* const data = entries.data() + begin;
+      slot = {nullptr, stride, slot.columns, slot.columns};
+      if constexpr (std::is_same_v<T, float>) {
+        slot.single = data;
+      } else {
+        slot.data = data;
+      }
+      begin += padded.rows * slot.columns;
+    }
+    factors.jacobians = jacobians.data();
+  }
+
+  AlignedVector<T> entries;
+  std::vector<SlotJacobians> jacobians;
+  LandmarkFactors factors;
+};
+
 class LandmarkKernels : public KernelTest {
  protected:
+  // All that the kernels make of a landmark's factors, one after the other.
+  std::vector<double> Results(const LandmarkCase& problem, const LandmarkFactors& factors,
+                              const std::vector<double>& values) const {
+    std::vector<double> results;
+    const auto add = [&](const AlignedVector<double>& part) {
+      results.insert(results.end(), part.begin(), part.end());
+    };
+    AlignedVector<double> P(16, 0.0), eta(kQuad, 0.0), w(kQuad, 0.0), U_inv(16, 0.0), u(kQuad, 0.0);
+    for (int r = 0; r < problem.size; ++r) {
+      u[static_cast<std::size_t>(r)] = values[static_cast<std::size_t>(r)];
+      for (int c = 0; c <= r; ++c) {
+        U_inv[static_cast<std::size_t>(r * kQuad + c)] = values[static_cast<std::size_t>(r + c)];
+      }
+    }
+    kernels().landmark_gram(problem.size, factors, P.data(), eta.data());
+    AlignedVector<double> Y(problem.y_size, 0.0);
+    kernels().eliminate(problem.size, factors, U_inv.data(), Y.data());
+    // Behind a variable's entries vectors are zero.
+    AlignedVector<double> delta(LandmarkCase::kNumQuads * kQuad, 0.0), y = delta;
+    for (const int factor : problem.seen) {
+      for (int s = 0; s < 4; ++s) {
+        const int offset = problem.tangent_offsets[static_cast<std::size_t>(factor * 4 + s)];
+        for (int c = 0; c < problem.sizes[static_cast<std::size_t>(s)] && offset >= 0; ++c) {
+          const auto at = static_cast<std::size_t>(offset * kQuad + c);
+          delta[at] = values[at];
+        }
+      }
+    }
+    kernels().multiply_coupling(factors, delta.data(), w.data());
+    kernels().add_coupling(factors, u.data(), y.data());
+    for (const AlignedVector<double>* part : {&P, &eta, &Y, &w, &y}) {
+      add(*part);
+    }
+    return results;
+  }
+
   template <typename Check>
   void ForAllSizes(Check&& check) {
     for (int size = 1; size <= 4; ++size) {
@@ -185,6 +262,146 @@ TEST_P(LandmarkKernels, EliminateWritesYForEveryFrame) {
   });
 }
 
+TEST_P(LandmarkKernels, GiveTheSameOfJacobiansByFactorInEitherPrecision) {
+  ForAllSizes([&](const LandmarkCase& problem, const std::string& what) {
+    const std::vector<double> values = random_.Vector(LandmarkCase::kNumQuads * kQuad);
+    const std::vector<double> expected = Results(problem, problem.factors, values);
+    const double scale = 54.0 * problem.rows;
+    const ByFactor<double> in_double(problem);
+    ExpectClose(Results(problem, in_double.factors, values), expected, scale, kTolerance, what);
+    const ByFactor<float> in_single(problem);
+    ExpectClose(Results(problem, in_single.factors, values), expected, scale, kTolerance,
+                what + ", in single precision");
+  });
+}
+
+// Landmarks of factors with a frame each, Jacobians by factor or, padded, in double. One of the
+// factors has no frame that moves.
+template <typename T>
+struct CoupledCase {
+  CoupledCase(int size, int frame_size, int rows, int landmark_slot, bool padded,
+              test::Random* random)
+      : sizes(2, static_cast<char>(size)) {
+    const int columns[2] = {landmark_slot == 0 ? size : frame_size,
+                            landmark_slot == 0 ? frame_size : size};
+    const auto stride = [&](int s) { return padded ? PadToQuad(columns[s]) : columns[s]; };
+    const std::ptrdiff_t factor_stride = PadToQuad(rows * (stride(0) + stride(1)));
+    entries.assign(static_cast<std::size_t>(kNumFactors * factor_stride + kQuad), T{});
+    std::ptrdiff_t begin = 0;
+    for (int s = 0; s < 2; ++s) {
+      for (int k = 0; k < kNumFactors * rows * columns[s]; ++k) {
+        const int row = k / columns[s];
+        entries[static_cast<std::size_t>(row / rows * factor_stride + begin +
+                                         row % rows * stride(s) + k % columns[s])] =
+            static_cast<T>(random->Unit());
+      }
+      SlotJacobians& slot =
+          slots.emplace_back(SlotJacobians{nullptr, factor_stride, stride(s), columns[s]});
+      if constexpr (std::is_same_v<T, float>) {
+        slot.single = entries.data() + begin;
+      } else {
+        slot.data = entries.data() + begin;
+      }
+      begin += rows * stride(s);
+    }
+    offsets.assign(2 * kNumFactors, kNumFrames * PadToQuad(frame_size) / kQuad);
+    for (int i = 0; i < kNumFactors; ++i) {
+      offsets[static_cast<std::size_t>(2 * i + 1 - landmark_slot)] =
+          i == 3 ? -1 : i % kNumFrames * PadToQuad(frame_size) / kQuad;
+    }
+    for (const int first : {0, 3}) {
+      LandmarkFactors of_landmark;
+      of_landmark.factors = list.data() + first;
+      of_landmark.count = first == 0 ? 3 : kNumFactors - 3;
+      of_landmark.residual_size = rows;
+      of_landmark.landmark_slot = landmark_slot;
+      of_landmark.num_slots = 2;
+      of_landmark.jacobians = slots.data();
+      of_landmark.tangent_offsets = offsets.data();
+      factors.push_back(of_landmark);
+    }
+  }
+
+  static constexpr int kNumFactors = 7;
+  static constexpr int kNumFrames = 3;
+  std::vector<char> sizes;
+  std::vector<std::int32_t> list = {4, 0, 6, 1, 5, 3, 2};
+  std::vector<int> factors_begin = {0, 1, 2};
+  AlignedVector<T> entries;
+  std::vector<SlotJacobians> slots;
+  std::vector<std::int32_t> offsets;
+  std::vector<LandmarkFactors> factors;
+};
+
+// u = U_invᵀ U_inv w of a landmark.
+AlignedVector<double> SolveFor(int size, const double* U_inv, const AlignedVector<double>& w) {
+  AlignedVector<double> u(kQuad, 0.0);
+  for (int r = 0; r < size; ++r) {
+    for (int c = 0; c <= r; ++c) {
+      for (int k = 0; k <= r; ++k) {
+        u[static_cast<std::size_t>(k)] +=
+            U_inv[r * kQuad + k] * U_inv[r * kQuad + c] * w[static_cast<std::size_t>(c)];
+      }
+    }
+  }
+  return u;
+}
+
+class CoupledKernels : public LandmarkKernels {
+ protected:
+  template <typename T>
+  void ExpectCoupled(int size, int frame_size, int rows, int landmark_slot, bool padded) {
+    const CoupledCase<T> problem(size, frame_size, rows, landmark_slot, padded, &random_);
+    const AlignedVector<double> U_inv = PaddedRows(8, size);  // the upper half is not read
+    const AlignedVector<double> v = PaddedRows(CoupledCase<T>::kNumFrames, frame_size);
+    const AlignedVector<double> start = PaddedRows(CoupledCase<T>::kNumFrames, frame_size);
+    AlignedVector<double> expected = start;
+    for (int l = 0; l < 2; ++l) {
+      AlignedVector<double> w(kQuad, 0.0);
+      const LandmarkFactors& factors = problem.factors[static_cast<std::size_t>(l)];
+      generic().multiply_coupling(factors, v.data(), w.data());
+      generic().add_coupling(factors, SolveFor(size, U_inv.data() + 16 * l, w).data(),
+                             expected.data());
+    }
+    AlignedVector<double> y = start;
+    const CoupledLandmarks landmarks{problem.factors_begin.data(), problem.factors.data(),
+                                     problem.sizes.data(), U_inv.data(), 16};
+    kernels().add_coupled(landmarks, 0, 2, v.data(), y.data());
+    ExpectClose(y, expected, 500.0 * rows * frame_size, kTolerance,
+                "landmark size " + std::to_string(size) + ", frame size " +
+                    std::to_string(frame_size) + ", residual size " + std::to_string(rows) +
+                    ", slot " + std::to_string(landmark_slot));
+  }
+};
+
+TEST_P(CoupledKernels, AddCoupledIsMultiplySolveAndAdd) {
+  for (const int size : {1, 3, 4}) {
+    for (const int frame_size : {1, 3, 4, 6, 7, 8, 9, 12, 15}) {
+      for (const int rows : {2, 3}) {
+        for (const int landmark_slot : {0, 1}) {
+          ExpectCoupled<double>(size, frame_size, rows, landmark_slot, /*padded=*/false);
+          ExpectCoupled<double>(size, frame_size, rows, landmark_slot, /*padded=*/true);
+          ExpectCoupled<float>(size, frame_size, rows, landmark_slot, /*padded=*/false);
+          if (HasFatalFailure()) {
+            return;
+          }
+        }
+      }
+    }
+  }
+}
+
+INCERES_FOR_ALL_INSTRUCTION_SETS(CoupledKernels);
+
+TEST_P(LandmarkKernels, GramLeavesEtaWithoutResiduals) {
+  LandmarkCase problem(3, 2, &random_);
+  problem.factors.residuals = nullptr;
+  AlignedVector<double> P(16, 0.0), eta(kQuad, 7.0);
+  kernels().landmark_gram(3, problem.factors, P.data(), eta.data());
+  EXPECT_EQ(eta, AlignedVector<double>(kQuad, 7.0));
+  EXPECT_GT(P[0], 0.0);
+}
+
 TEST_P(LandmarkKernels, EliminateWritesTheLastColumnApart) {
   for (const int frame_size : {5, 9, 13}) {
     for (int size = 1; size <= 4; ++size) {
@@ -203,6 +420,10 @@ TEST_P(LandmarkKernels, EliminateWritesTheLastColumnApart) {
         const AlignedVector<double> expected = WithTail(padded, size, frame_size);
         AlignedVector<double> Y(expected.size(), 1e300);
         kernels().eliminate(size, problem.factors, U_inv.data(), Y.data());
+        const ByFactor<float> in_single(problem);
+        AlignedVector<double> Y_of_singles(expected.size(), 1e300);
+        kernels().eliminate(size, in_single.factors, U_inv.data(), Y_of_singles.data());
+        ExpectClose(Y_of_singles, expected, 12.0 * rows, kTolerance, "in single precision");
         ExpectClose(Y, expected, 12.0 * rows, kTolerance,
                     "frames of " + std::to_string(frame_size) + ", landmark size " +
                         std::to_string(size) + ", residual size " + std::to_string(rows));

@@ -80,6 +80,66 @@ TEST_P(ProductKernels, EqualPlainLoopsForLongResidualsAndLargeFrames) {
   }
 }
 
+// Rows without padding, blocks a quad too far apart; what lies between them is NaN. Entries that
+// count are the same.
+TEST_P(ProductKernels, RowsWithoutPaddingGiveTheSame) {
+  for (int depth = 1; depth <= 6; ++depth) {
+    for (int size = 1; size <= 21; ++size) {
+      const AlignedVector<double> padded = PaddedRows(kNumStored * depth, size);
+      const int stride = PadToQuad(depth * size) + kQuad;
+      AlignedVector<double> A(static_cast<std::size_t>(kNumStored * stride), std::nan(""));
+      for (int row = 0; row < kNumStored * depth; ++row) {
+        std::copy_n(padded.data() + row * PadToQuad(size), size,
+                    A.data() + row / depth * stride + row % depth * size);
+      }
+      const std::vector<double> v = random_.Vector(static_cast<std::size_t>(kNumStored * depth));
+      std::vector<ProductTerm> terms, apart;
+      std::vector<VectorTerm> vector_terms, vector_apart;
+      for (int p = 0; p < 40; ++p) {
+        const int a = random_.Below(kNumStored), b = random_.Below(kNumStored);
+        const int quads = depth * PadToQuad(size) / kQuad;
+        terms.push_back({a * quads, b * quads});
+        apart.push_back({a * stride / kQuad, b * stride / kQuad});
+        vector_terms.push_back({a * quads, b * depth});
+        vector_apart.push_back({a * stride / kQuad, b * depth});
+      }
+      for (const bool symmetric : {false, true}) {
+        for (int p = 0; symmetric && p < 40; ++p) {
+          terms[static_cast<std::size_t>(p)].b = terms[static_cast<std::size_t>(p)].a;
+          apart[static_cast<std::size_t>(p)].b = apart[static_cast<std::size_t>(p)].a;
+        }
+        BlockProducts products{padded.data(), padded.data(), terms.data(), 40,       depth,
+                               size,          size,          false,        symmetric};
+        const auto rows = static_cast<std::size_t>(size * PadToQuad(size));
+        AlignedVector<double> expected(rows, 0.0), C(rows, 0.0);
+        kernels().accumulate_products(products, 1.0, expected.data());
+        products.a = products.b = A.data();
+        products.terms = apart.data();
+        products.a_stride = products.b_stride = size;
+        kernels().accumulate_products(products, 1.0, C.data());
+        for (int r = 0; r < size; ++r) {
+          for (int c = 0; c < (symmetric ? r + 1 : size); ++c) {
+            const auto at = static_cast<std::size_t>(r * PadToQuad(size) + c);
+            ASSERT_NEAR(C[at], expected[at], 40.0 * depth * kTolerance)
+                << "size " << size << ", depth " << depth << ", " << r << " " << c;
+          }
+        }
+      }
+      VectorProducts vectors{padded.data(), v.data(), vector_terms.data(), 40, depth, size};
+      AlignedVector<double> expected(static_cast<std::size_t>(PadToQuad(size)), 0.0), y = expected;
+      kernels().accumulate_vectors(vectors, 1.0, expected.data());
+      vectors.a = A.data();
+      vectors.terms = vector_apart.data();
+      vectors.a_stride = size;
+      kernels().accumulate_vectors(vectors, 1.0, y.data());
+      for (int c = 0; c < size; ++c) {
+        ASSERT_NEAR(y[static_cast<std::size_t>(c)], expected[static_cast<std::size_t>(c)],
+                    40.0 * depth * kTolerance);
+      }
+    }
+  }
+}
+
 TEST_P(ProductKernels, NoTermsLeaveTheBlockAsItIs) {
   ExpectProducts(3, 9, 9, 0, -1.0);
 }

@@ -1,8 +1,10 @@
 // What a pass over J yields for a vector: −(Jv)ᵀ(f + Jv/2) and ‖Jv‖²; and with it the change Jᵀ(f −
 // p) of a gradient.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "simd/kernel_fixture.h"
@@ -67,8 +69,47 @@ class RowKernels : public KernelTest {
     const RowProducts reference = generic().row_products(factor_rows, v.data());
     EXPECT_NEAR(actual.model_decrease, reference.model_decrease, 1e-13 * scale);
     EXPECT_NEAR(actual.squared_norm, reference.squared_norm, 1e-13 * scale);
+    ExpectSameByFactor<double>(factor_rows, v, actual, 1e-13 * scale);
+    ExpectSameByFactor<float>(factor_rows, v, actual, 1e-6 * scale);
     ExpectTriedRows(factor_rows, {2, 3, 4, 5}, v, decrease);
     ExpectTriedRows(factor_rows, {}, v, 0.0);
+  }
+
+  // Of the same Jacobians, those of a factor together and rows without padding, in T. What nobody
+  // may use is NaN.
+  template <typename T>
+  void ExpectSameByFactor(FactorRows rows, const AlignedVector<double>& v,
+                          const RowProducts& expected, double tolerance) {
+    constexpr int kNumFactors = 7;
+    std::vector<SlotJacobians> jacobians(rows.jacobians, rows.jacobians + rows.num_slots);
+    int size = 0;
+    for (const SlotJacobians& slot : jacobians) {
+      size += rows.residual_size * slot.columns;
+    }
+    const std::ptrdiff_t stride = PadToQuad(size);
+    AlignedVector<T> entries(static_cast<std::size_t>(kNumFactors * stride + kQuad),
+                             std::numeric_limits<T>::quiet_NaN());
+    T* next = entries.data();
+    for (SlotJacobians& slot : jacobians) {
+      for (int i = rows.begin; i < rows.end; ++i) {
+        for (int r = 0; r < rows.residual_size; ++r) {
+          const double* const row = slot.data + i * slot.factor_stride + r * slot.row_stride;
+          std::transform(row, row + slot.columns, next + i * stride + r * slot.columns,
+                         [](double entry) { return static_cast<T>(entry); });
+        }
+      }
+      slot = {nullptr, stride, slot.columns, slot.columns};
+      if constexpr (std::is_same_v<T, float>) {
+        slot.single = next;
+      } else {
+        slot.data = next;
+      }
+      next += rows.residual_size * slot.columns;
+    }
+    rows.jacobians = jacobians.data();
+    const RowProducts actual = kernels().row_products(rows, v.data());
+    EXPECT_NEAR(actual.model_decrease, expected.model_decrease, tolerance);
+    EXPECT_NEAR(actual.squared_norm, expected.squared_norm, tolerance);
   }
 
   // try_rows is multiply_rows, the decrease, and subtract_transposed of p − f, in one pass.
@@ -146,18 +187,21 @@ TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
   EXPECT_NE(kernels().find_take(2, 7, 6), nullptr);
 }
 
+// Rows padded or not: what lies between and behind them stays as it is.
 TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
   const int sizes[3] = {9, 3, 6};
   const std::int32_t offsets[3] = {4, -1, 0};
   const double f[3] = {0.5, -1.5, 0.25};
-  for (const int rows : {1, 2, 3}) {
+  for (const int kind : {2, 3, 4, 5, 6, 7}) {
+    const int rows = kind / 2;
+    const bool padded = kind % 2 == 0;
     for (const double a : {0.0, 0.2}) {
       std::vector<AlignedVector<double>> storage;
       std::vector<SlotJacobians> jacobians;
       for (const int size : sizes) {
         storage.push_back(PaddedRows(3 * rows, size));
-        jacobians.push_back(
-            {storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size), PadToQuad(size), size});
+        jacobians.push_back({storage.back().data(), std::ptrdiff_t{rows} * PadToQuad(size),
+                             padded ? PadToQuad(size) : size, size});
       }
       std::vector<AlignedVector<double>> expected = storage;
       for (const std::size_t s : {0, 2}) {
