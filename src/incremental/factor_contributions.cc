@@ -84,7 +84,7 @@ void FactorContributions::Add(FactorRef ref, double sign) {
   const Contribution contribution = RowsOf(ref);
   if (contribution.count > 0) {
     const std::int32_t* blocks = BlocksOf(ref);  // S may grow
-    AddRows(contribution, families_[ref.family].q(ref.factor), nullptr, sign, blocks);
+    AddRows(contribution, families_[ref.family].weighed().q(ref.factor), nullptr, sign, blocks);
   }
 }
 
@@ -110,7 +110,7 @@ std::ptrdiff_t FactorContributions::Keep(FactorRef ref) {
   for (const BlockRow& row : rows_) {
     std::copy_n(row.A, size_of(row), KeepRoom(size_of(row)));
   }
-  std::copy_n(families_[ref.family].q(ref.factor), contribution.depth,
+  std::copy_n(families_[ref.family].weighed().q(ref.factor), contribution.depth,
               KeepRoom(contribution.depth));
   return kept;
 }
@@ -128,7 +128,7 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
     out += std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
   }
   contribution.replaces = true;
-  AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOf(ref));
+  AddRows(contribution, families_[ref.family].weighed().q(ref.factor), out, 1.0, BlocksOf(ref));
 }
 
 // For a row that is summed anew (rebuilding, drift). Its column belongs to other rows, which
@@ -144,7 +144,7 @@ void FactorContributions::AddToRow(FactorRef ref, std::int32_t only) {
   }
   sums_.Touch(rows_of_);
   sums_.AddProducts(contribution, 1.0, targets_.data());
-  const double* q = families_[ref.family].q(ref.factor);
+  const double* q = families_[ref.family].weighed().q(ref.factor);
   for (int r = 0; r < contribution.count; ++r) {
     if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};
