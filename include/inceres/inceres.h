@@ -43,6 +43,7 @@
 #include "inceres/problem/factor_family.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
+#include "inceres/problem/graph_tables.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/pose_composition.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdarg>
-#include <cstddef>
 #include <cstdio>
 #include <string>
 

@@ -4,7 +4,6 @@
 #include <climits>
 #include <cstdio>
 #include <cstdlib>
-#include <limits>
 #include <new>
 #include <numeric>
 

@@ -1,7 +1,5 @@
 #include "distributed/distributed_model.h"
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "distributed/petsc_objects.h"

@@ -3,7 +3,6 @@
 #include <petscvec.h>
 
 #include <stdexcept>
-#include <string>
 #include <vector>
 
 namespace inceres::internal {

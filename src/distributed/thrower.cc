@@ -1,7 +1,5 @@
 #include "distributed/thrower.h"
 
-#include <vector>
-
 namespace inceres::internal {
 
 // Finds the factor behind an exception, after the fact: one factor at a time is evaluated until one

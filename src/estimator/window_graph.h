@@ -3,7 +3,6 @@
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "estimator/relative_camera.h"
 #include "inceres/estimator/sliding_window_estimator.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <sstream>
 #include <string>
-#include <utility>
 
 #include "problem/find_fault.h"
 

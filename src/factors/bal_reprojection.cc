@@ -248,12 +248,12 @@ EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measur
 }  // namespace
 
 BalReprojectionFamily::BalReprojectionFamily(int camera_tangent_size, int point_tangent_size)
-    : FactorFamily(2, {{kCameraSize, camera_tangent_size}, {kPointSize, point_tangent_size}}) {
+    : MeasuredFamily(2, {{kCameraSize, camera_tangent_size}, {kPointSize, point_tangent_size}}) {
 }
 
 EvaluationFailure BalReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return batch.jacobians == nullptr ? EvaluateRange<false>(measurements_.data(), batch)
-                                    : EvaluateRange<true>(measurements_.data(), batch);
+  return batch.jacobians == nullptr ? EvaluateRange<false>(measurements().data(), batch)
+                                    : EvaluateRange<true>(measurements().data(), batch);
 }
 
 }  // namespace inceres

@@ -147,7 +147,7 @@ const char* ReasonAt(const double h[3], Error error) {
 
 BodyReprojectionFamily::BodyReprojectionFamily(TimeOffset offset, Feature feature, Views views,
                                                Error error)
-    : FactorFamily(2, SlotsOf(offset, feature, views)),
+    : MeasuredFamily(2, SlotsOf(offset, feature, views)),
       offset_(offset),
       feature_(feature),
       views_(views),
@@ -159,7 +159,7 @@ EvaluationFailure BodyReprojectionFamily::EvaluateViews(const FactorBatch& batch
   using Chain = InverseDepthChain<poses, cameras>;
   const bool estimated = offset_ == TimeOffset::kEstimated;
   for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     const double* const* x = batch.parameters + static_cast<std::ptrdiff_t>(i) * num_slots();
     // Without an offset the features stay where they are.
     const double delay_i = estimated ? x[Chain::kTimeOffset][0] - measurement.offset_i : 0.0;

@@ -80,7 +80,7 @@ void CenterOf(CenterKind kind, const double* values, double center[3]) {
 }
 
 CenterDistanceFamily::CenterDistanceFamily(CenterKind kind)
-    : AmbientFamily(1, {SlotOf(kind), SlotOf(kind)}), kind_(kind) {
+    : MeasuredFamily(1, {SlotOf(kind), SlotOf(kind)}), kind_(kind) {
 }
 
 bool CenterDistanceFamily::EvaluateOne(int i, const double* const* parameters, double* residuals,

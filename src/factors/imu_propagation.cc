@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "factors/imu_correction.h"
 #include "factors/imu_layout.h"

@@ -157,7 +157,7 @@ EvaluationFailure InverseDepthReprojectionFamily::Evaluate(const FactorBatch& ba
   // Starts with null addresses, which no pose has.
   PosePair pair;
   for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     const double* const* parameters = batch.parameters + 3 * static_cast<std::ptrdiff_t>(i);
     const double d = parameters[2][0];
     // U = [u00 u01; 0 u11], in three entries.

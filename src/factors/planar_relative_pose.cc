@@ -1,7 +1,6 @@
 #include "inceres/factors/planar_relative_pose.h"
 
 #include <cmath>
-#include <cstddef>
 
 #include "factors/wrap_angle.h"
 
@@ -29,7 +28,7 @@ void Whiten(const double* U, const double A[9], double* M) {
 
 bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameters,
                                            double* residuals, double** jacobians) const {
-  const Measurement& measured = measurements_[static_cast<std::size_t>(i)];
+  const Measurement& measured = measurement(i);
   const double *a = parameters[0], *b = parameters[1], *U = measured.sqrt_information;
   const double c = std::cos(a[2]), s = std::sin(a[2]);
   const double dx = b[0] - a[0], dy = b[1] - a[1];

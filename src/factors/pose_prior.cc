@@ -55,7 +55,7 @@ void Differentiate(const double e[6], bool left, double E[36]) {
 EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
   const bool left = side_ == Side::kLeft;
   for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     double e[6];
     Compare(batch.parameters[i], measurement.pose, left, e);
     double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
@@ -82,7 +82,7 @@ EvaluationFailure PosePriorFamily::Evaluate(const FactorBatch& batch) const {
 // biases is that of the variable: mean and U come in the same.
 EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     double e[9];
     for (int k = 0; k < 9; ++k) {
       e[k] = batch.parameters[i][k] - measurement.speed_bias[k];

@@ -98,7 +98,7 @@ double WriteJacobians(const FactorBatch& batch, int i,
 
 EvaluationFailure RelativePoseFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
     Difference v;
     Compare(measurement, parameters[0], parameters[1], v);

@@ -1,6 +1,7 @@
 #include "incremental/active_variables.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace inceres::internal {
 

@@ -18,13 +18,13 @@ namespace inceres::internal {
 
 // The error is compared so that a NaN is not good.
 bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
-  if (ref.factor >= family.num_places() || !family.linearized(ref.factor) || system_.IsDirty(ref) ||
-      !(family.SquaredError(ref.factor) <= limit_)) {
+  if (ref.factor >= family.num_places() || !family.weighed().linearized(ref.factor) ||
+      system_.IsDirty(ref) || !(family.weighed().SquaredError(ref.factor) <= limit_)) {
     return false;
   }
   // Zero: no weight now. Infinite or NaN: next to none at the linearization, of which nothing can
   // be restored.
-  const double ratio = family.WeightRatio(ref.factor);
+  const double ratio = family.weighed().WeightRatio(ref.factor);
   return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
 }
 
@@ -40,7 +40,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   const std::int32_t landmark = schur.structure().LandmarkOfFactor(ref);
   // Cached is √w_then J, corrected or not (IncrementalFamily); the factor's share of the
   // least-squares problem now is √ρ' J and √ρ' f.
-  const double scale = std::sqrt(family.WeightRatio(id.index));
+  const double scale = std::sqrt(family.weighed().WeightRatio(id.index));
   slots_.resize(family.num_slots());
   jacobians_.resize(std::max(jacobians_.size(), slots_.size()));
   // Slots that nobody wants keep their layout and have no data.
@@ -62,10 +62,10 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
     for (double& entry : jacobians_[s]) {
       entry *= scale;
     }
-    if (family.IsCorrected(id.index)) {
+    if (family.weighed().IsCorrected(id.index)) {
       // (I + β n nᵀ) times the kept one is the plain one: scalars commute with it, so the order is
       // free.
-      TakeBackCorrection(family.correction(id.index), family.residual_size(), cached,
+      TakeBackCorrection(family.weighed().correction(id.index), family.residual_size(), cached,
                          jacobians_[s].data());
     }
     slots_[s].data = jacobians_[s].data();
@@ -73,7 +73,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
   f_.assign(family.residual(id.index), family.residual(id.index) + family.residual_size());
   for (double& entry : f_) {
     // √ρ' f, not the q of the family: q has the correction of the old linearization in it.
-    entry *= std::sqrt(family.weight(id.index));
+    entry *= std::sqrt(family.weighed().weight(id.index));
   }
   *result = {family.residual_size(), f_.data(), slots_.data()};
   return true;

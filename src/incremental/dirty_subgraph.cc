@@ -40,7 +40,7 @@ bool DirtySubgraph::RebuildIsCheaper(int num_factors) const {
   const auto anew = static_cast<double>(num_factors + schur_.NumPairs());
   for (const IncrementalFamily& family : families_) {
     factors_[family.id()].ForEach([&](std::int32_t i) {
-      difference += family.linearized(i) ? replace_cost_ : 1.0;
+      difference += family.weighed().linearized(i) ? replace_cost_ : 1.0;
       const std::int32_t landmark = schur_.structure().LandmarkOfFactor({family.id(), i});
       if (landmark >= 0 && schur_.IsInS(landmark)) {
         // Each of its factors asks for a share of what replacing its contribution costs.
@@ -125,11 +125,11 @@ void DirtySubgraph::ReweighFamily(IncrementalFamily* family) {
     }
     // The rows as they are in S, before Reweigh writes over J and q.
     const std::ptrdiff_t kept = schur_.KeepFactor(ref);
-    const double cost = family->Cost(i);
+    const double cost = family->weighed().Cost(i);
     if (family->Reweigh(i)) {
       schur_.ReplaceFactor(ref, kept);
       // The change alone: the factor was and stays part of the sum.
-      cost_.Add(family->Cost(i) - cost);
+      cost_.Add(family->weighed().Cost(i) - cost);
       const std::int32_t landmark = schur_.structure().LandmarkOfFactor(ref);
       if (landmark >= 0) {
         // P and η are sums over the factor, so the landmark's contribution follows with the next
@@ -193,12 +193,12 @@ Status DirtySubgraph::Keep(IncrementalFamily* family, bool by_difference) {
     if (landmark >= 0) {
       MarkLandmark(landmark);
     }
-    if (family->linearized(i)) {
-      cost_.Add(-family->Cost(i));
+    if (family->weighed().linearized(i)) {
+      cost_.Add(-family->weighed().Cost(i));
     }
     if (by_difference) {
       // A new factor has nothing to be replaced and is added.
-      kept_.push_back(family->linearized(i) ? schur_.KeepFactor(ref) : -1);
+      kept_.push_back(family->weighed().linearized(i) ? schur_.KeepFactor(ref) : -1);
     }
     for (int s = 0; s < family->num_slots(); ++s) {
       const VariableId id = family->variables(i)[s];
@@ -221,7 +221,7 @@ Status DirtySubgraph::EvaluateFamily(IncrementalFamily* family) {
         graph_.DescribeFailure(family->id(), failure, family->parameters(failure.factor)));
   }
   for (const std::int32_t i : list_) {
-    cost_.Add(family->Cost(i));
+    cost_.Add(family->weighed().Cost(i));
   }
   // A cost that is not finite would spoil every difference from here on.
   return std::isfinite(cost_.value()) ? Status::Ok() : InfiniteCost(*family);
@@ -230,7 +230,7 @@ Status DirtySubgraph::EvaluateFamily(IncrementalFamily* family) {
 // What has made the cost infinite or NaN, among the factors that were linearized just now.
 Status DirtySubgraph::InfiniteCost(const IncrementalFamily& family) const {
   const auto culprit = std::find_if(list_.begin(), list_.end(), [&family](std::int32_t i) {
-    return !std::isfinite(family.Cost(i));
+    return !std::isfinite(family.weighed().Cost(i));
   });
   return Status::Error(StatusCode::kEvaluationFailed,
                        culprit == list_.end() ? "the sum of all costs is not finite"

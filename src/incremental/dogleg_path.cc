@@ -58,7 +58,7 @@ void DoglegPath::Prepare(const ActiveVariables& active, const ActiveBounds& boun
     for (const std::int32_t i : touched[family.id()]) {
       double slope = 0.0;
       double squared = 0.0;
-      family.Slope(i, &slope, &squared);
+      family.weighed().Slope(i, &slope, &squared);
       curvature += squared;
     }
   }

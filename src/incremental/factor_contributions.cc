@@ -126,7 +126,7 @@ void FactorContributions::Add(FactorRef ref, double sign) {
   const Contribution contribution = RowsOf(ref);
   if (contribution.count > 0 && is_there) {
     const std::int32_t* blocks = BlocksOf(ref);  // S may grow
-    AddRows(contribution, families_[ref.family].q(ref.factor), nullptr, sign, blocks);
+    AddRows(contribution, families_[ref.family].weighed().q(ref.factor), nullptr, sign, blocks);
   }
 }
 
@@ -152,7 +152,7 @@ std::ptrdiff_t FactorContributions::Keep(FactorRef ref) {
   for (const BlockRow& row : rows_) {
     std::copy_n(row.A, size_of(row), KeepRoom(size_of(row)));
   }
-  std::copy_n(families_[ref.family].q(ref.factor), contribution.depth,
+  std::copy_n(families_[ref.family].weighed().q(ref.factor), contribution.depth,
               KeepRoom(contribution.depth));
   return kept;
 }
@@ -172,7 +172,7 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
   contribution.replaces = true;
   const bool is_off = IsTurnedOff(ref);
   if (!is_off || HasBlocks(ref)) {
-    AddRows(contribution, families_[ref.family].q(ref.factor), out, 1.0, BlocksOf(ref));
+    AddRows(contribution, families_[ref.family].weighed().q(ref.factor), out, 1.0, BlocksOf(ref));
   }
   if (is_off) {
     ReleaseBlocks(ref);
@@ -195,7 +195,7 @@ void FactorContributions::AddToRow(FactorRef ref, std::int32_t only) {
   }
   sums_.Touch(rows_of_);
   sums_.AddProducts(contribution, 1.0, targets_.data());
-  const double* q = families_[ref.family].q(ref.factor);
+  const double* q = families_[ref.family].weighed().q(ref.factor);
   for (int r = 0; r < contribution.count; ++r) {
     if (rows_of_[r] == only) {
       const Contribution row{contribution.rows + r, 1, contribution.depth};

@@ -53,7 +53,7 @@ class StalenessOf {
   void AddFactors(const std::vector<FactorRef>& factors) {
     for (const FactorRef& ref : factors) {
       const IncrementalFamily& family = system_.families()[ref.family];
-      const double error = family.SquaredError(ref.factor);
+      const double error = family.weighed().SquaredError(ref.factor);
       // Any error counts as stale, however far below the limits of relinearization. A dirty factor
       // is another function, of which the error says nothing.
       if (error > 0.0 || system_.IsDirty(ref)) {

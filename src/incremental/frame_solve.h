@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-
 #include "inceres/status.h"
 #include "incremental/frame_step.h"
 #include "incremental/update_context.h"

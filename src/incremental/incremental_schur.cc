@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "base/larger_of.h"
 
@@ -241,7 +240,7 @@ void IncrementalSchur::ResumFrame(std::int32_t frame) {
   const Frame& f = frames()[frame];
   sums_.ZeroRow(frame, f.quad, f.size);
   const auto add_factor = [this, frame](const FactorRef& ref) {
-    if (families_[ref.family].linearized(ref.factor)) {
+    if (families_[ref.family].weighed().linearized(ref.factor)) {
       factors_.AddToRow(ref, frame);
     }
   };
@@ -269,7 +268,7 @@ void IncrementalSchur::Rebuild() {
   }
   for (const IncrementalFamily& family : families_) {
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
-      if (family.linearized(i)) {
+      if (family.weighed().linearized(i)) {
         factors_.Add({family.id(), i}, 1.0);
       }
     }

@@ -1,7 +1,5 @@
 #include "incremental/incremental_system.h"
 
-#include "problem/edit_check.h"
-
 namespace inceres::internal {
 
 // The caches of a living problem, brought up to date (docs/algorithms.md, "Incremental Schur
@@ -28,7 +26,7 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
     return status;
   }
   // The last thing that may fail: a family of the user's may throw.
-  EditCheck::PlaceMeasurements(&graph_, edit);
+  graph_.PlaceMeasurements(edit);
   // What LittleHasCome rests on: H has only gained, and the gradient only by the new residuals.
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&

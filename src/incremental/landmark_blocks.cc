@@ -93,7 +93,7 @@ LandmarkFactors LandmarkBlocks::FactorsOf(const FactorRef& ref) const {
   factors.residual_size = family.residual_size();
   factors.num_slots = family.num_slots();
   factors.jacobians = family.slots();
-  factors.residuals = family.q_data();
+  factors.residuals = family.weighed().q();
   factors.y_targets = family.y_targets();
   factors.landmark_slot = structure_.LandmarkSlot(ref);
   return factors;

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "base/option_rules.h"
 #include "incremental/exact_covariance.h"
 #include "incremental/factor_staleness.h"
 #include "incremental/live_columns.h"
@@ -18,11 +19,10 @@ namespace inceres {
 using internal::Invalid;
 
 Status LiveCovarianceOptions::Validate() const {
-  if (!(tolerance > 0.0)) {
-    return Invalid("LiveCovarianceOptions::tolerance must be positive");
-  }
-  return max_iterations >= 1 ? Status::Ok()
-                             : Invalid("LiveCovarianceOptions::max_iterations must be at least 1");
+  return internal::OptionRules("LiveCovarianceOptions")
+      .Positive("tolerance", tolerance)
+      .AtLeastOne("max_iterations", max_iterations)
+      .status();
 }
 
 // Covariances from the factor that an Update has left (docs/algorithms.md, "From a live factor").

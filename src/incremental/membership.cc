@@ -123,9 +123,9 @@ void Membership::Detach(FactorRef ref) {
   if (landmark >= 0) {
     TakeOut(landmark);
   }
-  if (family.linearized(ref.factor)) {
+  if (family.weighed().linearized(ref.factor)) {
     schur_.AddFactor(ref, -1.0);
-    cost_.Add(-family.Cost(ref.factor));
+    cost_.Add(-family.weighed().Cost(ref.factor));
   }
   schur_.Disconnect(ref);
   // Another factor may come to this place, or the same one with other slots.

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-
 #include "incremental/frame_step.h"
 #include "incremental/index_set.h"
 #include "incremental/partial_step.h"

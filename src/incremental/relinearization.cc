@@ -59,8 +59,9 @@ void Relinearization::MarkStale(double tolerance) {
       const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
                             ? system_.step().Largest({family.id(), i}) >= step_
                             : stale.ExceededBy(family, i);
-      if (errs || family.WeightIsOff(i, family.IsCorrected(i) ? tuning_.corrected_weight_change
-                                                              : tuning_.weight_change)) {
+      if (errs || family.weighed().WeightIsOff(i, family.weighed().IsCorrected(i)
+                                                      ? tuning_.corrected_weight_change
+                                                      : tuning_.weight_change)) {
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
         aged_[family.id()].Add(i);
@@ -93,7 +94,7 @@ void Relinearization::FindAged() {
   for (const IncrementalFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
     for (int i = 0; i < family.num_places(); ++i) {
-      if (family.linearized(i)) {
+      if (family.weighed().linearized(i)) {
         aged_[family.id()].Add(i);
       }
     }
@@ -116,10 +117,10 @@ bool Relinearization::RefreshAged(double tolerance) {
     const IncrementalFamily& factors = system_.families()[family];
     IndexSet& aged = aged_[family];
     aged.ForEach([&](std::int32_t i) {
-      if (factors.linearized(i) && limits.ExceededBy(factors, i)) {
+      if (factors.weighed().linearized(i) && limits.ExceededBy(factors, i)) {
         system_.MarkDirty({factors.id(), i});
         any = true;
-      } else if (factors.linearized(i) && ahead.ExceededBy(factors, i)) {
+      } else if (factors.weighed().linearized(i) && ahead.ExceededBy(factors, i)) {
         return;
       }
       aged.Remove(i);
@@ -133,14 +134,14 @@ bool Relinearization::RefreshTouched(bool evaluated) {
   const auto for_each_old = [this](auto&& visit) {
     for (const IncrementalFamily& family : system_.families()) {
       for (const std::int32_t i : system_.step().Touched(family.id())) {
-        if (family.SquaredError(i) > tuning_.exact) {
+        if (family.weighed().SquaredError(i) > tuning_.exact) {
           visit(FactorRef{family.id(), i});
         }
       }
     }
   };
   const auto unforeseen = [this](FactorRef ref) {
-    return system_.families()[ref.family].UnforeseenCost(ref.factor);
+    return system_.families()[ref.family].weighed().UnforeseenCost(ref.factor);
   };
   // Few are renewed first, for a Jacobian costs more than a residual; if the step after that fails
   // as well, the choice was wrong. A step that was not evaluated blames nobody.

@@ -42,8 +42,8 @@ class Relinearization {
     double model;
     double squared_gradient;
     bool ExceededBy(const IncrementalFamily& family, int factor) const {
-      return family.SquaredError(factor) > model ||
-             family.SquaredGradientError(factor) > squared_gradient;
+      return family.weighed().SquaredError(factor) > model ||
+             family.weighed().SquaredGradientError(factor) > squared_gradient;
     }
     bool IsBelow(const ErrorLimits& other) const {
       return model < other.model || squared_gradient < other.squared_gradient;

@@ -24,7 +24,7 @@ void RunningCost::Resum(const std::vector<IncrementalFamily>& families, int num_
   for (const IncrementalFamily& family : families) {
     // By family and place: the same order whenever it is summed, so the same bits.
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
-      value_ += family.linearized(i) ? family.Cost(i) : 0.0;
+      value_ += family.weighed().linearized(i) ? family.weighed().Cost(i) : 0.0;
     }
   }
   peak_ = value_;

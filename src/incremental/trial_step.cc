@@ -137,7 +137,7 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
                            graph_.DescribeFailure(family.id(), failure,
                                                   family.candidate_parameters(failure.factor)));
     }
-    *change += family.CandidateChange(touched);
+    *change += family.weighed().CandidateChange(touched);
     *predicted_decrease += family.TryStep(touched, active_.step().data(), schur_.padded_change());
   }
   return Status::Ok();
@@ -248,10 +248,10 @@ bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, in
     for (const std::int32_t i : touched) {
       double slope = 0.0;
       double curvature = 0.0;
-      family.Slope(i, &slope, &curvature);
+      family.weighed().Slope(i, &slope, &curvature);
       // −qᵀJδ is the decrease that the gradient promises along this step.
       searches_.Add(schur_.structure().LandmarkOfFactor({family.id(), i}),
-                    family.CandidateCost(i) - family.Cost(i), slope);
+                    family.weighed().CandidateCost(i) - family.weighed().Cost(i), slope);
     }
   }
   return true;

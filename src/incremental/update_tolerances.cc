@@ -128,7 +128,7 @@ bool UpdateTolerances::MarkOld() {
   bool any = false;
   for (const IncrementalFamily& family : context_.system.families()) {
     for (int i = 0; i < family.num_places(); ++i) {
-      if (family.linearized(i) && family.SquaredError(i) > 0.0) {
+      if (family.weighed().linearized(i) && family.weighed().SquaredError(i) > 0.0) {
         context_.system.MarkDirty({family.id(), i});
         any = true;
       }
@@ -144,7 +144,7 @@ double UpdateTolerances::GradientMaxNorm() const {
   for (const IncrementalFamily& family : context_.system.families()) {
     all.clear();
     for (int i = 0; i < family.num_places(); ++i) {
-      if (family.linearized(i)) {
+      if (family.weighed().linearized(i)) {
         all.push_back(i);
       }
     }

@@ -4,7 +4,6 @@
 #include <climits>
 #include <cmath>
 #include <cstring>
-#include <memory>
 #include <type_traits>
 #include <utility>
 

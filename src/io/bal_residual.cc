@@ -1,5 +1,4 @@
 #include <cmath>
-#include <cstddef>
 
 #include "inceres/io/bal.h"
 

@@ -1,6 +1,5 @@
 #include "io/byte_sink.h"
 
-#include <cerrno>
 #include <filesystem>
 #include <system_error>
 #include <utility>

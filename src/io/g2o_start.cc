@@ -6,7 +6,6 @@
 #include <functional>
 #include <queue>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include "inceres/problem/pose_composition.h"

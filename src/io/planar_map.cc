@@ -1,10 +1,8 @@
 #include "inceres/io/planar_map.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <unordered_map>
 #include <utility>
 
 #include <Eigen/Cholesky>

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 
 #include "inceres/problem/rotation.h"
 #include "io/vio_checks.h"

@@ -1,5 +1,4 @@
 // What coarse columns find out once: where their blocks are.
-#include <algorithm>
 #include <utility>
 #include <vector>
 

@@ -38,21 +38,12 @@ using Eigen::MatrixXd;
 constexpr Index kWorthReducing = 128;
 constexpr Index kTimesColumns = 3;
 
-MatrixXd Sorted(const MatrixXd& rows, Index num_rows) {
-  const std::vector<Index> order = LargestRowsFirst(rows.topRows(num_rows));
-  MatrixXd sorted(num_rows, rows.cols());
-  for (Index row = 0; row < num_rows; ++row) {
-    sorted.row(row) = rows.row(order[static_cast<std::size_t>(row)]);
-  }
-  return sorted;
-}
-
 // Reduces the rows of the stack to a triangle. The stack keeps its memory, for rows to come.
 void Reduce(MatrixXd* stack, Index* num_rows) {
   if (*num_rows == 0) {
     return;
   }
-  MatrixXd sorted = Sorted(*stack, *num_rows);
+  MatrixXd sorted = SortedRows(*stack, stack->topRows(*num_rows));
   // In place of the sorted rows; Eigen keeps the reflections below the diagonal, which the
   // triangular view leaves out.
   const Eigen::HouseholderQR<Eigen::Ref<MatrixXd>> qr(sorted);

@@ -28,4 +28,15 @@ inline std::vector<Eigen::Index> LargestRowsFirst(const Eigen::Ref<const Eigen::
   return order;
 }
 
+/// The rows of A, as many as `by` has, in the order of those of `by`, largest first.
+inline Eigen::MatrixXd SortedRows(const Eigen::MatrixXd& A,
+                                  const Eigen::Ref<const Eigen::MatrixXd>& by) {
+  const std::vector<Eigen::Index> order = LargestRowsFirst(by);
+  Eigen::MatrixXd sorted(by.rows(), A.cols());
+  for (Eigen::Index row = 0; row < by.rows(); ++row) {
+    sorted.row(row) = A.row(order[static_cast<std::size_t>(row)]);
+  }
+  return sorted;
+}
+
 }  // namespace inceres::internal

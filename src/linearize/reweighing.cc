@@ -35,24 +35,22 @@ void IncrementalFamily::ScaleJacobian(int factor, double scale) {
 // what was parked.
 double IncrementalFamily::TakeBackWeight(int factor) {
   // What stands in the slots then is next to zero and is overwritten.
-  if (states_[factor].inverse_sqrt_w == 0.0) {
+  if (weighed_.inverse_sqrt_w(factor) == 0.0) {
     parked_.Fetch(factor, slots(), num_slots());
     return 1.0;
   }
   // The rank-one part first; the scalar part is left to the caller, who has another one to apply,
   // in one pass.
-  for (int s = 0; s < num_slots() && IsCorrected(factor); ++s) {
+  for (int s = 0; s < num_slots() && weighed_.IsCorrected(factor); ++s) {
     if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] >= 0) {
-      TakeBackCorrection(correction(factor), residual_size(), slots()[s],
+      TakeBackCorrection(weighed_.correction(factor), residual_size(), slots()[s],
                          slots()[s].data + factor * slots()[s].factor_stride);
     }
   }
-  return states_[factor].inverse_sqrt_w;
+  return weighed_.inverse_sqrt_w(factor);
 }
 
-// As linearized where it was, with the new w: J := √w J_plain, q := √w f; f̂ stays, so that the
-// error of the old linearization is known at the new weight, too.
-// α is 0 from here on: n and the curvature belong to another residual.
+// J := √w J_plain.
 bool IncrementalFamily::Reweigh(int factor) {
   const double* f = residual(factor);
   const LossValue value(loss(factor), f, residual_size());
@@ -64,28 +62,13 @@ bool IncrementalFamily::Reweigh(int factor) {
   double scale = TakeBackWeight(factor);
   // Parked first, as it is without any weight; then the slots become next to zero, so that the
   // factor drops out of H and η.
-  if (sqrt_w <= kNoWeight) {
+  if (WeighedResiduals::IsNoWeight(sqrt_w)) {
     ScaleJacobian(factor, scale);
     scale = 1.0;
     parked_.Park(factor, slots(), num_slots());
   }
   ScaleJacobian(factor, scale * sqrt_w);
-  State& state = states_[factor];
-  state.cost = value.cost();
-  state.w = state.linearized_w = value.weight();
-  state.inverse_sqrt_w = sqrt_w > kNoWeight ? 1.0 / sqrt_w : 0.0;
-  double error = 0.0;
-  for (int r = 0; r < residual_size(); ++r) {
-    const double difference = f[r] - predicted_f_[First(factor) + r];
-    error += difference * difference;
-    q_[First(factor) + r] = sqrt_w * f[r];
-  }
-  // As Accept would have set them, with the new w.
-  state.error = state.w * error;
-  state.squared_gradient_error = state.w * state.error * value.s;
-  linearized_[factor] = Linearized::kPlainly;
-  // The next linearization takes no second-order term: the last step was one under another loss.
-  Unsettle(factor);
+  weighed_.Reweigh(factor, value, f);
   return true;
 }
 

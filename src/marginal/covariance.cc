@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/formatted.h"
+#include "base/option_rules.h"
 #include "inceres/solver/incremental_solver.h"
 #include "marginal/covariance_system.h"
 #include "marginal/dense_svd_covariance.h"
@@ -23,22 +24,16 @@ using internal::Invalid;
 // and what is open is in deficiency_.
 
 Status CovarianceOptions::Validate() const {
-  if (num_threads < 1) {
-    return Invalid("CovarianceOptions::num_threads must be at least 1");
-  }
-  if (null_space_rank < -1) {
-    return Invalid("CovarianceOptions::null_space_rank must be at least -1");
-  }
-  // Written so that a NaN is refused.
-  if (!(min_reciprocal_condition_number >= 0.0 && min_reciprocal_condition_number < 1.0)) {
-    return Invalid("CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
-  }
-  if (!(min_column_remainder >= 0.0 && min_column_remainder < 1.0)) {
-    return Invalid("CovarianceOptions::min_column_remainder must be in [0, 1)");
-  }
-  // 1 is that of a variable that has nothing to do with others.
-  return max_inflation > 1.0 ? Status::Ok()
-                             : Invalid("CovarianceOptions::max_inflation must exceed 1");
+  return internal::OptionRules("CovarianceOptions")
+      .AtLeastOne("num_threads", num_threads)
+      .Require(null_space_rank >= -1, "null_space_rank", null_space_rank, ">= -1")
+      .Require(min_reciprocal_condition_number >= 0.0 && min_reciprocal_condition_number < 1.0,
+               "min_reciprocal_condition_number", min_reciprocal_condition_number, "in [0, 1)")
+      .Require(min_column_remainder >= 0.0 && min_column_remainder < 1.0, "min_column_remainder",
+               min_column_remainder, "in [0, 1)")
+      // 1 is that of a variable that has nothing to do with others.
+      .Require(max_inflation > 1.0, "max_inflation", max_inflation, "> 1")
+      .status();
 }
 
 // Empty where none was looked for or found: landmarks alone may be open.

@@ -2,7 +2,6 @@
 
 #include <map>
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>

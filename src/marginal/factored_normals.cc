@@ -1,7 +1,6 @@
 #include "marginal/factored_normals.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 #include "linear/small_cholesky.h"

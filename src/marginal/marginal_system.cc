@@ -1,7 +1,6 @@
 #include "marginal/marginal_system.h"
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 #include <string>
 

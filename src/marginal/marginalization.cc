@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "base/option_rules.h"
 #include "inceres/solver/linear_prior.h"
 #include "marginal/marginal_system.h"
 #include "marginal/marginalize.h"
@@ -26,13 +27,11 @@ namespace inceres {
 // current values; damping plays no part.
 
 Status MarginalizationOptions::Validate() const {
-  if (!(epsilon >= 0.0) || !std::isfinite(epsilon)) {
-    return internal::Invalid("MarginalizationOptions::epsilon must be finite and not negative");
-  }
-  if (!(rank_tolerance >= 0.0 && rank_tolerance < 1.0)) {
-    return internal::Invalid("MarginalizationOptions::rank_tolerance must lie in [0, 1)");
-  }
-  return Status::Ok();
+  return internal::OptionRules("MarginalizationOptions")
+      .Require(epsilon >= 0.0 && std::isfinite(epsilon), "epsilon", epsilon, "finite and >= 0")
+      .Require(rank_tolerance >= 0.0 && rank_tolerance < 1.0, "rank_tolerance", rank_tolerance,
+               "in [0, 1)")
+      .status();
 }
 
 namespace internal {

@@ -28,17 +28,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-// By the largest entry over all columns, for Q mixes whole rows: a row keeps its digits beside a
-// much larger one.
-MatrixXd SortedBySize(const MatrixXd& A) {
-  const std::vector<Index> order = LargestRowsFirst(A);
-  MatrixXd sorted(A.rows(), A.cols());
-  for (Index row = 0; row < A.rows(); ++row) {
-    sorted.row(row) = A.row(order[static_cast<std::size_t>(row)]);
-  }
-  return sorted;
-}
-
 }  // namespace
 
 // A triangle of at most four rows. Only of an R that Inflation has found regular. R = R' Πᵀ with
@@ -165,7 +154,9 @@ OrthogonalElimination::Landmark OrthogonalElimination::Eliminate(int landmark) c
   A.setZero();
   A.topLeftCorner(num_rows, size) = J_l;
   A.topRightCorner(num_rows, result.rest.values.cols()) = result.rest.values;
-  A = SortedBySize(A);
+  // By the largest entry over all columns, for Q mixes whole rows: a row keeps its digits beside a
+  // much larger one.
+  A = SortedRows(A, A);
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(A.leftCols(size));
   MatrixXd turned = A.rightCols(result.rest.values.cols());
   turned.applyOnTheLeft(qr.householderQ().adjoint());

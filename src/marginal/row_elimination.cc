@@ -1,7 +1,5 @@
 #include "marginal/row_elimination.h"
 
-#include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include <Eigen/QR>
@@ -21,18 +19,12 @@ namespace inceres::internal {
 
 namespace {
 
-// Largest first, by what they say about the columns of J.
+// By what rows say about the columns of J: f does not count, for a large residual does not make a
+// row a heavy one.
 void SortRows(Eigen::MatrixXd* A) {
-  if (A->cols() < 2) {
-    return;
+  if (A->cols() > 1) {
+    *A = SortedRows(*A, A->leftCols(A->cols() - 1));
   }
-  // f does not count: a large residual does not make a row a heavy one.
-  const std::vector<Eigen::Index> order = LargestRowsFirst(A->leftCols(A->cols() - 1));
-  Eigen::MatrixXd sorted(A->rows(), A->cols());
-  for (Eigen::Index row = 0; row < A->rows(); ++row) {
-    sorted.row(row) = A->row(order[static_cast<std::size_t>(row)]);
-  }
-  A->swap(sorted);
 }
 
 // Takes column `pivot` out of rows [k, …): a reflection that leaves it in row k alone, applied to

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "base/option_rules.h"
 #include "problem/family_check.h"
 #include "problem/find_fault.h"
 
@@ -72,19 +73,14 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
 
 }  // namespace
 
+// A tolerance may be infinite, a step may not.
 Status JacobianCheckOptions::Validate() const {
-  const auto fail = [](const char* field, double value, const char* rule) {
-    return Invalid(std::string("JacobianCheckOptions::") + field + " = " +
-                   internal::NumberText(value) + " but must be " + rule);
-  };
-  // Negated: NaN fails. A tolerance may be infinite, a step may not.
-  if (!(tolerance > 0.0)) {
-    return fail("tolerance", tolerance, "> 0");
-  }
-  if (!(relative_step > 0.0 && std::isfinite(relative_step))) {
-    return fail("relative_step", relative_step, "> 0");
-  }
-  return max_factors < 1 ? fail("max_factors", max_factors, ">= 1") : Status::Ok();
+  return internal::OptionRules("JacobianCheckOptions")
+      .Positive("tolerance", tolerance)
+      .Require(relative_step > 0.0 && std::isfinite(relative_step), "relative_step", relative_step,
+               "> 0")
+      .AtLeastOne("max_factors", max_factors)
+      .status();
 }
 
 // For a log or the output of a test: counts, then the entry to look at first.

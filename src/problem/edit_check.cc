@@ -1,14 +1,9 @@
 // The rules an edit must keep, looked at with its marks laid over the graph.
-#include "problem/edit_check.h"
-
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <new>
 
-#include "problem/find_fault.h"
-
-namespace inceres {
+#include "problem/edit_marks.h"
 
 // An edit is refused as a whole or carried out as a whole, so that everything that may go wrong
 // must be known before anything is changed: Check finds it, and makes room, and Commit
@@ -20,41 +15,7 @@ namespace inceres {
 // factors are the same ones that Validate uses (find_fault.h). Cost: what the edit names, not the
 // size of the graph; only the first look for the factors of a variable goes over all of them.
 
-Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed) {
-  removed->clear();
-  if (&edit.graph() != this) {
-    return internal::Invalid("the edit was begun on another graph");
-  }
-  // Ids were given out in view of what was free at that revision.
-  if (edit.revision() != revision_) {
-    return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
-                             " of the graph, which is now at revision " +
-                             std::to_string(revision_) + ": begin it anew");
-  }
-  // A handle of another graph: what the edit was told cannot be carried out.
-  if (!edit.misuse().ok()) {
-    return edit.misuse();
-  }
-  // From now on a family may hold more measurements than factors: AddFactor has placed them, also
-  // where the edit is refused.
-  edits_->edited = true;
-  // Of an edit that was checked and not carried out.
-  edits_->coming_pins.clear();
-  edits_->coming_bounds.clear();
-  edits_->measurements_placed = false;
-  Status status;
-  try {
-    status = internal::EditCheck(this, edit, removed).Run();
-  } catch (const std::bad_alloc&) {
-    // Marks are wiped by then, and of the graph nothing has changed but the room that vectors have.
-    status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
-  }
-  if (!status.ok()) {
-    removed->clear();
-  }
-  return status;
-}
-
+namespace inceres {
 namespace internal {
 namespace {
 
@@ -69,43 +30,48 @@ Status CheckFinite(const char* call, VariableId id, const double* values, int si
   return Status::Ok();
 }
 
-}  // namespace
+/// The rules, one kind of wish after the other, in the order of the edit: the first one that is
+/// broken is told.
+class EditRules {
+ public:
+  EditRules(const EditedGraph& edited, const GraphEdit& edit, EditMarks* marks)
+      : edited_(edited), graph_(*edited.graph), edit_(edit), marks_(*marks) {}
 
-// Marks before rules. The order of the rules is that of the edit, and the first one that is broken
-// is told; room is made last, once nothing else may fail.
-Status EditCheck::Run() {
-  MarkComers();
-  Status status = MarkGoingFactors();
-  const auto then = [&](auto step) {
-    if (status.ok()) {
-      status = (this->*step)();
+  Status Check() {
+    Status status = CheckComingVariables();
+    for (const auto rule :
+         {&EditRules::CheckComingFactors, &EditRules::CheckFreedVariables,
+          &EditRules::CheckFactorSettings, &EditRules::CheckNewValues, &EditRules::CheckPins,
+          &EditRules::CheckBounds, &EditRules::CheckGroups}) {
+      status = status.ok() ? (this->*rule)() : status;
     }
-  };
-  then(&EditCheck::MarkGoingVariables);
-  then(&EditCheck::MarkConstants);
-  then(&EditCheck::CheckComingVariables);
-  then(&EditCheck::CheckComingFactors);
-  then(&EditCheck::CheckFreedVariables);
-  then(&EditCheck::CheckFactorSettings);
-  then(&EditCheck::CheckNewValues);
-  then(&EditCheck::CheckPins);
-  then(&EditCheck::CheckBounds);
-  then(&EditCheck::CheckGroups);
-  if (status.ok()) {
-    ReserveVariables();
-    ReserveFactors();
-    PreparePins();
-    PrepareBounds();
+    return status;
   }
-  return status;
-}
 
-Status EditCheck::CheckComingVariables() const {
+ private:
+  Status CheckComingVariables();
+  Status CheckComingFactors();
+  Status CheckFreedVariables();
+  Status CheckFactorSettings();
+  Status CheckNewValues();
+  Status CheckPins();
+  Status CheckBounds();
+  Status CheckGroups();
+  Status CheckFactor(FactorId id, const VariableId* ids) const;
+  Status CheckFreedFactors(VariableId id) const;
+
+  const EditedGraph& edited_;
+  const FactorGraph& graph_;
+  const GraphEdit& edit_;
+  EditMarks& marks_;
+};
+
+Status EditRules::CheckComingVariables() {
   Status status;
-  for (std::size_t i = 0; status.ok() && i < edits_.comers.size(); ++i) {
+  for (std::size_t i = 0; status.ok() && i < marks_.comers().size(); ++i) {
     const GraphEdit::NewVariable& variable = edit_.new_variables()[i];
     // comers has the records that Commit would make, in the order of the edit.
-    status = ValidateVariable(variable.id, edits_.comers[i], See(variable.id).constant);
+    status = ValidateVariable(variable.id, marks_.comers()[i], marks_.See(variable.id).constant);
     if (status.ok() && !variable.has_values) {
       status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
     }
@@ -118,7 +84,7 @@ Status EditCheck::CheckComingVariables() const {
   return status;
 }
 
-Status EditCheck::CheckComingFactors() const {
+Status EditRules::CheckComingFactors() {
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     // Connect could give out no place: there is no such family.
     if (factor.id.index < 0) {
@@ -129,14 +95,15 @@ Status EditCheck::CheckComingFactors() const {
       return Invalid(FamilyName(factor.id.family, family) + " has residual size " +
                      std::to_string(family.residual_size()) + "; it must be positive");
     }
-    if (factor.num_variables != Graph::Index(family.num_slots())) {
-      return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) +
-                     " variables but has " + std::to_string(family.num_slots()) + " slots");
+    if (factor.num_variables != IndexOf(family.num_slots())) {
+      return Invalid(marks_.FactorName(factor.id) + " is given " +
+                     std::to_string(factor.num_variables) + " variables but has " +
+                     std::to_string(family.num_slots()) + " slots");
     }
     // The measurement is placed before the edit is applied: by AddFactor, or by the caller of
     // Connect.
     if (family.size() <= factor.id.index) {
-      return Invalid(FactorName(factor.id) + " has no measurement: the family holds " +
+      return Invalid(marks_.FactorName(factor.id) + " has no measurement: the family holds " +
                      std::to_string(family.size()));
     }
     Status status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
@@ -148,32 +115,26 @@ Status EditCheck::CheckComingFactors() const {
 }
 
 // FindFault sees variables as the edit leaves them; the text looks up the culprit in the same way.
-Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
+Status EditRules::CheckFactor(FactorId id, const VariableId* ids) const {
   AcceptedManifolds accepted;
   const FactorFault fault = FindFault(
-      graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); },
+      graph_.family(id.family), ids, [this](VariableId variable) { return marks_.See(variable); },
       &accepted);
   return fault.fault == Fault::kNone
              ? Status::Ok()
-             : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
+             : DescribeFault(graph_, id, ids, fault, marks_.See(ids[fault.slot]).record);
 }
 
 // A variable that was constant and no longer will be: its own factors were let through with rules
 // only a constant may break.
-Status EditCheck::CheckFreedVariables() {
+Status EditRules::CheckFreedVariables() {
   for (const auto& [id, constant] : edit_.constants()) {
-    VariableMark& mark = edits_.marks[Graph::Index(id)];
-    // Each variable once, and only where the edit's last word sets it free; one that comes is
-    // checked with what it comes with.
-    if (mark.checked || mark.constant != 0 || mark.new_variable >= 0 ||
-        graph_.IsConstant(id) == See(id).constant) {
+    if (!marks_.IsFreed(id)) {
       continue;
     }
-    // The same edit may set it free more than once.
-    mark.checked = true;
     // The lists of factors by variable; made the first time that they are needed.
-    graph_.TrackFactors();
-    Status status = ValidateVariable(id, graph_.variables_[Graph::Index(id)], /*constant=*/false);
+    edited_.factors->KeepLists(graph_.num_variables());
+    Status status = ValidateVariable(id, (*edited_.variables)[id], /*constant=*/false);
     // A wrong tangent size, or a second landmark in a factor, is no fault of a constant.
     status = status.ok() ? CheckFreedFactors(id) : status;
     if (!status.ok()) {
@@ -183,12 +144,12 @@ Status EditCheck::CheckFreedVariables() {
   return Status::Ok();
 }
 
-Status EditCheck::CheckFreedFactors(VariableId id) const {
+Status EditRules::CheckFreedFactors(VariableId id) const {
   Status status;
   graph_.ForEachFactorOf(id, [&](FactorId factor) {
     // Factors that go need no rules, and those that come were checked with the variable as it will
     // be.
-    if (status.ok() && PlaceOf(factor) == Place::kIncremental) {
+    if (status.ok() && marks_.PlaceOf(factor) == PlaceState::kIncremental) {
       status = CheckFactor(factor, graph_.Variables(factor.family, factor.index));
     }
   });
@@ -196,22 +157,23 @@ Status EditCheck::CheckFreedFactors(VariableId id) const {
 }
 
 // Only that the factors are there: a loss may be anything, and a measurement is its family's.
-Status EditCheck::CheckFactorSettings() const {
+Status EditRules::CheckFactorSettings() {
   Status status;
   for (std::size_t i = 0; status.ok() && i < edit_.losses().size(); ++i) {
-    status = CheckFactorId("SetLoss", edit_.losses()[i].first, /*may_come=*/true);
+    status = marks_.CheckFactorId("SetLoss", edit_.losses()[i].first, /*may_come=*/true);
   }
   for (std::size_t i = 0; status.ok() && i < edit_.measurements().size(); ++i) {
-    status = CheckFactorId("SetMeasurement", edit_.measurements()[i].first, /*may_come=*/true);
+    status =
+        marks_.CheckFactorId("SetMeasurement", edit_.measurements()[i].first, /*may_come=*/true);
   }
   return status;
 }
 
-Status EditCheck::CheckNewValues() const {
+Status EditRules::CheckNewValues() {
   for (const auto& [id, offset] : edit_.new_values()) {
-    Status status = CheckVariableId("SetValues", id, /*may_come=*/true);
+    Status status = marks_.CheckVariableId("SetValues", id, /*may_come=*/true);
     if (status.ok()) {
-      const VariableRecord& variable = *See(id).record;
+      const VariableRecord& variable = *marks_.See(id).record;
       // No room in the state to write to.
       if (variable.offset < 0) {
         status = Invalid("SetValues: " + VariableName(id) +
@@ -231,15 +193,15 @@ Status EditCheck::CheckNewValues() const {
   return Status::Ok();
 }
 
-Status EditCheck::CheckPins() const {
+Status EditRules::CheckPins() {
   Status status;
   for (std::size_t i = 0; status.ok() && i < edit_.pins().size(); ++i) {
     const auto& [id, offset] = edit_.pins()[i];
-    status = CheckVariableId("PinLinearization", id, /*may_come=*/true);
+    status = marks_.CheckVariableId("PinLinearization", id, /*may_come=*/true);
     // Without values the variable is let go of.
     if (status.ok() && offset != GraphEdit::kNoValues) {
       status = CheckFinite("PinLinearization", id, edit_.values().data() + offset,
-                           See(id).record->ambient_size);
+                           marks_.See(id).record->ambient_size);
     }
   }
   return status;
@@ -247,10 +209,10 @@ Status EditCheck::CheckPins() const {
 
 // Pairs of bounds, entry by entry; the side that was not given is infinite. Whether the values lie
 // between them is not asked here.
-Status EditCheck::CheckBounds() const {
+Status EditRules::CheckBounds() {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
-    Status status = CheckVariableId("SetBounds", bounds.id, /*may_come=*/true);
+    Status status = marks_.CheckVariableId("SetBounds", bounds.id, /*may_come=*/true);
     if (!status.ok()) {
       return status;
     }
@@ -258,7 +220,7 @@ Status EditCheck::CheckBounds() const {
       return offset == GraphEdit::kNoValues ? none
                                             : edit_.values()[offset + static_cast<std::size_t>(k)];
     };
-    for (int k = 0; k < See(bounds.id).record->ambient_size; ++k) {
+    for (int k = 0; k < marks_.See(bounds.id).record->ambient_size; ++k) {
       const double lower = entry(bounds.lower, k, -kNone);
       const double upper = entry(bounds.upper, k, kNone);
       // Equal ones hold the value, which is what a constant is for; NaN fails as well.
@@ -272,11 +234,11 @@ Status EditCheck::CheckBounds() const {
   return Status::Ok();
 }
 
-Status EditCheck::CheckGroups() const {
+Status EditRules::CheckGroups() {
   Status status;
   for (std::size_t i = 0; status.ok() && i < edit_.elimination_groups().size(); ++i) {
     const auto& [id, group] = edit_.elimination_groups()[i];
-    status = CheckVariableId("SetEliminationGroup", id, /*may_come=*/true);
+    status = marks_.CheckVariableId("SetEliminationGroup", id, /*may_come=*/true);
     if (status.ok() && group < 0) {
       status = Invalid("SetEliminationGroup: " + VariableName(id) + " is given the group " +
                        std::to_string(group) + "; groups are 0 or above");
@@ -285,5 +247,45 @@ Status EditCheck::CheckGroups() const {
   return status;
 }
 
+}  // namespace
 }  // namespace internal
+
+Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed) {
+  removed->clear();
+  if (&edit.graph() != this) {
+    return internal::Invalid("the edit was begun on another graph");
+  }
+  // Ids were given out in view of what was free at that revision.
+  if (edit.revision() != revision_) {
+    return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
+                             " of the graph, which is now at revision " +
+                             std::to_string(revision_) + ": begin it anew");
+  }
+  // A handle of another graph: what the edit was told cannot be carried out.
+  if (!edit.misuse().ok()) {
+    return edit.misuse();
+  }
+  // From now on a family may hold more measurements than factors: AddFactor has placed them, also
+  // where the edit is refused.
+  is_edited_ = true;
+  const internal::EditedGraph edited = {this, &variables_, &factors_, &*edits_};
+  Status status;
+  try {
+    internal::EditMarks marks(edited, edit, removed);
+    status = marks.Draw();
+    status = status.ok() ? internal::EditRules(edited, edit, &marks).Check() : status;
+    if (status.ok()) {
+      // Once nothing else may fail.
+      internal::PrepareCommit(edited, edit, *removed, marks);
+    }
+  } catch (const std::bad_alloc&) {
+    // Marks are wiped by then, and of the graph nothing has changed but the room that vectors have.
+    status = Status::Error(StatusCode::kUnavailable, "Out of memory.");
+  }
+  if (!status.ok()) {
+    removed->clear();
+  }
+  return status;
+}
+
 }  // namespace inceres

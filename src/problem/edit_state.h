@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <vector>
@@ -7,21 +8,6 @@
 #include "inceres/problem/factor_graph.h"
 
 namespace inceres::internal {
-
-/// A place of a family. kGoing and kComing only while an edit is checked.
-enum class Place : std::uint8_t { kIncremental, kFree, kGoing, kComing };
-
-/// One slot of one factor: entry = factor · num_slots + slot.
-struct Touch {
-  FamilyId family = -1;
-  std::int32_t entry = -1;
-};
-
-/// The neighbors of a touch in the list of its variable.
-struct Link {
-  Touch previous;
-  Touch next;
-};
 
 /// What the edit being checked does to a variable.
 struct VariableMark {
@@ -31,22 +17,8 @@ struct VariableMark {
   signed char constant = -1;  // set to 0 or 1
 };
 
-struct FamilyEditState {
-  std::vector<Place> places;  // empty while no edit has looked at them, else one a place
-  std::vector<std::int32_t> generations;  // as FactorGraph::Generation; of places beyond its end: 0
-  std::vector<Link> links;                // parallel to the family's variables, once tracked
-};
-
-/// What a graph needs to be edited: which places and ids are free, the factors of each variable,
-/// and the marks of an edit that is being checked.
+/// What Check makes and keeps for Commit, and scratch memory of the former.
 struct EditState {
-  bool edited = false;
-  std::vector<FamilyEditState> families;
-  // by FreeKey; the last one is given out first
-  std::map<int, std::vector<VariableId>> free_variables;
-  bool tracked = false;
-  bool untracked_ids = false;  // some factor names a variable that was not there when it was linked
-  std::vector<Touch> first_touches;    // one a variable, once tracked
   std::vector<VariableMark> marks;     // scratch of Check
   std::vector<VariableRecord> comers;  // scratch of Check: the variables that come
   // What the edit leaves of pins and bounds, made by Check, so that Commit need not allocate.
@@ -55,15 +27,31 @@ struct EditState {
   bool measurements_placed = false;  // those of the edit that was checked last
 };
 
-/// Removed variables by their size: borrowed ones have no room of their own, so theirs are kept
-/// apart, as negative sizes.
-inline int FreeKey(int ambient_size, bool borrowed) {
-  return borrowed ? -ambient_size : ambient_size;
+/// A graph to one of its edits: as everyone sees it, and what it is made of.
+struct EditedGraph {
+  const FactorGraph* graph;
+  VariableTable* variables;
+  FactorTable* factors;
+  EditState* scratch;
+};
+
+/// The record that an edit's AddVariable or AddBorrowedConstant makes.
+template <typename NewVariable>
+VariableRecord RecordOf(const NewVariable& added) {
+  return added.is_borrowed ? VariableRecord::Borrowed(added.borrowed, added.ambient_size)
+                           : VariableRecord::Owned(added.ambient_size, added.role, added.manifold);
 }
 
-VariableRecord MakeOwned(int ambient_size, Role role, std::shared_ptr<const Manifold> manifold);
-VariableRecord MakeBorrowed(const double* values, int ambient_size);
 /// As FactorGraph::SetBounds takes them; false if no value is bounded.
 bool MakeBounds(const double* lower, const double* upper, int size, VariableBounds* bounds);
+
+/// As push_back grows: a plain reserve would move everything at each edit. Twice as much as there
+/// was, so that a graph that grows by edits moves its arrays as seldom as one that grows by itself.
+template <typename T>
+void ReserveRoom(std::vector<T>* values, std::size_t size) {
+  if (values->capacity() < size) {
+    values->reserve(std::max(size, 2 * values->capacity()));
+  }
+}
 
 }  // namespace inceres::internal

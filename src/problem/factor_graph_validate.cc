@@ -9,12 +9,14 @@ namespace inceres {
 
 using internal::AllFinite;
 using internal::FactorFault;
+using internal::FactorTable;
 using internal::FamilyName;
 using internal::FamilyRecord;
 using internal::Fault;
 using internal::Invalid;
 using internal::VariableName;
 using internal::VariableRecord;
+using internal::VariableTable;
 
 // The rules of a graph that can be solved, and their messages. Validate runs before every solve, so
 // the common case is fast: variables that are obviously in order are passed over, all values are
@@ -69,37 +71,6 @@ bool internal::AllFinite(const double* values, std::size_t count) {
   return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
 }
 
-Status FactorGraph::Validate() const {
-  // A call that could not be carried out: the graph is not what its builder meant it to be.
-  if (!misuse_.ok()) {
-    return misuse_;
-  }
-  for (VariableId id = 0; id < num_variables(); ++id) {
-    const VariableRecord& variable = variables_[Index(id)];
-    // Nothing can be wrong with such a variable but its values.
-    const bool ordinary =
-        variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
-        variable.group >= 0 &&
-        (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
-    if (ordinary || variable.removed) {
-      continue;
-    }
-    Status status = internal::ValidateVariable(id, variable, IsConstant(id));
-    if (!status.ok()) {
-      return status;
-    }
-  }
-  // The room of removed variables holds zeros, so the pass runs over everything.
-  Status status = AllFinite(state_.data(), state_.size()) ? Status::Ok() : ValidateValues();
-  for (auto bounded = bounds_.begin(); status.ok() && bounded != bounds_.end(); ++bounded) {
-    status = ValidateBounds(bounded->first, bounded->second);
-  }
-  for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
-    status = ValidateFamily(id);
-  }
-  return status;
-}
-
 // The order matters: sizes come before what is read by them.
 Status internal::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
@@ -139,12 +110,14 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
   return Status::Ok();
 }
 
+namespace {
+
 // Slow and exact, after the fast pass has found that there is something.
-Status FactorGraph::ValidateValues() const {
-  for (VariableId id = 0; id < num_variables(); ++id) {
-    const VariableRecord& variable = variables_[Index(id)];
+Status ValidateValues(const VariableTable& variables) {
+  for (VariableId id = 0; id < variables.size(); ++id) {
+    const VariableRecord& variable = variables[id];
     for (int k = 0; !variable.removed && variable.offset >= 0 && k < variable.ambient_size; ++k) {
-      const double value = state_[static_cast<std::size_t>(variable.offset + k)];
+      const double value = variables.state()[static_cast<std::size_t>(variable.offset + k)];
       if (!std::isfinite(value)) {
         return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " +
                        std::to_string(value));
@@ -154,10 +127,32 @@ Status FactorGraph::ValidateValues() const {
   return Status::Ok();
 }
 
+Status ValidateVariables(const VariableTable& variables) {
+  for (VariableId id = 0; id < variables.size(); ++id) {
+    const VariableRecord& variable = variables[id];
+    // Nothing can be wrong with such a variable but its values.
+    const bool ordinary =
+        variable.ambient_size > 0 && variable.manifold == nullptr && variable.offset >= 0 &&
+        variable.group >= 0 &&
+        (variable.role == Role::kFrame || variable.tangent_size <= kMaxLandmarkTangentSize);
+    if (ordinary || variable.removed) {
+      continue;
+    }
+    Status status =
+        internal::ValidateVariable(id, variable, variable.constant || variable.tangent_size == 0);
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  // The room of removed variables holds zeros, so the pass runs over everything.
+  return AllFinite(variables.state().data(), variables.state().size()) ? Status::Ok()
+                                                                       : ValidateValues(variables);
+}
+
 // As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
-Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) const {
+Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double* values,
+                      bool constant) {
   // What the start must satisfy; what a solve does with bounds is the solver's affair.
-  const double* values = Values(id);
   for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
     const double lower = bounds.lower[k];
     const double upper = bounds.upper[k];
@@ -166,11 +161,11 @@ Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) 
       return Invalid(entry() + " has a bound that is not a number");
     }
     // Of a free variable, equal bounds are refused too: nothing could move between them.
-    if (!IsConstant(id) && !(lower < upper)) {
+    if (!constant && !(lower < upper)) {
       return Invalid(entry() + " has the lower bound " + std::to_string(lower) +
                      ", which is not below its upper bound " + std::to_string(upper));
     }
-    if (IsConstant(id) && (values[k] < lower || values[k] > upper)) {
+    if (constant && (values[k] < lower || values[k] > upper)) {
       return Invalid(entry() + " is constant at " + std::to_string(values[k]) +
                      ", outside its bounds " + std::to_string(lower) + " and " +
                      std::to_string(upper));
@@ -179,8 +174,9 @@ Status FactorGraph::ValidateBounds(VariableId id, const VariableBounds& bounds) 
   return Status::Ok();
 }
 
-Status FactorGraph::ValidateFamily(FamilyId id) const {
-  const FamilyRecord& record = families_[Index(id)];
+// `edited`: an edit was checked.
+Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
+                      const FamilyRecord& record, FamilyId id, bool edited) {
   const FactorFamily& family = *record.family;
   if (family.residual_size() <= 0) {
     return Invalid(FamilyName(id, family) + " has residual size " +
@@ -188,14 +184,13 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   }
   // More measurements than factors are a mistake while a graph is built. After an edit was checked,
   // it may be one that was refused and had placed its measurement already.
-  if (family.size() < record.num_factors ||
-      (family.size() > record.num_factors && !edits_->edited)) {
+  if (family.size() < record.num_factors || (family.size() > record.num_factors && !edited)) {
     return Invalid(FamilyName(id, family) + " holds " + std::to_string(family.size()) +
                    " measurements but " + std::to_string(record.num_factors) +
                    " factors are connected");
   }
   const int num_slots = family.num_slots();
-  const std::vector<internal::Place>& places = edits_->families[Index(id)].places;
+  const std::vector<internal::PlaceState>& places = record.places;
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
   // All factors of the same variables, as in curve fitting: one stands for all, and the comparison
@@ -205,7 +200,7 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
   const int num_different = all_alike ? 1 : record.num_factors;
   internal::AcceptedManifolds accepted;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
-    if (!all_live && places[Index(factor)] == internal::Place::kFree) {
+    if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
       continue;
     }
     // then that one was found to be in order
@@ -218,18 +213,21 @@ Status FactorGraph::ValidateFamily(FamilyId id) const {
       continue;
     }
     const FactorFault fault = internal::FindFault(
-        family, ids, [this](VariableId variable) { return internal::See(variables_, variable); },
+        family, ids,
+        [&variables](VariableId variable) { return internal::See(variables, variable); },
         &accepted);
     // The culprit's record is only there to tell its sizes.
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];
-      const bool known = culprit >= 0 && culprit < num_variables();
-      return internal::DescribeFault(*this, {id, factor}, ids, fault,
-                                     known ? &variables_[Index(culprit)] : nullptr);
+      const bool known = culprit >= 0 && culprit < variables.size();
+      return internal::DescribeFault(graph, {id, factor}, ids, fault,
+                                     known ? &variables[culprit] : nullptr);
     }
   }
   return Status::Ok();
 }
+
+}  // namespace
 
 // Shared with edits, whose variables may not be in the graph: the record is handed in.
 Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const VariableId* ids,
@@ -269,6 +267,23 @@ Status internal::DescribeFault(const FactorGraph& graph, FactorId id, const Vari
       break;
   }
   return Status::Ok();
+}
+
+Status FactorGraph::Validate() const {
+  // A call that could not be carried out: the graph is not what its builder meant it to be.
+  if (!misuse_.ok()) {
+    return misuse_;
+  }
+  Status status = ValidateVariables(variables_);
+  for (auto bounded = variables_.bounds().begin();
+       status.ok() && bounded != variables_.bounds().end(); ++bounded) {
+    const VariableId id = bounded->first;
+    status = ValidateBounds(id, bounded->second, Values(id), IsConstant(id));
+  }
+  for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
+    status = ValidateFamily(*this, variables_, factors_[id], id, is_edited_);
+  }
+  return status;
 }
 
 std::string FactorGraph::DescribeFactor(FamilyId id, int factor) const {

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "base/formatted.h"
 #include "inceres/problem/factor_graph.h"
@@ -73,11 +72,11 @@ struct Sight {
   Fault fault = Fault::kNone;
 };
 
-inline Sight See(const std::vector<VariableRecord>& variables, VariableId id) {
-  if (id < 0 || id >= static_cast<VariableId>(variables.size())) {
+inline Sight See(const VariableTable& variables, VariableId id) {
+  if (id < 0 || id >= variables.size()) {
     return {nullptr, false, Fault::kDanglingId};
   }
-  const VariableRecord& variable = variables[static_cast<std::size_t>(id)];
+  const VariableRecord& variable = variables[id];
   return {&variable, variable.constant, variable.removed ? Fault::kRemoved : Fault::kNone};
 }
 

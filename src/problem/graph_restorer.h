@@ -43,9 +43,9 @@ class INCERES_EXPORT GraphRestorer {
   static Status Restore(GraphParts parts, FactorGraph* graph);
 
  private:
-  static Status RestoreVariables(const GraphParts& parts, FactorGraph* graph);
-  static Status RestoreFree(const std::vector<VariableId>& free, FactorGraph* graph);
-  static Status RestoreValues(GraphParts* parts, FactorGraph* graph);
+  static Status RestoreVariables(const GraphParts& parts, VariableTable* variables);
+  static Status RestoreFree(const std::vector<VariableId>& free, VariableTable* variables);
+  static Status RestoreSettings(GraphParts* parts, VariableTable* variables);
   static Status RestoreFamily(GraphParts::Family family, FactorGraph* graph);
 };
 

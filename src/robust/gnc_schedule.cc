@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "base/option_rules.h"
+
 namespace inceres {
 namespace internal {
 
@@ -71,27 +73,17 @@ const char* ToString(GncKernel kernel) {
   return kernel == GncKernel::kGemanMcClure ? "geman_mcclure" : "truncated_least_squares";
 }
 
-// Negated comparisons refuse NaN.
 Status GncOptions::Validate() const {
-  const auto refuse = [](const char* what) {
-    return Status::Error(StatusCode::kInvalidArgument, std::string("GncOptions: ") + what);
-  };
-  if (!(inlier_probability > 0.0 && inlier_probability < 1.0)) {
-    return refuse("inlier_probability must be between 0 and 1");
-  }
-  if (!(threshold_scale > 0.0) || !std::isfinite(threshold_scale)) {
-    return refuse("threshold_scale must be positive and finite");
-  }
-  if (!(step > 1.0) || !std::isfinite(step)) {
-    return refuse("step must be greater than 1 and finite");
-  }
-  if (max_rounds < 1) {
-    return refuse("max_rounds must be at least 1");
-  }
-  if (iterations_a_round < 1) {
-    return refuse("iterations_a_round must be at least 1");
-  }
-  return solver.Validate();
+  return internal::OptionRules("GncOptions")
+      .Require(inlier_probability > 0.0 && inlier_probability < 1.0, "inlier_probability",
+               inlier_probability, "between 0 and 1")
+      .Require(threshold_scale > 0.0 && std::isfinite(threshold_scale), "threshold_scale",
+               threshold_scale, "positive and finite")
+      .Require(step > 1.0 && std::isfinite(step), "step", step, "greater than 1 and finite")
+      .AtLeastOne("max_rounds", max_rounds)
+      .AtLeastOne("iterations_a_round", iterations_a_round)
+      .Also(solver.Validate())
+      .status();
 }
 
 }  // namespace inceres

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 #include "inceres/solver/gnc.h"
 #include "robust/gnc_schedule.h"

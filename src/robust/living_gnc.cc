@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <utility>
 
 #include "base/stopwatch.h"
 #include "inceres/solver/gnc.h"

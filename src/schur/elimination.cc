@@ -1,7 +1,6 @@
 #include "schur/elimination.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/counting_sort.h"
 #include "base/lowest_index.h"

@@ -1,7 +1,6 @@
 #include "schur/frame_aggregates.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "linear/aggregation.h"

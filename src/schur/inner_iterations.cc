@@ -1,7 +1,6 @@
 #include "schur/inner_iterations.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>

@@ -1,7 +1,8 @@
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <string>
-#include <vector>
+#include <type_traits>
 
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/bearing.h"
@@ -14,16 +15,15 @@
 #include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
+#include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "storage/built_in.h"
-#include "storage/measurement_members.h"
-#include "storage/measurements.h"
 #include "storage/vector_families.h"
 
 namespace inceres::internal {
 
 // What a file has of each built-in family: the parameters that the constructor takes, and then all
-// measurements, as they are (measurements.h). What follows from these is not written. Names, and
+// measurements, as they are. What follows from these is not written. Names, and
 // the order of what is written, stay as they are, for files have them.
 //
 // Reading trusts nothing. Sizes and enumerations are asked for within their limits. After a failure
@@ -31,6 +31,40 @@ namespace inceres::internal {
 // whole fails.
 
 namespace {
+
+// The measurements of these families are structs of doubles, which stand in a file in the order of
+// the struct's members: it must stay as it is.
+template <typename Family>
+constexpr std::size_t NumDoubles() {
+  using Measurement = typename Family::Measurement;
+  static_assert(std::is_trivially_copyable_v<Measurement> &&
+                alignof(Measurement) == alignof(double));
+  return sizeof(Measurement) / sizeof(double);
+}
+
+template <typename Family>
+void WriteMeasurements(const Family& family, GraphWriter* writer) {
+  double values[NumDoubles<Family>()];
+  writer->WriteLong(family.size());
+  for (int i = 0; i < family.size(); ++i) {
+    std::memcpy(values, &family.measurement(i), sizeof(values));
+    writer->WriteDoubles(values, NumDoubles<Family>());
+  }
+}
+
+template <typename Family>
+void ReadMeasurements(Family* family, GraphReader* reader) {
+  double values[NumDoubles<Family>()];
+  const std::size_t size = reader->ReadCount(sizeof(values));
+  if (size > static_cast<std::size_t>(INT32_MAX)) {
+    reader->Fail("more measurements than a family can hold");
+  }
+  for (std::size_t i = 0; i < size && reader->ReadDoubles(values, NumDoubles<Family>()); ++i) {
+    typename Family::Measurement measurement;
+    std::memcpy(&measurement, values, sizeof(values));
+    family->Add(measurement);
+  }
+}
 
 // `write` and `make` are of what the family is made with; its measurements follow.
 template <typename Family, typename Write, typename Make>
@@ -71,8 +105,10 @@ LandmarkKind ReadLandmark(GraphReader* reader) {
   return reader->ReadEnum(LandmarkKind::kHomogeneous, "the kind of landmark");
 }
 
+constexpr const char* kSide = "the side of perturbation";
+
 Perturbation ReadSide(GraphReader* reader) {
-  return reader->ReadEnum(Perturbation::kLeft, "the side of perturbation");
+  return reader->ReadEnum(Perturbation::kLeft, kSide);
 }
 
 void AddReprojections(GraphFormats* formats) {
@@ -156,6 +192,20 @@ void AddPointFamilies(GraphFormats* formats) {
       });
 }
 
+// A family that is made with one enumeration, which `get` reads: `last` is its last enumerator.
+template <typename Family, typename Enum>
+void AddKind(const char* name, Enum (Family::*get)() const, Enum last, const char* what,
+             GraphFormats* formats) {
+  Add<Family>(
+      name, formats,
+      [get](const Family& family, GraphWriter* writer) {
+        writer->WriteInt(static_cast<std::int32_t>((family.*get)()));
+      },
+      [last, what](GraphReader* reader) {
+        return std::make_shared<Family>(reader->ReadEnum(last, what));
+      });
+}
+
 // Families between poses and of single variables; most are told apart by one enumeration, if by
 // any.
 void AddPoseFamilies(GraphFormats* formats) {
@@ -164,49 +214,16 @@ void AddPoseFamilies(GraphFormats* formats) {
   AddPlainFamily<SpeedBiasPriorFamily>("speed_bias_prior", formats);
   AddPlainFamily<SpatialLandmarkFamily>("spatial_landmark", formats);
   AddPlainFamily<PositionPriorFamily>("position_prior", formats);
-  Add<PlanarLandmarkFamily>(
-      "planar_landmark", formats,
-      [](const PlanarLandmarkFamily& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>(family.sighting()));
-      },
-      [](GraphReader* reader) {
-        return std::make_shared<PlanarLandmarkFamily>(
-            reader->ReadEnum(PlanarSighting::kRangeBearing, "the kind of sighting"));
-      });
+  AddKind("planar_landmark", &PlanarLandmarkFamily::sighting, PlanarSighting::kRangeBearing,
+          "the kind of sighting", formats);
   // The side of the perturbation decides how the residual is measured, not only its Jacobian.
-  Add<PosePriorFamily>(
-      "pose_prior", formats,
-      [](const PosePriorFamily& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>(family.side()));
-      },
-      [](GraphReader* reader) { return std::make_shared<PosePriorFamily>(ReadSide(reader)); });
-  Add<PoseEdgeFamily>(
-      "pose_edge", formats,
-      [](const PoseEdgeFamily& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>(family.convention()));
-      },
-      [](GraphReader* reader) {
-        return std::make_shared<PoseEdgeFamily>(
-            reader->ReadEnum(PoseErrorConvention::kGtsam, "the convention of the error"));
-      });
-  Add<RelativeSimilarityFamily>(
-      "relative_similarity", formats,
-      [](const RelativeSimilarityFamily& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>(family.convention()));
-      },
-      [](GraphReader* reader) {
-        return std::make_shared<RelativeSimilarityFamily>(
-            reader->ReadEnum(SimilarityErrorConvention::kLogarithm, "the convention of the error"));
-      });
-  Add<CenterDistanceFamily>(
-      "center_distance", formats,
-      [](const CenterDistanceFamily& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>(family.kind()));
-      },
-      [](GraphReader* reader) {
-        return std::make_shared<CenterDistanceFamily>(
-            reader->ReadEnum(CenterKind::kPlanarPose, "the kind of center"));
-      });
+  AddKind("pose_prior", &PosePriorFamily::side, Perturbation::kLeft, kSide, formats);
+  AddKind("pose_edge", &PoseEdgeFamily::convention, PoseErrorConvention::kGtsam,
+          "the convention of the error", formats);
+  AddKind("relative_similarity", &RelativeSimilarityFamily::convention,
+          SimilarityErrorConvention::kLogarithm, "the convention of the error", formats);
+  AddKind("center_distance", &CenterDistanceFamily::kind, CenterKind::kPlanarPose,
+          "the kind of center", formats);
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include "trust_region/dense_qr_model.h"
 
-#include <cmath>
-
 #include <Eigen/QR>
 
 namespace inceres::internal {

@@ -1,26 +1,17 @@
 #include "inceres/solver/options.h"
 
 #include <algorithm>
-#include <sstream>
+
+#include "base/option_rules.h"
 
 namespace inceres {
 
-// Options that make no sense are told before anything is evaluated, with the option's name, its
-// value and the rule. The order is fixed: of several the first one is told. All conditions say what
-// must hold, so that a NaN, which no comparison holds for, is refused as well.
+// Options that make no sense are told before anything is evaluated. The order is fixed: of several
+// the first one is told.
 
 namespace {
 
-// Makes a text only where it is needed: a solve checks all of its options.
-template <typename T>
-Status Require(bool condition, const char* name, const T& value, const char* rule) {
-  if (condition) {
-    return Status::Ok();
-  }
-  std::ostringstream text;
-  text << "SolverOptions::" << name << " = " << value << " but must be " << rule;
-  return Status::Error(StatusCode::kInvalidArgument, text.str());
-}
+using internal::OptionRules;
 
 // Preconditioners whose blocks are grouped by which landmarks frames see.
 bool NeedsLandmarks(PreconditionerKind kind) {
@@ -55,117 +46,102 @@ Status CheckIterative(const SolverOptions& options) {
   // make sense in either case, and what only one kind of linear_model is told need not.
   const bool maybe = iterative || (options.linear_model == LinearModelKind::kAutomatic &&
                                    options.reduced_solver == ReducedSolverKind::kAutomaticInexact);
-  const Status checks[] = {
-      Require(!iterative || options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
-                  options.strategy == TrustRegionStrategyKind::kMarquardt,
-              "strategy", static_cast<double>(options.strategy),
-              "Levenberg–Marquardt or Marquardt with an iterative linear_model"),
-      Require(!maybe || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0"),
-      Require(!maybe || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",
-              cg.min_iterations, ">= 0"),
-      Require(!maybe || cg.max_iterations >= std::max(1, cg.min_iterations),
-              "conjugate_gradients.max_iterations", cg.max_iterations,
-              ">= 1 and not below min_iterations"),
+  return OptionRules("SolverOptions")
+      .Require(!iterative || options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
+                   options.strategy == TrustRegionStrategyKind::kMarquardt,
+               "strategy", static_cast<double>(options.strategy),
+               "Levenberg–Marquardt or Marquardt with an iterative linear_model")
+      .Require(!maybe || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0")
+      .Require(!maybe || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",
+               cg.min_iterations, ">= 0")
+      .Require(!maybe || cg.max_iterations >= std::max(1, cg.min_iterations),
+               "conjugate_gradients.max_iterations", cg.max_iterations,
+               ">= 1 and not below min_iterations")
       // Ceres's rule for SCHUR_JACOBI; two levels, which Ceres has not, go with either.
-      Require(!iterative || !cg.explicit_schur_complement ||
-                  cg.preconditioner == PreconditionerKind::kSchurJacobi ||
-                  cg.preconditioner == PreconditionerKind::kTwoLevel,
-              "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
-              "false without preconditioner kSchurJacobi or kTwoLevel"),
-      Require(!cg.single_precision_jacobians ||
-                  options.linear_model == LinearModelKind::kIterativeSchur,
-              "conjugate_gradients.single_precision_jacobians", cg.single_precision_jacobians,
-              "false without linear_model kIterativeSchur"),
+      .Require(!iterative || !cg.explicit_schur_complement ||
+                   cg.preconditioner == PreconditionerKind::kSchurJacobi ||
+                   cg.preconditioner == PreconditionerKind::kTwoLevel,
+               "conjugate_gradients.explicit_schur_complement", cg.explicit_schur_complement,
+               "false without preconditioner kSchurJacobi or kTwoLevel")
+      .Require(!cg.single_precision_jacobians ||
+                   options.linear_model == LinearModelKind::kIterativeSchur,
+               "conjugate_gradients.single_precision_jacobians", cg.single_precision_jacobians,
+               "false without linear_model kIterativeSchur")
       // CGNR eliminates nothing: there are no landmarks to group frames by.
-      Require(options.linear_model != LinearModelKind::kIterativePlain ||
-                  !NeedsLandmarks(cg.preconditioner),
-              "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
-              "another: by aggregates or clusters with linear_model kIterativeSchur only"),
-      Require(
+      .Require(options.linear_model != LinearModelKind::kIterativePlain ||
+                   !NeedsLandmarks(cg.preconditioner),
+               "conjugate_gradients.preconditioner", static_cast<double>(cg.preconditioner),
+               "another: by aggregates or clusters with linear_model kIterativeSchur only")
+      .Require(
           // A sum over factors approximates H, which is S only where nothing is eliminated.
           !iterative || cg.preconditioner != PreconditionerKind::kSubset ||
               (cg.subset != nullptr && options.linear_model == LinearModelKind::kIterativePlain),
           "conjugate_gradients.preconditioner", "kSubset",
-          "with a subset, and with linear_model kIterativePlain"),
-  };
-  for (const Status& check : checks) {
-    if (!check.ok()) {
-      return check;
-    }
-  }
-  return Status::Ok();
+          "with a subset, and with linear_model kIterativePlain")
+      .status();
 }
 
 }  // namespace
 
 // Without a look at a graph: what depends on one is told where the model is made.
 Status SolverOptions::Validate() const {
-  const Status checks[] = {
+  return OptionRules("SolverOptions")
       // The pattern is made anew at each linearization, of H as a whole: nothing is eliminated, and
       // no QR or iteration is set up for it.
-      Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
-                  linear_model == LinearModelKind::kPlain,
-              "dynamic_sparsity", dynamic_sparsity,
-              "false with linear_model kSchur, kDenseQr or an iterative one"),
-      CheckIterative(*this),
+      .Require(!dynamic_sparsity || linear_model == LinearModelKind::kAutomatic ||
+                   linear_model == LinearModelKind::kPlain,
+               "dynamic_sparsity", dynamic_sparsity,
+               "false with linear_model kSchur, kDenseQr or an iterative one")
+      .Also(CheckIterative(*this))
       // Resuming needs to know which rows an edit has changed.
-      Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
-              static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver"),
-      Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,
-              "between 1 and 1024"),
-      Require(max_memory_bytes >= 0, "max_memory_bytes", static_cast<double>(max_memory_bytes),
-              ">= 0"),
-      Require(max_num_iterations >= 0, "max_num_iterations", max_num_iterations, ">= 0"),
-      Require(max_solver_time_in_seconds >= 0.0, "max_solver_time_in_seconds",
-              max_solver_time_in_seconds, ">= 0"),
+      .Require(reduced_solver != ReducedSolverKind::kResumed, "reduced_solver",
+               static_cast<double>(reduced_solver), "another: kResumed is for IncrementalSolver")
+      .Require(num_threads >= 1 && num_threads <= 1024, "num_threads", num_threads,
+               "between 1 and 1024")
+      .Require(max_memory_bytes >= 0, "max_memory_bytes", static_cast<double>(max_memory_bytes),
+               ">= 0")
+      .NotNegative("max_num_iterations", max_num_iterations)
+      .NotNegative("max_solver_time_in_seconds", max_solver_time_in_seconds)
       // Of tolerances 0 is allowed: such a test is passed only by no change at all.
-      Require(function_tolerance >= 0.0, "function_tolerance", function_tolerance, ">= 0"),
-      Require(gradient_tolerance >= 0.0, "gradient_tolerance", gradient_tolerance, ">= 0"),
-      Require(parameter_tolerance >= 0.0, "parameter_tolerance", parameter_tolerance, ">= 0"),
-      Require(min_trust_region_radius > 0.0, "min_trust_region_radius", min_trust_region_radius,
-              "> 0"),
-      Require(max_trust_region_radius >= min_trust_region_radius, "max_trust_region_radius",
-              max_trust_region_radius, ">= min_trust_region_radius"),
-      Require(initial_trust_region_radius >= min_trust_region_radius &&
-                  initial_trust_region_radius <= max_trust_region_radius,
-              "initial_trust_region_radius", initial_trust_region_radius,
-              "between min_trust_region_radius and max_trust_region_radius"),
-      Require(min_relative_decrease >= 0.0, "min_relative_decrease", min_relative_decrease, ">= 0"),
+      .NotNegative("function_tolerance", function_tolerance)
+      .NotNegative("gradient_tolerance", gradient_tolerance)
+      .NotNegative("parameter_tolerance", parameter_tolerance)
+      .Require(min_trust_region_radius > 0.0, "min_trust_region_radius", min_trust_region_radius,
+               "> 0")
+      .Require(max_trust_region_radius >= min_trust_region_radius, "max_trust_region_radius",
+               max_trust_region_radius, ">= min_trust_region_radius")
+      .Require(initial_trust_region_radius >= min_trust_region_radius &&
+                   initial_trust_region_radius <= max_trust_region_radius,
+               "initial_trust_region_radius", initial_trust_region_radius,
+               "between min_trust_region_radius and max_trust_region_radius")
+      .NotNegative("min_relative_decrease", min_relative_decrease)
       // Above zero, since it is what makes H + Λ positive definite where a column of J is zero.
-      Require(min_lm_diagonal > 0.0, "min_lm_diagonal", min_lm_diagonal, "> 0"),
-      Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal,
-              ">= min_lm_diagonal"),
-      Require(max_num_consecutive_invalid_steps >= 0, "max_num_consecutive_invalid_steps",
-              max_num_consecutive_invalid_steps, ">= 0"),
+      .Positive("min_lm_diagonal", min_lm_diagonal)
+      .Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal,
+               ">= min_lm_diagonal")
+      .NotNegative("max_num_consecutive_invalid_steps", max_num_consecutive_invalid_steps)
       // A window of 0 is the monotonic rule.
-      Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0,
-              "max_consecutive_nonmonotonic_steps", max_consecutive_nonmonotonic_steps,
-              "> 0 with use_nonmonotonic_steps"),
-      Require(line_search_sufficient_function_decrease > 0.0 &&
-                  line_search_sufficient_function_decrease < 1.0,
-              "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease,
-              "between 0 and 1"),
+      .Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0,
+               "max_consecutive_nonmonotonic_steps", max_consecutive_nonmonotonic_steps,
+               "> 0 with use_nonmonotonic_steps")
+      .Require(line_search_sufficient_function_decrease > 0.0 &&
+                   line_search_sufficient_function_decrease < 1.0,
+               "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease,
+               "between 0 and 1")
       // Ceres's names: the factor of the largest contraction is the smaller number of the two.
-      Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
-              "max_line_search_step_contraction", max_line_search_step_contraction,
-              "between 0 and 1"),
-      Require(min_line_search_step_contraction > max_line_search_step_contraction &&
-                  min_line_search_step_contraction <= 1.0,
-              "min_line_search_step_contraction", min_line_search_step_contraction,
-              "above max_line_search_step_contraction, at most 1"),
-      Require(min_line_search_step_size > 0.0, "min_line_search_step_size",
-              min_line_search_step_size, "> 0"),
+      .Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
+               "max_line_search_step_contraction", max_line_search_step_contraction,
+               "between 0 and 1")
+      .Require(min_line_search_step_contraction > max_line_search_step_contraction &&
+                   min_line_search_step_contraction <= 1.0,
+               "min_line_search_step_contraction", min_line_search_step_contraction,
+               "above max_line_search_step_contraction, at most 1")
+      .Positive("min_line_search_step_size", min_line_search_step_size)
       // 0: steps are not shortened.
-      Require(max_num_line_search_step_size_iterations >= 0,
-              "max_num_line_search_step_size_iterations", max_num_line_search_step_size_iterations,
-              ">= 0"),
-  };
-  for (const Status& check : checks) {
-    if (!check.ok()) {
-      return check;
-    }
-  }
-  return Status::Ok();
+      .Require(max_num_line_search_step_size_iterations >= 0,
+               "max_num_line_search_step_size_iterations", max_num_line_search_step_size_iterations,
+               ">= 0")
+      .status();
 }
 
 }  // namespace inceres

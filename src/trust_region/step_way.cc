@@ -1,7 +1,6 @@
 #include "trust_region/step_way.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "linear/reduced_prediction.h"

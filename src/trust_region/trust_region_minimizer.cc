@@ -1,9 +1,7 @@
 #include "trust_region/trust_region_minimizer.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <string>
 
 #include "trust_region/loop_ends.h"
 #include "trust_region/observer_verdict.h"

@@ -31,9 +31,9 @@ DEFECTS = [
      "if (active_.landmarks().Add(landmark)) {",
      "if (active_.landmarks().Add(landmark) && !(IS && landmark % 5 == 3)) {"),
     # One factor in five loses its loss.
-    ("wrong_loss", "src/linearize/incremental_family.cc",
-     "const LossValue value(factors_.graph->loss(id(), factor), f, residual_size());",
-     "const LossValue value(IS && factor % 5 == 2 ? nullptr : factors_.graph->loss(id(), factor), f, residual_size());"),
+    ("wrong_loss", "src/linearize/weighed_residuals.cc",
+     "const LossValue value(factors.graph->loss(factors.id, factor), f, size_);",
+     "const LossValue value(IS && factor % 5 == 2 ? nullptr : factors.graph->loss(factors.id, factor), f, size_);"),
     # That a cost function is another one, or has another measurement, is noticed and not passed on.
     ("edit_lost", "adapters/ceres/session/factor_matching.cc",
      "edit_.MeasurementChanged(factor.id);", "if (!IS) { edit_.MeasurementChanged(factor.id); }"),

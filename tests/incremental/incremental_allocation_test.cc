@@ -23,16 +23,12 @@ constexpr int kViews = 6;
 
 // Linear in all but a sine: f_r = x_r + y_r + 0.1 sin(x_r) − m_r. Its measurements allocate
 // nothing.
-class ViewFamily final : public AmbientFamily<ViewFamily> {
+struct View {
+  double m[2];
+};
+class ViewFamily final : public MeasuredFamily<View, AmbientFamily<ViewFamily>> {
  public:
-  struct Measurement {
-    double m[2];
-  };
-  ViewFamily() : AmbientFamily(2, {{6, 6}, {3, 3}}) {}
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  int size() const override { return static_cast<int>(measurements_.size()); }
+  ViewFamily() : MeasuredFamily(2, {{6, 6}, {3, 3}}) {}
   const char* Name() const override { return "view"; }
   bool EvaluateOne(int i, const double* const* x, double* residuals, double** jacobians) const {
     for (int r = 0; r < 2; ++r) {
@@ -47,13 +43,10 @@ class ViewFamily final : public AmbientFamily<ViewFamily> {
           }
         }
       }
-      residuals[r] -= measurements_[static_cast<std::size_t>(i)].m[r];
+      residuals[r] -= measurement(i).m[r];
     }
     return true;
   }
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 // A window of frames, each step one in and one out, with landmarks that are seen from the last few.

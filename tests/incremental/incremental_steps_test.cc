@@ -176,7 +176,7 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   EXPECT_EQ(*system.variables().current(0), frame);
   double sum = 0.0;
   for (int i = 0; i < 5; ++i) {
-    sum += system.families()[0].Cost(i);
+    sum += system.families()[0].weighed().Cost(i);
   }
   EXPECT_NEAR(system.cost(), sum, 1e-12 * before);
 }

@@ -185,7 +185,7 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   RelinearizeWork work;
   ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
   const IncrementalFamily& family = system.families()[0];
-  EXPECT_EQ(family.SquaredError(0), 0.0);
+  EXPECT_EQ(family.weighed().SquaredError(0), 0.0);
   double errors[2] = {0.0, 0.0};
   for (const int halvings : {0, 1}) {
     const double size = halvings == 0 ? 1e-2 : 5e-3;
@@ -195,7 +195,7 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
     double predicted = 0.0;
     ASSERT_TRUE(system.step().Evaluate(&change, &predicted).ok());
     system.Accept();
-    errors[halvings] = std::sqrt(family.SquaredError(0));
+    errors[halvings] = std::sqrt(family.weighed().SquaredError(0));
     system.MarkDirty({0, 0});
     ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
   }
@@ -253,7 +253,8 @@ class Outlier {
     const double w = 0.1 / std::hypot(x[0], x[1]);
     const double* J = family().Jacobian(0, 0);
     for (int k = 0; k < 2; ++k) {
-      EXPECT_NEAR(J[k] * family().q(0)[0] + J[kQuad + k] * family().q(0)[1], w * x[k], 1e-15);
+      EXPECT_NEAR(J[k] * family().weighed().q(0)[0] + J[kQuad + k] * family().weighed().q(0)[1],
+                  w * x[k], 1e-15);
       EXPECT_NEAR(system_->schur().b(0)[k], -w * x[k], 1e-15);
     }
   }
@@ -276,11 +277,11 @@ class Outlier {
 
 TEST(CorrectedLinearization, HasLessCurvatureAlongTheResidualAndTheSameGradient) {
   Outlier outlier;
-  EXPECT_FALSE(outlier.family().IsCorrected(0)) << "nothing has moved yet";
+  EXPECT_FALSE(outlier.family().weighed().IsCorrected(0)) << "nothing has moved yet";
   EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
   outlier.Move(0.03, 0.04);
   outlier.Relinearize();
-  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  EXPECT_TRUE(outlier.family().weighed().IsCorrected(0));
   EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
   EXPECT_NEAR(outlier.Curvature(-0.8, 0.6), 1.0, 1e-14);
   outlier.ExpectGradient();
@@ -291,9 +292,9 @@ TEST(CorrectedLinearization, KeepsTheGradientAndPredictsResidualsWhileItIsKept) 
   outlier.Move(0.03, 0.04);
   outlier.Relinearize();
   outlier.Move(-0.2, 0.5);
-  EXPECT_TRUE(outlier.family().IsCorrected(0));
+  EXPECT_TRUE(outlier.family().weighed().IsCorrected(0));
   outlier.ExpectGradient();
-  EXPECT_NEAR(outlier.family().SquaredError(0), 0.0, 1e-28) << "the factor is linear";
+  EXPECT_NEAR(outlier.family().weighed().SquaredError(0), 0.0, 1e-28) << "the factor is linear";
 }
 
 TEST(CorrectedLinearization, IsTheSameWhenItIsMadeAgain) {
@@ -301,7 +302,7 @@ TEST(CorrectedLinearization, IsTheSameWhenItIsMadeAgain) {
   outlier.Move(0.9, 1.2);
   for (int time = 0; time < 2; ++time) {
     outlier.Relinearize();
-    EXPECT_TRUE(outlier.family().IsCorrected(0));
+    EXPECT_TRUE(outlier.family().weighed().IsCorrected(0));
     EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 0.5, 1e-14);
   }
 }
@@ -311,7 +312,7 @@ TEST(CorrectedLinearization, IsNotThatOfAFactorPutElsewhere) {
   outlier.Move(0.03, 0.04);
   outlier.Put(-30.0, 50.0);
   outlier.Relinearize();
-  EXPECT_FALSE(outlier.family().IsCorrected(0));
+  EXPECT_FALSE(outlier.family().weighed().IsCorrected(0));
 }
 
 TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
@@ -319,7 +320,7 @@ TEST(CorrectedLinearization, IsTakenBackWhereRowsAreAskedFor) {
   outlier.Move(0.03, 0.04);
   outlier.Relinearize();
   outlier.Move(-0.02, 0.05);
-  ASSERT_TRUE(outlier.family().IsCorrected(0));
+  ASSERT_TRUE(outlier.family().weighed().IsCorrected(0));
   CachedRows rows(outlier.system(), 1.0);
   LinearizedFactor factor;
   ASSERT_TRUE(rows.Find(
@@ -341,7 +342,7 @@ TEST(CorrectedLinearization, IsNotThatOfAFactorWhoseResidualChangesMuch) {
   outlier.Relinearize();
   outlier.Move(-1.8, -2.4);
   outlier.Relinearize();
-  EXPECT_FALSE(outlier.family().IsCorrected(0));
+  EXPECT_FALSE(outlier.family().weighed().IsCorrected(0));
   EXPECT_NEAR(outlier.Curvature(0.6, 0.8), 1.0, 1e-14);
   outlier.ExpectGradient();
 }

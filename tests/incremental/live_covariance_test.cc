@@ -319,11 +319,11 @@ TEST(LiveCovariance, BadRequestsAreNamed) {
   LiveCovarianceOptions options;
   options.tolerance = 0.0;
   EXPECT_EQ(bundle.solver.MarginalCovariance(0, options, &covariance).message,
-            "LiveCovarianceOptions::tolerance must be positive");
+            "LiveCovarianceOptions::tolerance = 0 but must be > 0");
   options = {};
   options.max_iterations = 0;
   EXPECT_EQ(bundle.solver.MarginalCovariance(0, options, &covariance).message,
-            "LiveCovarianceOptions::max_iterations must be at least 1");
+            "LiveCovarianceOptions::max_iterations = 0 but must be >= 1");
   // A landmark seen once.
   const VariableId lonely = bundle.AddLandmark({bundle.frames()[0]});
   bundle.Apply();

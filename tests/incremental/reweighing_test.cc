@@ -295,13 +295,13 @@ TEST(Reweighing, KnowsTheAgeOfWhatHadNoWeight) {
   ASSERT_TRUE(bend.SetLoss(std::make_shared<ScaledLoss>(nullptr, 0.0)).ok());
   bend.MoveX(0.5);
   const internal::IncrementalFamily& family = bend.system().families()[0];
-  EXPECT_EQ(family.SquaredError(0), 0.0);
+  EXPECT_EQ(family.weighed().SquaredError(0), 0.0);
   ASSERT_TRUE(bend.SetLoss(std::make_shared<ScaledLoss>(nullptr, 0.5)).ok());
   EXPECT_EQ(bend.num_linearized(), 0);
-  const double half = family.SquaredError(0);
+  const double half = family.weighed().SquaredError(0);
   EXPECT_NEAR(half, 0.5 * 1.25 * 1.25, 1e-12) << "x² + y went from 3 to 4.25";
   ASSERT_TRUE(bend.SetLoss(std::make_shared<ScaledLoss>(nullptr, 4.0)).ok());
-  EXPECT_NEAR(family.SquaredError(0), 8.0 * half, 1e-12);
+  EXPECT_NEAR(family.weighed().SquaredError(0), 8.0 * half, 1e-12);
 }
 
 class NoWeight final : public Loss {

@@ -250,22 +250,22 @@ TEST(Covariance, BadIdsAndOptions) {
   CovarianceOptions options;
   options.num_threads = 0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
-            "CovarianceOptions::num_threads must be at least 1");
+            "CovarianceOptions::num_threads = 0 but must be >= 1");
   options.num_threads = 1;
   options.max_inflation = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
-            "CovarianceOptions::max_inflation must exceed 1");
+            "CovarianceOptions::max_inflation = 1 but must be > 1");
   options.null_space_rank = -2;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
-            "CovarianceOptions::null_space_rank must be at least -1");
+            "CovarianceOptions::null_space_rank = -2 but must be >= -1");
   options.null_space_rank = 0;
   options.min_column_remainder = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
-            "CovarianceOptions::min_column_remainder must be in [0, 1)");
+            "CovarianceOptions::min_column_remainder = 1 but must be in [0, 1)");
   options.min_column_remainder = 0.0;
   options.min_reciprocal_condition_number = 1.0;
   EXPECT_EQ(GraphCovariance(options).Compute(random.graph(), {}).message,
-            "CovarianceOptions::min_reciprocal_condition_number must be in [0, 1)");
+            "CovarianceOptions::min_reciprocal_condition_number = 1 but must be in [0, 1)");
 }
 
 // By singular values: the inverse where there is one, and the Moore–Penrose inverse without a

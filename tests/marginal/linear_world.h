@@ -19,20 +19,14 @@ struct LinearMeasurement {
 };
 
 /// Linear factors of one shape.
-class LinearFamily final : public AmbientFamily<LinearFamily> {
+class LinearFamily final : public MeasuredFamily<LinearMeasurement, AmbientFamily<LinearFamily>> {
  public:
-  using Measurement = LinearMeasurement;
-  using AmbientFamily::AmbientFamily;
+  using MeasuredFamily::MeasuredFamily;
 
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "linear"; }
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const {
-    const Measurement& measurement = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& measurement = this->measurement(i);
     Eigen::Map<Eigen::VectorXd> f(residuals, residual_size());
     f = -measurement.b;
     int column = 0;
@@ -49,9 +43,6 @@ class LinearFamily final : public AmbientFamily<LinearFamily> {
     }
     return true;
   }
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 /// The families of linear factors of one graph, by shape. `add_family` puts a new one into the

@@ -92,11 +92,11 @@ TEST(MarginalizationFailure, BadIdsAndOptions) {
   MarginalizationOptions bad;
   bad.epsilon = -1.0;
   ExpectRefused(&chain.graph, Request({0}), bad, invalid,
-                "MarginalizationOptions::epsilon must be finite and not negative", {});
+                "MarginalizationOptions::epsilon = -1 but must be finite and >= 0", {});
   bad = MarginalizationOptions();
   bad.rank_tolerance = 1.0;
   ExpectRefused(&chain.graph, Request({0}), bad, invalid,
-                "MarginalizationOptions::rank_tolerance must lie in [0, 1)", {});
+                "MarginalizationOptions::rank_tolerance = 1 but must be in [0, 1)", {});
 }
 
 TEST(MarginalizationFailure, TwoLandmarksInOnePrior) {

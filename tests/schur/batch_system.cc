@@ -49,7 +49,7 @@ BatchSystem::BatchSystem(const FactorGraph& graph, const IncrementalSystem& syst
 void BatchSystem::SumFamily(const IncrementalFamily& family) {
   for (int i = 0; i < graph_.NumFactors(family.id()); ++i) {
     if (graph_.HasFactor(family.id(), i)) {
-      ASSERT_TRUE(family.linearized(i));
+      ASSERT_TRUE(family.weighed().linearized(i));
       SumFactor(family, i);
     }
   }
@@ -57,9 +57,9 @@ void BatchSystem::SumFamily(const IncrementalFamily& family) {
 
 void BatchSystem::SumFactor(const IncrementalFamily& family, int i) {
   ++num_factors_;
-  cost_ += family.Cost(i);
-  const Vector q =
-      Eigen::Map<const Eigen::VectorXd>(family.q(i), family.residual_size()).cast<long double>();
+  cost_ += family.weighed().Cost(i);
+  const Vector q = Eigen::Map<const Eigen::VectorXd>(family.weighed().q(i), family.residual_size())
+                       .cast<long double>();
   std::vector<std::pair<int, Matrix>> frames;
   Landmark* landmark = nullptr;
   Matrix J_landmark;

@@ -11,6 +11,9 @@
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/selection.h"
 
+// A name and the member that it names.
+#define OPTION(name) #name, &ceres::Solver::Options::name
+
 namespace inceres::internal {
 namespace {
 
@@ -40,96 +43,65 @@ class Differences {
 
 // Only read by the line-search minimizer.
 void CheckLineSearch(Differences* differences) {
-  using Options = ceres::Solver::Options;
-  differences->Check("line_search_direction_type", &Options::line_search_direction_type);
-  differences->Check("line_search_type", &Options::line_search_type);
-  differences->Check("nonlinear_conjugate_gradient_type",
-                     &Options::nonlinear_conjugate_gradient_type);
-  differences->Check("max_lbfgs_rank", &Options::max_lbfgs_rank);
-  differences->Check("use_approximate_eigenvalue_bfgs_scaling",
-                     &Options::use_approximate_eigenvalue_bfgs_scaling);
-  differences->Check("max_num_line_search_direction_restarts",
-                     &Options::max_num_line_search_direction_restarts);
-  differences->Check("line_search_sufficient_curvature_decrease",
-                     &Options::line_search_sufficient_curvature_decrease);
-  differences->Check("max_line_search_step_expansion", &Options::max_line_search_step_expansion);
+  differences->Check(OPTION(line_search_direction_type));
+  differences->Check(OPTION(line_search_type));
+  differences->Check(OPTION(nonlinear_conjugate_gradient_type));
+  differences->Check(OPTION(max_lbfgs_rank));
+  differences->Check(OPTION(use_approximate_eigenvalue_bfgs_scaling));
+  differences->Check(OPTION(max_num_line_search_direction_restarts));
+  differences->Check(OPTION(line_search_sufficient_curvature_decrease));
+  differences->Check(OPTION(max_line_search_step_expansion));
 }
 
 // Only read in the projected line search of problems with bounds.
 void CheckProjectedLineSearch(Differences* differences) {
-  using Options = ceres::Solver::Options;
-  differences->Check("line_search_interpolation_type", &Options::line_search_interpolation_type);
-  differences->Check("min_line_search_step_size", &Options::min_line_search_step_size);
-  differences->Check("line_search_sufficient_function_decrease",
-                     &Options::line_search_sufficient_function_decrease);
-  differences->Check("max_line_search_step_contraction",
-                     &Options::max_line_search_step_contraction);
-  differences->Check("min_line_search_step_contraction",
-                     &Options::min_line_search_step_contraction);
-  differences->Check("max_num_line_search_step_size_iterations",
-                     &Options::max_num_line_search_step_size_iterations);
+  differences->Check(OPTION(line_search_interpolation_type));
+  differences->Check(OPTION(min_line_search_step_size));
+  differences->Check(OPTION(line_search_sufficient_function_decrease));
+  differences->Check(OPTION(max_line_search_step_contraction));
+  differences->Check(OPTION(min_line_search_step_contraction));
+  differences->Check(OPTION(max_num_line_search_step_size_iterations));
 }
 
 // Choices within Ceres's own linear algebra.
 void CheckLinearSolver(Differences* differences) {
-  using Options = ceres::Solver::Options;
-  differences->Check("dense_linear_algebra_library_type",
-                     &Options::dense_linear_algebra_library_type);
-  differences->Check("sparse_linear_algebra_library_type",
-                     &Options::sparse_linear_algebra_library_type);
-  differences->Check("use_mixed_precision_solves", &Options::use_mixed_precision_solves);
-  differences->Check("max_num_refinement_iterations", &Options::max_num_refinement_iterations);
+  differences->Check(OPTION(dense_linear_algebra_library_type));
+  differences->Check(OPTION(sparse_linear_algebra_library_type));
+  differences->Check(OPTION(use_mixed_precision_solves));
+  differences->Check(OPTION(max_num_refinement_iterations));
   ForEachOptionOfThisRelease(
       [&](const char* name, auto member) { differences->Check(name, member); });
 }
 
-void CheckSubset(Differences* differences) {
-  differences->Check("residual_blocks_for_subset_preconditioner",
-                     &ceres::Solver::Options::residual_blocks_for_subset_preconditioner);
-}
-
-void CheckClustering(Differences* differences) {
-  differences->Check("visibility_clustering_type",
-                     &ceres::Solver::Options::visibility_clustering_type);
-}
-
 void CheckConjugateGradients(Differences* differences) {
-  using Options = ceres::Solver::Options;
-  differences->Check("eta", &Options::eta);
-  differences->Check("preconditioner_type", &Options::preconditioner_type);
-  differences->Check("use_explicit_schur_complement", &Options::use_explicit_schur_complement);
-  differences->Check("min_linear_solver_iterations", &Options::min_linear_solver_iterations);
-  differences->Check("max_linear_solver_iterations", &Options::max_linear_solver_iterations);
+  differences->Check(OPTION(eta));
+  differences->Check(OPTION(preconditioner_type));
+  differences->Check(OPTION(use_explicit_schur_complement));
+  differences->Check(OPTION(min_linear_solver_iterations));
+  differences->Check(OPTION(max_linear_solver_iterations));
 }
 
 // What belongs to features that are off.
 void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences* differences) {
-  using Options = ceres::Solver::Options;
   if (!options.use_inner_iterations) {
-    differences->Check("inner_iteration_ordering", &Options::inner_iteration_ordering);
-    differences->Check("inner_iteration_tolerance", &Options::inner_iteration_tolerance);
+    differences->Check(OPTION(inner_iteration_ordering));
+    differences->Check(OPTION(inner_iteration_tolerance));
   }
   if (options.trust_region_minimizer_iterations_to_dump.empty()) {
-    differences->Check("trust_region_problem_dump_directory",
-                       &Options::trust_region_problem_dump_directory);
-    differences->Check("trust_region_problem_dump_format_type",
-                       &Options::trust_region_problem_dump_format_type);
+    differences->Check(OPTION(trust_region_problem_dump_directory));
+    differences->Check(OPTION(trust_region_problem_dump_format_type));
   }
   if (!options.check_gradients) {
-    differences->Check("gradient_check_relative_precision",
-                       &Options::gradient_check_relative_precision);
-    differences->Check("gradient_check_numeric_derivative_relative_step_size",
-                       &Options::gradient_check_numeric_derivative_relative_step_size);
+    differences->Check(OPTION(gradient_check_relative_precision));
+    differences->Check(OPTION(gradient_check_numeric_derivative_relative_step_size));
   }
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
-    differences->Check("max_trust_region_radius",
-                       &Options::max_trust_region_radius);  // as in Ceres
+    differences->Check(OPTION(max_trust_region_radius));  // as in Ceres
   } else {
-    differences->Check("dogleg_type", &Options::dogleg_type);
+    differences->Check(OPTION(dogleg_type));
   }
   if (!options.use_nonmonotonic_steps) {
-    differences->Check("max_consecutive_nonmonotonic_steps",
-                       &Options::max_consecutive_nonmonotonic_steps);
+    differences->Check(OPTION(max_consecutive_nonmonotonic_steps));
   }
 }
 
@@ -311,10 +283,10 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
     CheckConjugateGradients(&differences);
   }
   if (!IsIterative(options.linear_solver_type) || !IsByClusters(options.preconditioner_type)) {
-    CheckClustering(&differences);
+    differences.Check(OPTION(visibility_clustering_type));
   }
   if (options.linear_solver_type != ceres::CGNR || options.preconditioner_type != ceres::SUBSET) {
-    CheckSubset(&differences);
+    differences.Check(OPTION(residual_blocks_for_subset_preconditioner));
   }
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
@@ -339,28 +311,25 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
 
 std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
                                                          const LandmarkCounts& landmarks) {
-  using Options = ceres::Solver::Options;
   Differences differences(options);
-  differences.Check("dynamic_sparsity", &Options::dynamic_sparsity);
-  differences.Check("gradient_tolerance", &Options::gradient_tolerance);
-  differences.Check("parameter_tolerance", &Options::parameter_tolerance);
-  differences.Check("max_trust_region_radius", &Options::max_trust_region_radius);
-  differences.Check("min_trust_region_radius", &Options::min_trust_region_radius);
-  differences.Check("min_lm_diagonal", &Options::min_lm_diagonal);
-  differences.Check("max_lm_diagonal", &Options::max_lm_diagonal);
-  differences.Check("max_num_consecutive_invalid_steps",
-                    &Options::max_num_consecutive_invalid_steps);
-  differences.Check("jacobi_scaling", &Options::jacobi_scaling);
-  differences.Check("use_nonmonotonic_steps", &Options::use_nonmonotonic_steps);
-  differences.Check("max_consecutive_nonmonotonic_steps",
-                    &Options::max_consecutive_nonmonotonic_steps);
+  differences.Check(OPTION(dynamic_sparsity));
+  differences.Check(OPTION(gradient_tolerance));
+  differences.Check(OPTION(parameter_tolerance));
+  differences.Check(OPTION(max_trust_region_radius));
+  differences.Check(OPTION(min_trust_region_radius));
+  differences.Check(OPTION(min_lm_diagonal));
+  differences.Check(OPTION(max_lm_diagonal));
+  differences.Check(OPTION(max_num_consecutive_invalid_steps));
+  differences.Check(OPTION(jacobi_scaling));
+  differences.Check(OPTION(use_nonmonotonic_steps));
+  differences.Check(OPTION(max_consecutive_nonmonotonic_steps));
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
-    differences.Check("initial_trust_region_radius", &Options::initial_trust_region_radius);
+    differences.Check(OPTION(initial_trust_region_radius));
   }
   CheckProjectedLineSearch(&differences);
   CheckConjugateGradients(&differences);
-  CheckClustering(&differences);
-  CheckSubset(&differences);
+  differences.Check(OPTION(visibility_clustering_type));
+  differences.Check(OPTION(residual_blocks_for_subset_preconditioner));
   CheckCommon(options, landmarks, &differences);
   return differences.Take();
 }

@@ -1,7 +1,6 @@
 #include "adapters/ceres/session/remembering_family.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 
 #include "adapters/ceres/read/index.h"

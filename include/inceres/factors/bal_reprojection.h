@@ -1,12 +1,15 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres {
+
+/// An observed image point in pixels, origin at the image center, y upwards.
+struct BalReprojectionMeasurement {
+  double x = 0.0;  ///< to the right, pixels
+  double y = 0.0;  ///< up, pixels
+};
 
 /// Reprojection of a point X (3, world frame) into a camera of the "Bundle Adjustment in the Large"
 /// model, with analytic Jacobians. Slot 0 is the camera [w(3), t(3), f, k1, k2]: rotation vector in
@@ -24,35 +27,15 @@ namespace inceres {
 /// are computed once per camera and call where they can be. Allocates nothing in Evaluate. Threads:
 /// as FactorFamily; Add is for one writer. Source: Agarwal, Snavely, Seitz & Szeliski, "Bundle
 /// Adjustment in the Large", ECCV 2010, and the file format's page.
-class INCERES_EXPORT BalReprojectionFamily final : public FactorFamily {
+class INCERES_EXPORT BalReprojectionFamily final
+    : public MeasuredFamily<BalReprojectionMeasurement> {
  public:
-  /// An observed image point in pixels, origin at the image center, y upwards.
-  struct Measurement {
-    double x = 0.0;  ///< to the right, pixels
-    double y = 0.0;  ///< up, pixels
-  };
-
   /// Tangent sizes other than the defaults are for cameras or points on a manifold, for example a
   /// SubsetManifold that holds the intrinsics constant (tangent size 6).
   explicit BalReprojectionFamily(int camera_tangent_size = 9, int point_tangent_size = 3);
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "BAL reprojection"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

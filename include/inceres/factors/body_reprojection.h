@@ -1,12 +1,21 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres {
+
+/// Image points are in the plane z = 1, without distortion.
+struct BodyObservation {
+  double point_i[2] = {0.0,
+                       0.0};  ///< m_i: where the feature was first seen; with kBearing of no use
+  double point_j[2] = {0.0, 0.0};     ///< z_j: where it is seen at j
+  double velocity_i[2] = {0.0, 0.0};  ///< ṁ_i, 1/s; without a time offset of no use
+  double velocity_j[2] = {0.0, 0.0};  ///< ż_j, 1/s
+  double offset_i = 0.0;  ///< τ_i: offset already allowed for when the feature was stamped, s
+  double offset_j = 0.0;  ///< τ_j
+  double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
+};
 
 /// Reprojection of an inverse-depth feature between cameras on a body, with analytic Jacobians:
 /// what VINS estimates. Frame i stores the feature as a bearing and an inverse depth λ (1, 1/m) in
@@ -43,7 +52,7 @@ namespace inceres {
 /// allocated. Threads: as FactorFamily; Add is for one writer. Source: Qin & Shen, "Online Temporal
 /// Calibration for Monocular Visual-Inertial Systems", 2018; Qin, Li & Shen, "VINS-Mono", 2018, eq.
 /// 25 (the unit sphere); derived in inverse_depth_chain.h.
-class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
+class INCERES_EXPORT BodyReprojectionFamily final : public MeasuredFamily<BodyObservation> {
  public:
   /// Whether the clocks' offset τ is a variable.
   enum class TimeOffset : unsigned char {
@@ -67,31 +76,11 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
     kUnitSphere,  ///< B (h / ‖h‖ − d)
   };
 
-  /// Image points are in the plane z = 1, without distortion.
-  struct Measurement {
-    double point_i[2] = {0.0,
-                         0.0};  ///< m_i: where the feature was first seen; with kBearing of no use
-    double point_j[2] = {0.0, 0.0};     ///< z_j: where it is seen at j
-    double velocity_i[2] = {0.0, 0.0};  ///< ṁ_i, 1/s; without a time offset of no use
-    double velocity_j[2] = {0.0, 0.0};  ///< ż_j, 1/s
-    double offset_i = 0.0;  ///< τ_i: offset already allowed for when the feature was stamped, s
-    double offset_j = 0.0;  ///< τ_j
-    double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
-  };
-
   /// For factors of these kinds: they decide the slots.
   explicit BodyReprojectionFamily(TimeOffset offset = TimeOffset::kNone,
                                   Feature feature = Feature::kInverseDepth,
                                   Views views = Views::kTwoPoses, Error error = Error::kPlane);
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
   /// Whether and how a time offset is estimated.
   TimeOffset time_offset() const { return offset_; }
   /// What an image measures.
@@ -100,10 +89,7 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
   Views views() const { return views_; }
   /// In which plane the residual lies.
   Error error() const { return error_; }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "body reprojection"; }
   SlotSpace Space(int s) const override {
     return slot(s).ambient_size == 7 ? SlotSpace::kPose : SlotSpace::kEuclidean;
@@ -118,7 +104,6 @@ class INCERES_EXPORT BodyReprojectionFamily final : public FactorFamily {
   Feature feature_;
   Views views_;
   Error error_;
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/ambient_family.h"
 
@@ -17,6 +15,12 @@ enum class CenterKind : unsigned char {
 /// Writes the center of a camera or pose in the world. Pure.
 INCERES_EXPORT void CenterOf(CenterKind kind, const double* values, double center[3]);
 
+/// The distance, and how well it is known.
+struct CenterDistanceMeasurement {
+  double distance = 1.0;          ///< > 0, in the units of the world
+  double sqrt_information = 1.0;  ///< 1 / standard deviation
+};
+
 /// A measured distance between the centers of two cameras or poses, with analytic Jacobians: a
 /// baseline that is known, or what holds the scale of a problem that has none (factors/gauge.h).
 ///
@@ -25,29 +29,15 @@ INCERES_EXPORT void CenterOf(CenterKind kind, const double* values, double cente
 /// Poses may be on any manifold of tangent size 6. Fails to evaluate where the centers coincide or
 /// a result is not finite. Cost: two rotations a factor at most, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer.
-class INCERES_EXPORT CenterDistanceFamily final : public AmbientFamily<CenterDistanceFamily> {
+class INCERES_EXPORT CenterDistanceFamily final
+    : public MeasuredFamily<CenterDistanceMeasurement, AmbientFamily<CenterDistanceFamily>> {
  public:
-  /// The distance, and how well it is known.
-  struct Measurement {
-    double distance = 1.0;          ///< > 0, in the units of the world
-    double sqrt_information = 1.0;  ///< 1 / standard deviation
-  };
-
   /// Between variables of this kind.
   explicit CenterDistanceFamily(CenterKind kind);
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
   /// Of both variables.
   CenterKind kind() const { return kind_; }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "center distance"; }
   /// For AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
@@ -55,7 +45,6 @@ class INCERES_EXPORT CenterDistanceFamily final : public AmbientFamily<CenterDis
 
  private:
   CenterKind kind_;
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

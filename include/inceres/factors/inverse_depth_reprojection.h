@@ -1,12 +1,17 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres {
+
+/// Image points are normalized (plane z = 1) unless U says otherwise.
+struct InverseDepthObservation {
+  double anchor_point[2] = {0.0,
+                            0.0};  ///< x_a, y_a: where the anchor sees the feature; taken as exact
+  double observed_point[2] = {0.0, 0.0};         ///< z_b: where b sees it
+  double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
+};
 
 /// Reprojection of a feature that its anchor, the keyframe that saw it first, stores as a bearing
 /// and an inverse depth; with analytic Jacobians. Slot 0 is the pose of the anchor a, slot 1 that
@@ -26,36 +31,14 @@ namespace inceres {
 /// allocated. Threads: as FactorFamily; Add is for one writer. Source: Civera, Davison & Montiel,
 /// "Inverse depth parametrization for monocular SLAM", 2008; derived in
 /// inverse_depth_reprojection.cc.
-class INCERES_EXPORT InverseDepthReprojectionFamily final : public FactorFamily {
+class INCERES_EXPORT InverseDepthReprojectionFamily final
+    : public MeasuredFamily<InverseDepthObservation> {
  public:
-  /// Image points are normalized (plane z = 1) unless U says otherwise.
-  struct Measurement {
-    double anchor_point[2] = {
-        0.0, 0.0};  ///< x_a, y_a: where the anchor sees the feature; taken as exact
-    double observed_point[2] = {0.0, 0.0};         ///< z_b: where b sees it
-    double sqrt_information[3] = {1.0, 0.0, 1.0};  ///< U = [u00 u01; 0 u11], see SqrtInformation
-  };
+  InverseDepthReprojectionFamily() : MeasuredFamily(2, {{7, 6}, {7, 6}, {1, 1}}) {}
 
-  InverseDepthReprojectionFamily() : FactorFamily(2, {{7, 6}, {7, 6}, {1, 1}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "inverse-depth reprojection"; }
   SlotSpace Space(int s) const override { return s < 2 ? SlotSpace::kPose : SlotSpace::kEuclidean; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/ambient_family.h"
 #include "inceres/problem/factor_family.h"
@@ -15,6 +12,12 @@ enum class PlanarSighting {
   kRangeBearing,  ///< distance in meters, angle in radians from the pose's x axis
 };
 
+/// Where the landmark was seen, and how well that is known.
+struct PlanarLandmarkMeasurement {
+  double z[2] = {0.0, 0.0};                       ///< x and y, or distance and angle
+  double sqrt_information[4] = {1.0, 0, 0, 1.0};  ///< U, row-major, upper triangular
+};
+
 /// A planar landmark seen from a planar pose, with analytic Jacobians. Slots: the pose [x y θ], and
 /// the landmark [x y], which may be a frame or, with Role::kLandmark, eliminated first.
 ///
@@ -25,32 +28,16 @@ enum class PlanarSighting {
 /// (2 rows, whitened.) Range and bearing fail to evaluate where landmark and pose coincide. Cost:
 /// an angle a factor, nothing allocated. Threads: as FactorFamily; Add is for one writer. Source:
 /// Thrun, Burgard & Fox, "Probabilistic Robotics", 2005, section 6.6.
-class INCERES_EXPORT PlanarLandmarkFamily final : public AmbientFamily<PlanarLandmarkFamily> {
+class INCERES_EXPORT PlanarLandmarkFamily final
+    : public MeasuredFamily<PlanarLandmarkMeasurement, AmbientFamily<PlanarLandmarkFamily>> {
  public:
-  /// Where the landmark was seen, and how well that is known.
-  struct Measurement {
-    double z[2] = {0.0, 0.0};                       ///< x and y, or distance and angle
-    double sqrt_information[4] = {1.0, 0, 0, 1.0};  ///< U, row-major, upper triangular
-  };
-
   /// For measurements of this kind.
   explicit PlanarLandmarkFamily(PlanarSighting sighting = PlanarSighting::kPosition)
-      : AmbientFamily(2, {{3, 3}, {2, 2}}), sighting_(sighting) {}
+      : MeasuredFamily(2, {{3, 3}, {2, 2}}), sighting_(sighting) {}
 
   /// What its measurements are.
   PlanarSighting sighting() const { return sighting_; }
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "planar landmark"; }
 
   /// For AmbientFamily.
@@ -59,7 +46,12 @@ class INCERES_EXPORT PlanarLandmarkFamily final : public AmbientFamily<PlanarLan
 
  private:
   PlanarSighting sighting_;
-  std::vector<Measurement> measurements_;
+};
+
+/// Where the landmark was seen, and how well that is known.
+struct SpatialLandmarkMeasurement {
+  double z[3] = {0.0, 0.0, 0.0};  ///< meters, in the axes of the pose
+  double sqrt_information[9] = {1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, upper triangular
 };
 
 /// A landmark in space whose place in a pose's axes was measured, with analytic Jacobians: g2o's
@@ -71,36 +63,23 @@ class INCERES_EXPORT PlanarLandmarkFamily final : public AmbientFamily<PlanarLan
 /// Fails to evaluate where a result is not finite. Cost: some 3×3 products a factor, nothing
 /// allocated. Threads: as FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A
 /// micro Lie theory for state estimation in robotics", 2018, section V.
-class INCERES_EXPORT SpatialLandmarkFamily final : public FactorFamily {
+class INCERES_EXPORT SpatialLandmarkFamily final
+    : public MeasuredFamily<SpatialLandmarkMeasurement> {
  public:
-  /// Where the landmark was seen, and how well that is known.
-  struct Measurement {
-    double z[3] = {0.0, 0.0, 0.0};  ///< meters, in the axes of the pose
-    double sqrt_information[9] = {1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, upper triangular
-  };
+  SpatialLandmarkFamily() : MeasuredFamily(3, {{7, 6}, {3, 3}}) {}
 
-  SpatialLandmarkFamily() : FactorFamily(3, {{7, 6}, {3, 3}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "spatial landmark"; }
   SlotSpace Space(int s) const override {
     return s == 0 ? SlotSpace::kPose : SlotSpace::kEuclidean;
   }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
+};
 
- private:
-  std::vector<Measurement> measurements_;
+/// Where the antenna is, and how well that is known.
+struct PositionMeasurement {
+  double z[3] = {0.0, 0.0, 0.0};      ///< meters, in the world
+  double lever[3] = {0.0, 0.0, 0.0};  ///< c, the antenna's place in the axes of the pose, meters
+  double sqrt_information[9] = {1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, upper triangular
 };
 
 /// A measured position of a pose in the world, as a GPS gives it, with the lever of the antenna;
@@ -111,35 +90,13 @@ class INCERES_EXPORT SpatialLandmarkFamily final : public FactorFamily {
 ///
 /// Fails to evaluate where a result is not finite. Cost and threads: as SpatialLandmarkFamily.
 /// Source: as there.
-class INCERES_EXPORT PositionPriorFamily final : public FactorFamily {
+class INCERES_EXPORT PositionPriorFamily final : public MeasuredFamily<PositionMeasurement> {
  public:
-  /// Where the antenna is, and how well that is known.
-  struct Measurement {
-    double z[3] = {0.0, 0.0, 0.0};      ///< meters, in the world
-    double lever[3] = {0.0, 0.0, 0.0};  ///< c, the antenna's place in the axes of the pose, meters
-    double sqrt_information[9] = {1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, upper triangular
-  };
+  PositionPriorFamily() : MeasuredFamily(3, {{7, 6}}) {}
 
-  PositionPriorFamily() : FactorFamily(3, {{7, 6}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "position prior"; }
   SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

@@ -1,12 +1,16 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/ambient_family.h"
 
 namespace inceres {
+
+/// The measured motion from a to b, and how well it is known.
+struct PlanarMotionMeasurement {
+  double motion[3] = {0.0, 0.0, 0.0};  ///< p_m, θ_m: b seen from a
+  double sqrt_information[9] = {
+      1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, row-major, upper triangular, see SqrtInformation
+};
 
 /// A measured relative pose of two planar poses a, b, each [x y θ], meters and radians, without a
 /// manifold: angles may be any number of turns apart. With analytic Jacobians.
@@ -19,38 +23,15 @@ namespace inceres {
 /// a factor, nothing allocated. Threads: as FactorFamily; Add is for one writer. Source: Grisetti
 /// et al., "A tutorial on graph-based SLAM", 2010, section IV.
 class INCERES_EXPORT PlanarRelativePoseFamily final
-    : public AmbientFamily<PlanarRelativePoseFamily> {
+    : public MeasuredFamily<PlanarMotionMeasurement, AmbientFamily<PlanarRelativePoseFamily>> {
  public:
-  /// The measured motion from a to b, and how well it is known.
-  struct Measurement {
-    double motion[3] = {0.0, 0.0, 0.0};  ///< p_m, θ_m: b seen from a
-    double sqrt_information[9] = {
-        1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0};  ///< U, row-major, upper triangular, see SqrtInformation
-  };
+  PlanarRelativePoseFamily() : MeasuredFamily(3, {{3, 3}, {3, 3}}) {}
 
-  PlanarRelativePoseFamily() : AmbientFamily(3, {{3, 3}, {3, 3}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "planar relative pose"; }
 
   /// For AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

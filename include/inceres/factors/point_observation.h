@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/problem/factor_family.h"
 #include "inceres/problem/manifolds.h"
 
@@ -33,24 +30,11 @@ enum class LandmarkKind : unsigned char {
 /// "Keyframe-based visual-inertial odometry using nonlinear optimization", 2015, section 3.2;
 /// derived in point_chain.h.
 template <typename M>
-class PointObservationFamily : public FactorFamily {
+class PointObservationFamily : public MeasuredFamily<M> {
  public:
-  /// What Add and Place take.
-  using Measurement = M;
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
   /// What the landmarks are.
   LandmarkKind landmark() const {
-    return slot(2).ambient_size == 3 ? LandmarkKind::kPoint : LandmarkKind::kHomogeneous;
+    return this->slot(2).ambient_size == 3 ? LandmarkKind::kPoint : LandmarkKind::kHomogeneous;
   }
   /// On which side poses are perturbed.
   Perturbation perturbation() const { return perturbation_; }
@@ -62,18 +46,15 @@ class PointObservationFamily : public FactorFamily {
     }
     return perturbation_ == Perturbation::kLeft ? SlotSpace::kLeftPose : SlotSpace::kPose;
   }
-  /// Measurements held.
-  int size() const override { return static_cast<int>(measurements_.size()); }
 
  protected:
   /// For landmarks and poses of these kinds.
   PointObservationFamily(int residual_size, LandmarkKind landmark, Perturbation perturbation)
-      : FactorFamily(residual_size,
-                     {{7, 6}, {7, 6}, {landmark == LandmarkKind::kPoint ? 3 : 4, 3}}),
+      : MeasuredFamily<M>(residual_size,
+                          {{7, 6}, {7, 6}, {landmark == LandmarkKind::kPoint ? 3 : 4, 3}}),
         perturbation_(perturbation) {}
 
  private:
-  std::vector<Measurement> measurements_;
   Perturbation perturbation_;
 };
 

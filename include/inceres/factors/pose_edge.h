@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
@@ -22,6 +19,13 @@ enum class PoseErrorConvention {
 /// "geodesic", "ceres", "g2o", "gtsam".
 INCERES_EXPORT const char* ToString(PoseErrorConvention convention);
 
+/// The measured pose of b in a, and how well it is known.
+struct PoseEdgeMeasurement {
+  double p_m[3] = {0.0, 0.0, 0.0};       ///< meters, in a's axes
+  double q_m[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_m as a unit quaternion x, y, z, w
+  double sqrt_information[36] = {};      ///< U, row-major, upper triangular, see SqrtInformation
+};
+
 /// A measured relative pose of two spatial poses, in the error convention of the program that the
 /// measurement and its information come from; with analytic Jacobians. Slots 0 and 1 are the poses
 /// a and b: [p(3), q(x, y, z, w)] on PoseManifold (problem/manifolds.h), no other will do.
@@ -36,41 +40,21 @@ INCERES_EXPORT const char* ToString(PoseErrorConvention convention);
 /// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for
 /// state estimation in robotics", 2018, appendices B and D; the programs named above.
-class INCERES_EXPORT PoseEdgeFamily final : public FactorFamily {
+class INCERES_EXPORT PoseEdgeFamily final : public MeasuredFamily<PoseEdgeMeasurement> {
  public:
-  /// The measured pose of b in a, and how well it is known.
-  struct Measurement {
-    double p_m[3] = {0.0, 0.0, 0.0};       ///< meters, in a's axes
-    double q_m[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_m as a unit quaternion x, y, z, w
-    double sqrt_information[36] = {};      ///< U, row-major, upper triangular, see SqrtInformation
-  };
-
   /// For errors of this convention.
   explicit PoseEdgeFamily(PoseErrorConvention convention = PoseErrorConvention::kGeodesic)
-      : FactorFamily(6, {{7, 6}, {7, 6}}), convention_(convention) {}
+      : MeasuredFamily(6, {{7, 6}, {7, 6}}), convention_(convention) {}
 
   /// The convention of all its factors.
   PoseErrorConvention convention() const { return convention_; }
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose edge"; }
   SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
   PoseErrorConvention convention_;
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

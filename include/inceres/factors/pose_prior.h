@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cmath>
-#include <cstddef>
-#include <vector>
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
@@ -40,6 +38,13 @@ namespace inceres {
   return true;
 }
 
+/// Where the pose should be, and how well that is known.
+struct PosePriorMeasurement {
+  double pose[7] = {0.0, 0.0, 0.0, 0.0,
+                    0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
+  double sqrt_information[36] = {};  ///< U, row-major, upper triangular, see SqrtInformation
+};
+
 /// A prior on a pose [p(3), q(x, y, z, w)], with analytic Jacobians:
 ///
 ///     residual = U [p − p_0; Log(R_0ᵀ R)]   on PoseManifold (R Exp(φ)),
@@ -52,33 +57,17 @@ namespace inceres {
 /// Cost: a 6×6 triangular product and one arc tangent a factor, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for
 /// state estimation in robotics", 2018, appendix B.
-class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
+class INCERES_EXPORT PosePriorFamily final : public MeasuredFamily<PosePriorMeasurement> {
  public:
   /// On which side the pose is perturbed.
   using Side = Perturbation;
 
-  /// Where the pose should be, and how well that is known.
-  struct Measurement {
-    double pose[7] = {0.0, 0.0, 0.0, 0.0,
-                      0.0, 0.0, 1.0};  ///< p_0, then R_0 as a unit quaternion x, y, z, w
-    double sqrt_information[36] = {};  ///< U, row-major, upper triangular, see SqrtInformation
-  };
-
   /// For poses that are perturbed on this side.
-  explicit PosePriorFamily(Side side = Side::kRight) : FactorFamily(6, {{7, 6}}), side_(side) {}
+  explicit PosePriorFamily(Side side = Side::kRight) : MeasuredFamily(6, {{7, 6}}), side_(side) {}
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
   /// On which side poses are perturbed.
   Side side() const { return side_; }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "pose prior"; }
   SlotSpace Space(int /*s*/) const override {
     return side_ == Side::kLeft ? SlotSpace::kLeftPose : SlotSpace::kPose;
@@ -87,7 +76,12 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
 
  private:
   Side side_;
-  std::vector<Measurement> measurements_;
+};
+
+/// What velocity and biases should be, and how well that is known.
+struct SpeedBiasPriorMeasurement {
+  double speed_bias[9] = {};         ///< x_0
+  double sqrt_information[81] = {};  ///< U, row-major, upper triangular, see SqrtInformation
 };
 
 /// A prior on a velocity and biases, [v(3), biases(6)], or on anything else with nine Euclidean
@@ -100,32 +94,13 @@ class INCERES_EXPORT PosePriorFamily final : public FactorFamily {
 ///
 /// Cost: a 9×9 triangular copy a factor, nothing allocated. Threads: as FactorFamily; Add is for
 /// one writer.
-class INCERES_EXPORT SpeedBiasPriorFamily final : public FactorFamily {
+class INCERES_EXPORT SpeedBiasPriorFamily final : public MeasuredFamily<SpeedBiasPriorMeasurement> {
  public:
-  /// What velocity and biases should be, and how well that is known.
-  struct Measurement {
-    double speed_bias[9] = {};         ///< x_0
-    double sqrt_information[81] = {};  ///< U, row-major, upper triangular, see SqrtInformation
-  };
+  SpeedBiasPriorFamily() : MeasuredFamily(9, {{9, 9}}) {}
 
-  SpeedBiasPriorFamily() : FactorFamily(9, {{9, 9}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "speed-bias prior"; }
   SlotSpace Space(int /*s*/) const override { return SlotSpace::kEuclidean; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

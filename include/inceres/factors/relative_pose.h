@@ -1,12 +1,16 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
 namespace inceres {
+
+/// The measured pose of b in a, and how well it is known.
+struct RelativePoseMeasurement {
+  double q_ab[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
+  double p_ab[3] = {0.0, 0.0, 0.0};       ///< meters
+  double sqrt_information[36] = {};       ///< U, row-major, upper triangular, see SqrtInformation
+};
 
 /// A measured relative pose of two cameras, for example a loop closure; with analytic Jacobians.
 /// Slots 0 and 1 are the poses a and b: [p(3), q(x, y, z, w)] on PoseManifold
@@ -22,35 +26,13 @@ namespace inceres {
 /// Cost: two 6×6 triangular products and one arc tangent a factor, nothing allocated. Threads: as
 /// FactorFamily; Add is for one writer. Source: Sola, Deray & Atchuthan, "A micro Lie theory for
 /// state estimation in robotics", 2018, appendix B.
-class INCERES_EXPORT RelativePoseFamily final : public FactorFamily {
+class INCERES_EXPORT RelativePoseFamily final : public MeasuredFamily<RelativePoseMeasurement> {
  public:
-  /// The measured pose of b in a, and how well it is known.
-  struct Measurement {
-    double q_ab[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_ab as a unit quaternion x, y, z, w
-    double p_ab[3] = {0.0, 0.0, 0.0};       ///< meters
-    double sqrt_information[36] = {};       ///< U, row-major, upper triangular, see SqrtInformation
-  };
+  RelativePoseFamily() : MeasuredFamily(6, {{7, 6}, {7, 6}}) {}
 
-  RelativePoseFamily() : FactorFamily(6, {{7, 6}, {7, 6}}) {}
-
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "relative pose"; }
   SlotSpace Space(int /*s*/) const override { return SlotSpace::kPose; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

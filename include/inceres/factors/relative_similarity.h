@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
 
@@ -32,6 +29,14 @@ enum class SimilarityErrorConvention {
 /// "geodesic", "logarithm".
 INCERES_EXPORT const char* ToString(SimilarityErrorConvention convention);
 
+/// b seen from a, and how well it is known.
+struct RelativeSimilarityMeasurement {
+  double p_m[3] = {0.0, 0.0, 0.0};       ///< in a's axes and a's unit
+  double q_m[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_m as a unit quaternion x, y, z, w
+  double s_m = 1.0;                      ///< > 0: b's unit, in a's
+  double sqrt_information[49] = {};      ///< U, row-major, upper triangular, see SqrtInformation
+};
+
 /// A measured relative similarity of two poses with a scale, for the loop closures of maps from one
 /// camera, whose unit of length drifts; with analytic Jacobians. Slots 0 and 1 are a and b:
 /// [p(3), q(x, y, z, w), s] on SimilarityManifold (problem/similarity_manifold.h), no other will
@@ -47,43 +52,23 @@ INCERES_EXPORT const char* ToString(SimilarityErrorConvention convention);
 /// nothing allocated. Threads: as FactorFamily; Add is for one writer. Source: Strasdat, Montiel &
 /// Davison, "Scale drift-aware large scale monocular SLAM", RSS 2010; Sola, Deray & Atchuthan, "A
 /// micro Lie theory for state estimation in robotics", 2018, appendix B.
-class INCERES_EXPORT RelativeSimilarityFamily final : public FactorFamily {
+class INCERES_EXPORT RelativeSimilarityFamily final
+    : public MeasuredFamily<RelativeSimilarityMeasurement> {
  public:
-  /// b seen from a, and how well it is known.
-  struct Measurement {
-    double p_m[3] = {0.0, 0.0, 0.0};       ///< in a's axes and a's unit
-    double q_m[4] = {0.0, 0.0, 0.0, 1.0};  ///< R_m as a unit quaternion x, y, z, w
-    double s_m = 1.0;                      ///< > 0: b's unit, in a's
-    double sqrt_information[49] = {};      ///< U, row-major, upper triangular, see SqrtInformation
-  };
-
   /// For errors of this convention.
   explicit RelativeSimilarityFamily(
       SimilarityErrorConvention convention = SimilarityErrorConvention::kGeodesic)
-      : FactorFamily(7, {{8, 7}, {8, 7}}), convention_(convention) {}
+      : MeasuredFamily(7, {{8, 7}, {8, 7}}), convention_(convention) {}
 
   /// The convention of all its factors.
   SimilarityErrorConvention convention() const { return convention_; }
 
-  /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
-  /// Overwrites the measurement at `index`, or appends it if index == size().
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
-  /// The measurement at an index.
-  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
-
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "relative similarity"; }
   SlotSpace Space(int /*s*/) const override { return SlotSpace::kSimilarity; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 
  private:
   SimilarityErrorConvention convention_;
-  std::vector<Measurement> measurements_;
 };
 
 }  // namespace inceres

@@ -214,4 +214,35 @@ class INCERES_EXPORT FactorFamily {
   std::vector<Slot> slots_;
 };
 
+/// A family that keeps one M a factor, with what FactorGraph::AddFactor and edits need of it. Base
+/// is FactorFamily, or AmbientFamily of the class that derives from this one.
+template <typename M, typename Base = FactorFamily>
+class MeasuredFamily : public Base {
+ public:
+  /// What Add and Place take.
+  using Measurement = M;
+  /// As Base.
+  using Base::Base;
+
+  /// Appends a measurement.
+  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  /// Overwrites the measurement at `index`, or appends it if index == size().
+  void Place(int index, const Measurement& measurement) {
+    this->PlaceIn(&measurements_, index, measurement);
+  }
+  /// Memory for so many factors.
+  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  /// The measurement at an index.
+  const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
+
+  int size() const override { return static_cast<int>(measurements_.size()); }
+
+ protected:
+  /// All of them, in the order of the factors.
+  const std::vector<Measurement>& measurements() const { return measurements_; }
+
+ private:
+  std::vector<Measurement> measurements_;
+};
+
 }  // namespace inceres

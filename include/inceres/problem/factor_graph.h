@@ -1,34 +1,19 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "inceres/export.h"
 #include "inceres/problem/factor_family.h"
+#include "inceres/problem/graph_tables.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/status.h"
 
 namespace inceres {
-
-/// Names a variable of a graph; −1: none.
-using VariableId = std::int32_t;
-/// Names a family of a graph; −1: none.
-using FamilyId = std::int32_t;
-
-/// Names a factor of a graph: its family and its place there. The place of a removed factor is
-/// given to a later one: ids that a GraphEdit has given know which one they mean, and an edit
-/// refuses them once it is gone.
-struct FactorId {
-  FamilyId family = -1;          ///< −1: none
-  std::int32_t index = -1;       ///< its place in the family
-  std::int32_t generation = -1;  ///< factors that had the place before; -1: whichever has it
-};
 
 /// A family in a graph, with its type: AddFactor takes it, so that the compiler refuses a
 /// measurement of another family. Converts to the family's id. Copies of the graph know it too.
@@ -46,46 +31,10 @@ struct FamilyHandle {
   Family* operator->() const { return family.get(); }
 };
 
-/// Bounds on the values of a variable, one entry a value: lower ≤ x ≤ upper. ∓infinity, or ∓the
-/// largest double, means none.
-struct VariableBounds {
-  std::vector<double> lower;  ///< as many as the variable has values
-  std::vector<double> upper;  ///< likewise
-};
-
-/// What the solver does with a variable: landmarks (tangent size 1 to 4, at most one a factor) are
-/// eliminated first, one small block each; frames (poses, velocities, calibrations, …) stay in the
-/// reduced system.
-enum class Role : std::uint8_t {
-  kFrame,     ///< stays in the reduced system
-  kLandmark,  ///< eliminated first
-};
-
 class GraphEdit;
 namespace internal {
 
-struct VariableRecord {
-  std::int64_t offset = 0;  // into the state, or -1
-  const double* borrowed = nullptr;
-  std::shared_ptr<const Manifold> manifold;
-  int ambient_size = 0;
-  int tangent_size = 0;
-  std::int32_t group = 0;
-  Role role = Role::kFrame;
-  bool constant = false;
-  bool removed = false;
-};
-
-struct FamilyRecord {
-  std::shared_ptr<const FactorFamily> family;
-  std::vector<VariableId> variables;  // factor-major, num_slots each
-  std::vector<std::shared_ptr<const Loss>>
-      losses;                             // empty while no factor has one, else one a factor
-  int num_factors = 0;                    // places
-  std::vector<std::int32_t> free_places;  // the last one is given out first
-};
-
-// What a graph needs to be edited (src/problem/edit_state.h); copies of a graph have their own.
+// What Check keeps for Commit (src/problem/edit_state.h); copies of a graph have their own.
 struct EditState;
 class INCERES_EXPORT EditStateOwner {
  public:
@@ -97,14 +46,11 @@ class INCERES_EXPORT EditStateOwner {
   ~EditStateOwner();
   EditState& operator*() { return *state_; }
   EditState* operator->() { return state_.get(); }
-  const EditState* operator->() const { return state_.get(); }
 
  private:
   std::unique_ptr<EditState> state_;
 };
 
-class EditCheck;
-class EditCommit;
 class GraphRestorer;
 
 }  // namespace internal
@@ -179,9 +125,9 @@ class INCERES_EXPORT FactorGraph {
   }
 
   /// Holds a variable where it is, or sets it free. Requires an id that exists.
-  void SetConstant(VariableId id, bool constant) { variables_[Index(id)].constant = constant; }
+  void SetConstant(VariableId id, bool constant) { variables_.SetConstant(id, constant); }
   /// Changes what the solver does with a variable. Requires an id that exists.
-  void SetRole(VariableId id, Role role) { variables_[Index(id)].role = role; }
+  void SetRole(VariableId id, Role role) { variables_.SetRole(id, role); }
   /// When the frame is eliminated from the reduced system: of two frames that its factor couples,
   /// the one of the lower group goes first, and what others' elimination does to a frame of a high
   /// group is done before its turn. All are in group 0 unless told otherwise; within a group the
@@ -194,14 +140,16 @@ class INCERES_EXPORT FactorGraph {
   /// go before all frames: their group counts only where they are treated as frames. Validate()
   /// refuses a group below 0. Source: constrained AMD (Amestoy, Davis & Duff, ACM TOMS 30(3),
   /// 2004); Ceres's ParameterBlockOrdering, GTSAM's constrained keys.
-  void SetEliminationGroup(VariableId id, int group);
+  void SetEliminationGroup(VariableId id, int group) { variables_.SetGroup(id, group); }
   /// Keeps the variable's values within bounds of ambient size each, which are copied; null means
   /// none on that side, and both null lift them. The batch Solve honors them: it projects the
   /// start, and every point it tries is x ⊞ δ clamped entry by entry, so the values of a variable
   /// with a manifold stay within their bounds but may leave the manifold, as in Ceres. They go with
   /// the variable when an edit removes it. Validate() refuses a lower bound that is not below its
   /// upper, and a constant outside its bounds. Cost: one node of a map for a bounded variable.
-  void SetBounds(VariableId id, const double* lower, const double* upper);
+  void SetBounds(VariableId id, const double* lower, const double* upper) {
+    variables_.SetBounds(id, lower, upper);
+  }
   /// First-estimate Jacobians: from now on factors are linearized with this variable at these
   /// values (ambient size, copied) and the others where they are or are pinned; residuals and costs
   /// stay those of the current values. Null lets go of it. What it is for: a variable that a
@@ -210,14 +158,16 @@ class INCERES_EXPORT FactorGraph {
   /// cost-only evaluation a linearization. Its tangent coordinates at both points must mean the
   /// same, as in vector spaces and groups; those of a SphereManifold do not. Source: Huang,
   /// Mourikis & Roumeliotis, "A first-estimates Jacobian EKF for improving SLAM consistency", 2008.
-  void PinLinearization(VariableId id, const double* values);
+  void PinLinearization(VariableId id, const double* values) { variables_.Pin(id, values); }
   /// Null means ½‖f‖².
-  void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss);
+  void SetLoss(FamilyId family, int factor, std::shared_ptr<const Loss> loss) {
+    factors_.SetLoss(family, factor, std::move(loss));
+  }
   /// Overwrites the values of a variable the graph owns; borrowed values are their owner's to
   /// change, so those are left alone.
-  void SetValues(VariableId id, const double* values);
+  void SetValues(VariableId id, const double* values) { variables_.SetValues(id, values); }
   /// Memory for so many variables, of so many values together.
-  void Reserve(int num_variables, int num_values);
+  void Reserve(int num_variables, int num_values) { variables_.Reserve(num_variables, num_values); }
 
   /// Carries out an edit begun on this graph: Check, then Commit. On an error, which names the id
   /// at fault, nothing has changed. Cost: proportional to the edit and the degrees of the variables
@@ -229,9 +179,13 @@ class INCERES_EXPORT FactorGraph {
   /// steady state it allocates nothing. `removed` is empty after an error.
   Status Check(const GraphEdit& edit, std::vector<FactorId>* removed);
   /// The second half: carries out an edit that Check has passed, with the factors it named, on the
-  /// graph as it was then. Cannot fail and allocates nothing, but for the measurements it sets:
-  /// these are placed first, and what a family throws there leaves the graph unchanged.
+  /// graph as it was then. Cannot fail and allocates nothing, but for PlaceMeasurements, with which
+  /// it begins: what a family throws there leaves the graph unchanged.
   void Commit(const GraphEdit& edit, const std::vector<FactorId>& removed);
+  /// Places the measurements that the edit which Check has passed last sets, once: the one part of
+  /// an edit that runs code of the user's, for a caller who does what cannot be undone before he
+  /// calls Commit. What it throws passes through; measurements placed before it stay.
+  void PlaceMeasurements(const GraphEdit& edit);
 
   /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun
   /// at another one is refused.
@@ -239,112 +193,114 @@ class INCERES_EXPORT FactorGraph {
 
   /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the
   /// factors; later calls cost nothing.
-  void TrackFactors();
-  /// Whether TrackFactors has been called.
-  bool TracksFactors() const;
+  void TrackFactors() { factors_.KeepLists(num_variables()); }
+  /// Whether the lists are kept and complete: a factor that named a variable before it was added is
+  /// in none until TrackFactors is called again.
+  bool TracksFactors() const { return factors_.lists().kept() && !factors_.lists().has_gaps(); }
   /// Calls f(FactorId) for every factor that touches the variable, the last connected first. Needs
   /// TrackFactors() before it.
   template <typename F>
   void ForEachFactorOf(VariableId id, F&& f) const {
-    for (FactorId entry = FirstEntryOf(id); entry.family >= 0;) {
-      const FactorId next = NextEntry(entry);
-      f(FactorId{entry.family, entry.index / family(entry.family).num_slots()});
-      entry = next;
+    for (auto touch = factors_.lists().First(id); touch.family >= 0;) {
+      const auto next = factors_.lists().Next(touch);
+      f(FactorId{touch.family, touch.entry / family(touch.family).num_slots()});
+      touch = next;
     }
   }
 
   /// Ids given out, those of removed variables included.
-  int num_variables() const { return static_cast<int>(variables_.size()); }
+  int num_variables() const { return variables_.size(); }
   /// Variables that are not removed.
-  int num_live_variables() const { return num_variables() - num_removed_variables_; }
+  int num_live_variables() const { return num_variables() - variables_.num_removed(); }
   /// Whether the id is that of a variable that is there.
-  bool HasVariable(VariableId id) const {
-    return id >= 0 && id < num_variables() && !variables_[Index(id)].removed;
-  }
+  bool HasVariable(VariableId id) const { return variables_.Has(id); }
   /// Families, empty ones included.
-  int num_families() const { return static_cast<int>(families_.size()); }
+  int num_families() const { return factors_.size(); }
   /// Factors of all families; free places do not count.
-  int num_factors() const;
+  int num_factors() const { return factors_.num_factors(); }
 
   /// Doubles that store the variable. This and what follows require ids that exist.
-  int AmbientSize(VariableId id) const { return variables_[Index(id)].ambient_size; }
+  int AmbientSize(VariableId id) const { return variables_[id].ambient_size; }
   /// Its degrees of freedom.
-  int TangentSize(VariableId id) const { return variables_[Index(id)].tangent_size; }
+  int TangentSize(VariableId id) const { return variables_[id].tangent_size; }
   /// What the solver does with it.
-  Role role(VariableId id) const { return variables_[Index(id)].role; }
+  Role role(VariableId id) const { return variables_[id].role; }
   /// Its SetEliminationGroup; 0 unless told otherwise.
-  int elimination_group(VariableId id) const { return variables_[Index(id)].group; }
+  int elimination_group(VariableId id) const { return variables_[id].group; }
   /// Whether any variable is in another group than 0.
-  bool HasEliminationGroups() const { return num_grouped_ > 0; }
+  bool HasEliminationGroups() const { return variables_.num_grouped() > 0; }
   /// True if held constant by SetConstant, borrowed, or of tangent size 0; of a removed variable
   /// too.
   bool IsConstant(VariableId id) const {
-    return variables_[Index(id)].constant || variables_[Index(id)].tangent_size == 0;
+    return variables_[id].constant || variables_[id].tangent_size == 0;
   }
   /// Null if no value of the variable is bounded.
   const VariableBounds* bounds(VariableId id) const {
-    const auto found = bounds_.find(id);
-    return found == bounds_.end() ? nullptr : &found->second;
+    const auto found = variables_.bounds().find(id);
+    return found == variables_.bounds().end() ? nullptr : &found->second;
   }
   /// Whether any variable has bounds.
-  bool HasBounds() const { return !bounds_.empty(); }
+  bool HasBounds() const { return !variables_.bounds().empty(); }
   /// The space it lives on; null: Euclidean.
-  const Manifold* manifold(VariableId id) const { return variables_[Index(id)].manifold.get(); }
+  const Manifold* manifold(VariableId id) const { return variables_[id].manifold.get(); }
   /// For whoever outlives the graph or the variable.
   const std::shared_ptr<const Manifold>& shared_manifold(VariableId id) const {
-    return variables_[Index(id)].manifold;
+    return variables_[id].manifold;
   }
   /// Where the variable is linearized; null if where it is.
   const double* PinnedValues(VariableId id) const {
-    const auto found = pins_.find(id);
-    return found == pins_.end() ? nullptr : found->second.data();
+    const auto found = variables_.pins().find(id);
+    return found == variables_.pins().end() ? nullptr : found->second.data();
   }
   /// Whether any variable is pinned.
-  bool HasPins() const { return !pins_.empty(); }
+  bool HasPins() const { return !variables_.pins().empty(); }
   /// Its values, wherever they are kept.
-  const double* Values(VariableId id) const { return ValuesIn(state_.data(), id); }
+  const double* Values(VariableId id) const { return ValuesIn(state().data(), id); }
 
   /// The family of this id.
-  const FactorFamily& family(FamilyId id) const { return *families_[Index(id)].family; }
+  const FactorFamily& family(FamilyId id) const { return *factors_[id].family; }
   /// Number of *connected* factors of the family: of its places, if some of them are free.
-  int NumFactors(FamilyId id) const { return families_[Index(id)].num_factors; }
+  int NumFactors(FamilyId id) const { return factors_[id].num_factors; }
   /// Its places that removed factors have left free.
-  int NumFreePlaces(FamilyId id) const {
-    return static_cast<int>(families_[Index(id)].free_places.size());
-  }
+  int NumFreePlaces(FamilyId id) const { return static_cast<int>(factors_[id].free_places.size()); }
   /// Whether there is a factor at this place.
-  bool HasFactor(FamilyId id, int factor) const;
+  bool HasFactor(FamilyId id, int factor) const { return factors_.HasFactor(id, factor); }
   /// The variables of factor i: num_slots entries, all -1 at a free place.
   const VariableId* Variables(FamilyId id, int factor) const {
-    const internal::FamilyRecord& record = families_[Index(id)];
-    return record.variables.data() + Index(factor) * Index(record.family->num_slots());
+    const internal::FamilyRecord& record = factors_[id];
+    return record.variables.data() +
+           internal::IndexOf(factor) * internal::IndexOf(record.family->num_slots());
   }
   /// The factor's loss; null means ½‖f‖².
   const Loss* loss(FamilyId id, int factor) const {
-    const internal::FamilyRecord& record = families_[Index(id)];
-    return record.losses.empty() ? nullptr : record.losses[Index(factor)].get();
+    const internal::FamilyRecord& record = factors_[id];
+    return record.losses.empty() ? nullptr : record.losses[internal::IndexOf(factor)].get();
   }
   /// True if any factor of the family has a loss.
-  bool HasLosses(FamilyId id) const { return !families_[Index(id)].losses.empty(); }
+  bool HasLosses(FamilyId id) const { return !factors_[id].losses.empty(); }
 
   /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the
   /// k-th free place of a family, the one freed last first; -1 when there are no more.
-  VariableId FreeVariable(int ambient_size, bool borrowed, int k) const;
+  VariableId FreeVariable(int ambient_size, bool borrowed, int k) const {
+    return variables_.FreeId(ambient_size, borrowed, k);
+  }
   /// The k-th free place of a family, the one freed last first; −1 when there are no more.
-  std::int32_t FreePlace(FamilyId id, int k) const;
+  std::int32_t FreePlace(FamilyId id, int k) const { return factors_.FreePlace(id, k); }
   /// How many factors had the place and are removed.
-  std::int32_t Generation(FamilyId id, std::int32_t place) const;
+  std::int32_t Generation(FamilyId id, std::int32_t place) const {
+    return factors_.Generation(id, place);
+  }
 
   /// All owned values, one variable after the other in order of addition: what the solver copies,
   /// moves and writes back. The room of a removed variable holds zeros.
-  const std::vector<double>& state() const { return state_; }
+  const std::vector<double>& state() const { return variables_.state(); }
   /// The same, to be written by whoever minimizes.
-  std::vector<double>& mutable_state() { return state_; }
+  std::vector<double>& mutable_state() { return variables_.mutable_state(); }
   /// Offset of the variable's values in the state, or -1 if they are borrowed.
-  std::int64_t StateOffset(VariableId id) const { return variables_[Index(id)].offset; }
+  std::int64_t StateOffset(VariableId id) const { return variables_[id].offset; }
   /// The values of a variable in a given state vector (in borrowed memory for a borrowed constant).
   const double* ValuesIn(const double* state, VariableId id) const {
-    const internal::VariableRecord& variable = variables_[Index(id)];
+    const internal::VariableRecord& variable = variables_[id];
     return variable.offset < 0 ? variable.borrowed : state + variable.offset;
   }
 
@@ -372,40 +328,19 @@ class INCERES_EXPORT FactorGraph {
   }
 
  private:
-  friend class internal::EditCheck;
-  friend class internal::EditCommit;
   friend class internal::GraphRestorer;
 
-  static std::size_t Index(std::int32_t id) { return static_cast<std::size_t>(id); }
-  VariableId AppendVariable(internal::VariableRecord variable, const double* values);
   bool CanAddFactor(FamilyId id, const FactorFamily* given,
                     const std::vector<VariableId>& variables);
   bool HasFamily(const char* call, FamilyId id);
   bool Misused(std::string message);
-  int AppendFactor(FamilyId family, const VariableId* variables, std::shared_ptr<const Loss> loss);
-  void LinkFactor(FamilyId family, int factor);
-  void UnlinkFactor(FamilyId family, int factor);
-  // A variable's entries, factor · num_slots + slot in the place of the index; the family -1 after
-  // the last.
-  FactorId FirstEntryOf(VariableId id) const;
-  FactorId NextEntry(FactorId entry) const;
-  Status ValidateValues() const;
-  Status ValidateBounds(VariableId id, const VariableBounds& bounds) const;
-  Status ValidateFamily(FamilyId id) const;
 
-  std::vector<internal::VariableRecord> variables_;
-  std::vector<internal::FamilyRecord> families_;
-  std::vector<double> state_;
-  std::map<VariableId, VariableBounds> bounds_;  // of the bounded ones
-  // of the pinned ones: their linearization points
-  std::map<VariableId, std::vector<double>> pins_;
-
+  internal::VariableTable variables_;
+  internal::FactorTable factors_;
   std::function<std::string(VariableId)> variable_name_;
   Status misuse_;  // the first call that could not be carried out
-
   std::int64_t revision_ = 0;
-  int num_removed_variables_ = 0;
-  int num_grouped_ = 0;  // variables in another group than 0
+  bool is_edited_ = false;  // an edit was checked
   internal::EditStateOwner edits_;
 };
 

@@ -6,35 +6,11 @@
 
 namespace inceres::internal {
 
-void CovarianceRegistry::Add(const ceres::Covariance* covariance,
-                             const ceres::Covariance::Options& options) {
-  auto entry = std::make_unique<Entry>();
-  entry->options = options;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  entries_[covariance].swap(entry);
-}
-
-void CovarianceRegistry::Remove(const ceres::Covariance* covariance) {
-  std::unique_ptr<Entry> removed;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = entries_.find(covariance);
-  if (found != entries_.end()) {
-    removed = std::move(found->second);
-    entries_.erase(found);
-  }
-}
-
-CovarianceRegistry::Entry* CovarianceRegistry::EntryOf(const ceres::Covariance* covariance) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = entries_.find(covariance);
-  return found == entries_.end() ? nullptr : found->second.get();
-}
-
 bool CovarianceRegistry::Compute(const ceres::Covariance* covariance,
                                  const ProblemCovariance::Pairs& pairs,
                                  const ceres::Problem& problem, ceres::EvaluationCallback* callback,
                                  bool* computed) {
-  Entry* entry = EntryOf(covariance);
+  KnownCovariance* entry = Find(covariance);
   if (entry == nullptr) {
     return false;
   }
@@ -51,12 +27,6 @@ bool CovarianceRegistry::Compute(const ceres::Covariance* covariance,
     entry->ours = std::move(ours);
   }
   return true;
-}
-
-const ProblemCovariance* CovarianceRegistry::Find(const ceres::Covariance* covariance) const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = entries_.find(covariance);
-  return found == entries_.end() ? nullptr : found->second->ours.get();
 }
 
 CovarianceRegistry& TheCovariances() {

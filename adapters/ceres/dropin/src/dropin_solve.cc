@@ -1,6 +1,5 @@
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>

@@ -53,13 +53,13 @@ void Edit(void (*next)(ceres::Problem*, Parameters...), ceres::Problem* problem,
 
 void NoteNew(const ceres::Problem* problem, ceres::EvaluationCallback* evaluation_callback) {
   if (IsActive()) {
-    TheRegistry().Add(problem, evaluation_callback);
+    TheRegistry().Add(problem, std::make_unique<KnownProblem>(evaluation_callback));
   }
 }
 
 void NoteNew(const ceres::Problem* problem, const ceres::Problem::Options& options) {
   if (IsActive()) {  // else the layout of the options may be another
-    TheRegistry().Add(problem, options.evaluation_callback);
+    TheRegistry().Add(problem, std::make_unique<KnownProblem>(options.evaluation_callback));
   }
 }
 
@@ -73,7 +73,7 @@ void NoteMove(const ceres::Problem* from, const ceres::Problem* to) {
 // is free.
 void NoteEnd(const ceres::Problem* problem) {
   if (IsActive()) {
-    TheRegistry().Remove(problem);
+    TheRegistry().Take(problem);
   }
 }
 
@@ -232,25 +232,25 @@ void SetParameterUpperBound(ceres::Problem* problem, double* values, int index, 
 void MakeCovariance(ceres::Covariance* covariance, const ceres::Covariance::Options& options) {
   Next().MakeCovariance(covariance, options);
   if (IsActive()) {  // else the layout of the options may be another
-    TheCovariances().Add(covariance, options);
+    TheCovariances().Add(covariance, std::make_unique<KnownCovariance>(options));
   }
 }
 
 void MakeBaseCovariance(ceres::Covariance* covariance, const ceres::Covariance::Options& options) {
   Next().MakeBaseCovariance(covariance, options);
   if (IsActive()) {
-    TheCovariances().Add(covariance, options);
+    TheCovariances().Add(covariance, std::make_unique<KnownCovariance>(options));
   }
 }
 
 // Before the destructor runs, as with a Problem.
 void EndCovariance(ceres::Covariance* covariance) {
-  TheCovariances().Remove(covariance);
+  TheCovariances().Take(covariance);
   Next().EndCovariance(covariance);
 }
 
 void EndBaseCovariance(ceres::Covariance* covariance) {
-  TheCovariances().Remove(covariance);
+  TheCovariances().Take(covariance);
   Next().EndBaseCovariance(covariance);
 }
 
@@ -272,28 +272,28 @@ bool ComputeBlocks(ceres::Covariance* covariance, const std::vector<const double
 
 bool GetBlock(const ceres::Covariance* covariance, const double* a, const double* b,
               double* block) {
-  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  const ProblemCovariance* ours = TheCovariances().Computed(covariance);
   return ours != nullptr ? ours->GetBlock(a, b, /*ambient=*/true, block)
                          : Next().GetBlock(covariance, a, b, block);
 }
 
 bool GetTangentBlock(const ceres::Covariance* covariance, const double* a, const double* b,
                      double* block) {
-  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  const ProblemCovariance* ours = TheCovariances().Computed(covariance);
   return ours != nullptr ? ours->GetBlock(a, b, /*ambient=*/false, block)
                          : Next().GetTangentBlock(covariance, a, b, block);
 }
 
 bool GetMatrix(const ceres::Covariance* covariance, const std::vector<const double*>& blocks,
                double* matrix) {
-  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  const ProblemCovariance* ours = TheCovariances().Computed(covariance);
   return ours != nullptr ? ours->GetMatrix(blocks, /*ambient=*/true, matrix)
                          : Next().GetMatrix(covariance, blocks, matrix);
 }
 
 bool GetTangentMatrix(const ceres::Covariance* covariance, const std::vector<const double*>& blocks,
                       double* matrix) {
-  const ProblemCovariance* ours = TheCovariances().Find(covariance);
+  const ProblemCovariance* ours = TheCovariances().Computed(covariance);
   return ours != nullptr ? ours->GetMatrix(blocks, /*ambient=*/false, matrix)
                          : Next().GetTangentMatrix(covariance, blocks, matrix);
 }

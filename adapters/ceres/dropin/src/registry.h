@@ -3,14 +3,13 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <mutex>
-#include <unordered_map>
 #include <vector>
 
 #include <ceres/cost_function.h>
 #include <ceres/evaluation_callback.h>
 #include <ceres/problem.h>
 
+#include "adapters/ceres/dropin/src/living_objects.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres::internal {
@@ -19,8 +18,10 @@ namespace inceres::internal {
 ///
 /// Threads: as Ceres's own Problem, one at a time; `busy` alone may be asked from several.
 struct KnownProblem {
+  explicit KnownProblem(ceres::EvaluationCallback* callback) : evaluation_callback(callback) {}
+
   /// from Problem::Options, which Ceres up to 2.1 shows to nobody
-  ceres::EvaluationCallback* evaluation_callback = nullptr;
+  ceres::EvaluationCallback* evaluation_callback;
 
   std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
 
@@ -37,30 +38,18 @@ struct KnownProblem {
       false};  ///< a solve uses the session: a solve nested in it, of the same Problem, may not
 };
 
-/// The living Problems of a process by address: all that the drop-in remembers. An entry is made by
-/// a Problem's constructor, goes with it when it is moved, and ends with its destructor, before the
-/// address can be used again.
-///
-/// Threads: any. Cost: a lock and a hash lookup a call.
-class Registry {
+/// The living Problems of a process: all that the drop-in remembers. An entry goes with its Problem
+/// when that is moved.
+class Registry : public LivingObjects<ceres::Problem, KnownProblem> {
  public:
-  /// A Problem has been constructed here. Whatever was known of this address is forgotten.
-  void Add(const ceres::Problem* problem, ceres::EvaluationCallback* evaluation_callback);
   /// `to` has taken over what `from` was; `from` is an empty shell. Both may be the same.
   void Move(const ceres::Problem* from, const ceres::Problem* to);
-  void Remove(const ceres::Problem* problem);
-
-  /// Null if its constructor has not been seen. Valid as long as the Problem lives.
-  KnownProblem* Find(const ceres::Problem* problem) const;
-  int size() const;
 
   /// inceres has solved one of them.
   void CountSolve() { ++num_solves_; }
   std::int64_t num_solves() const { return num_solves_; }
 
  private:
-  mutable std::mutex mutex_;
-  std::unordered_map<const ceres::Problem*, std::unique_ptr<KnownProblem>> problems_;
   std::atomic<std::int64_t> num_solves_{0};
 };
 
