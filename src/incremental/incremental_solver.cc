@@ -52,8 +52,8 @@ bool OnlyAdds(const GraphEdit& edit, const std::vector<internal::IncrementalFami
     const FactorId id = loss.first;
     return id.family >= static_cast<FamilyId>(families.size()) ||
            id.index >= families[id.family].num_places() ||
-           !families[id.family].linearized(id.index) ||
-           families[id.family].weight(id.index) == 0.0;
+           !families[id.family].weighed().linearized(id.index) ||
+           families[id.family].weighed().weight(id.index) == 0.0;
   };
   return edit.removed_variables().empty() && edit.removed_factors().empty() &&
          std::all_of(edit.losses().begin(), edit.losses().end(), is_silent) &&
