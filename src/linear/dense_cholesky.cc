@@ -196,7 +196,7 @@ Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
     }
   }
   // Backwards the columns below are dot products: L is stored by columns, so Lᵀ by rows.
-  for (int first = (size_ - 1) / panel_ * panel_; first >= 0; first -= panel_) {
+  for (int first = (static_cast<int>(panels_.size()) - 1) * panel_; first >= 0; first -= panel_) {
     const int below = std::min(first + panel_, size_);
     for (const auto& [top, bottom, start] : PanelAt(first).below) {
       kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_,
