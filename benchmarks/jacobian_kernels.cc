@@ -4,6 +4,7 @@
 //   build/bin/kernels_benchmark --benchmark_filter=Jacobian
 
 #include <algorithm>
+#include <vector>
 
 #include "benchmarks/kernel_benchmark.h"
 
@@ -33,8 +34,7 @@ void BM_JacobianTake(benchmark::State& state) {
   for (auto _ : state) {
     std::copy(written.begin(), written.end(), J.begin());
     benchmark::DoNotOptimize(J.data());
-    benchmark::DoNotOptimize(
-        take(ambient_size, columns, J.data(), kRows, out.data(), PadToQuad(columns)));
+    benchmark::DoNotOptimize(take(1, J.data(), kRows, out.data(), 0, PadToQuad(columns)));
     benchmark::DoNotOptimize(out.data());
     benchmark::ClobberMemory();
   }
@@ -85,13 +85,11 @@ void BM_JacobianCorrect(benchmark::State& state) {
   AlignedVector<double> points = Random(std::int64_t{kFactors} * kRows * kQuad);
   const SlotJacobians slots[2] = {{frames.data(), std::ptrdiff_t{kRows} * stride, stride, size},
                                   {points.data(), std::ptrdiff_t{kRows} * kQuad, kQuad, 3}};
-  const std::int32_t offsets[2] = {0, stride / kQuad};
-  const double f[kRows] = {0.5, -1.5};
+  const std::vector<std::int32_t> offsets(2 * kFactors, 0);
+  const std::vector<double> f(kFactors * kRows, 0.5);
+  const std::vector<FactorScale> scales(kFactors, {1.0 - 1e-16, second_order ? 1e-16 : 0.0});
   for (auto _ : state) {
-    for (int i = 0; i < kFactors; ++i) {
-      kernels->correct_factor(slots, 2, i, offsets, f, kRows, 1.0 - 1e-16,
-                              second_order ? 1e-16 : 0.0);
-    }
+    kernels->correct_factors(slots, 2, 0, kFactors, offsets.data(), f.data(), kRows, scales.data());
     benchmark::DoNotOptimize(frames.data());
     benchmark::ClobberMemory();
   }

@@ -16,17 +16,10 @@ namespace inceres::internal {
 class ZeroedArray {
  public:
   ZeroedArray() = default;
-  explicit ZeroedArray(std::size_t size) : size_(size) {
-    using Allocator = CacheLineAllocator<double>;
-    const auto alignment = static_cast<std::size_t>(Allocator::Alignment(size));
-    memory_.reset(std::calloc(size * sizeof(double) + alignment, 1));
-    if (memory_ == nullptr) {
-      throw std::bad_alloc();
-    }
-    void* aligned = memory_.get();
-    std::size_t room = size * sizeof(double) + alignment;
-    data_ = static_cast<double*>(std::align(alignment, size * sizeof(double), aligned, room));
-    Allocator::AskForHugePages(data_, size);
+  explicit ZeroedArray(std::size_t size) : ZeroedArray(size, std::calloc(1, Bytes(size))) {}
+  /// With anything in it, for who writes all that he reads.
+  static ZeroedArray Unwritten(std::size_t size) {
+    return ZeroedArray(size, std::malloc(Bytes(size)));
   }
 
   double* data() const { return data_; }
@@ -42,6 +35,23 @@ class ZeroedArray {
   struct Free {
     void operator()(void* memory) const { std::free(memory); }
   };
+  using Allocator = CacheLineAllocator<double>;
+
+  static std::size_t Alignment(std::size_t size) {
+    return static_cast<std::size_t>(Allocator::Alignment(size));
+  }
+  // Enough to align it.
+  static std::size_t Bytes(std::size_t size) { return size * sizeof(double) + Alignment(size); }
+
+  ZeroedArray(std::size_t size, void* memory) : memory_(memory), size_(size) {
+    if (memory == nullptr) {
+      throw std::bad_alloc();
+    }
+    std::size_t room = Bytes(size);
+    data_ = static_cast<double*>(std::align(Alignment(size), size * sizeof(double), memory, room));
+    Allocator::AskForHugePages(data_, size);
+  }
+
   std::unique_ptr<void, Free> memory_;
   double* data_ = nullptr;
   std::size_t size_ = 0;

@@ -50,10 +50,11 @@ Status DenseCholesky::Analyze(const ReducedMatrix& A) {
   // are never touched. Room of a larger system before is kept: CopyIn overwrites what it holds.
   const std::size_t room = stride_ * static_cast<std::size_t>(size_);
   if (L_.size() < room) {
-    L_ = ZeroedArray(room);
+    L_ = ZeroedArray::Unwritten(room);
   }
   right_side_.assign(padded_size_, 0.0);
   FindRowStarts();
+  CutPanels();
   return Status::Ok();
 }
 
@@ -76,8 +77,9 @@ int DenseCholesky::StartOf(int top, int bottom) const {
                            quad_start_.begin() + PadToQuad(bottom) / kQuad);
 }
 
-void DenseCholesky::CutStrips(int top, int first, int end) {
-  strips_.clear();
+// The rows from `top` on that have something in the columns from `first` to `end`.
+void DenseCholesky::CutStrips(int top, int first, int end, std::vector<Strip>* strips) const {
+  strips->clear();
   for (; top < padded_size_; top += kGranule) {
     // Granule by granule; neighbors with the same start become one strip, up to the length of a
     // task.
@@ -87,13 +89,26 @@ void DenseCholesky::CutStrips(int top, int first, int end) {
     if (start >= end) {
       continue;
     }
-    const bool joins = !strips_.empty() && strips_.back().bottom == top &&
-                       strips_.back().start == start && top - strips_.back().top < kRowStrip;
+    const bool joins = !strips->empty() && strips->back().bottom == top &&
+                       strips->back().start == start && top - strips->back().top < kRowStrip;
     if (joins) {
-      strips_.back().bottom = bottom;
+      strips->back().bottom = bottom;
     } else {
-      strips_.push_back(Strip{top, bottom, start});
+      strips->push_back(Strip{top, bottom, start});
     }
+  }
+}
+
+void DenseCholesky::CutPanels() {
+  panels_.resize(static_cast<std::size_t>((size_ + panel_ - 1) / panel_));
+  int first = 0;
+  for (Panel& panel : panels_) {
+    const int end = std::min(first + panel_, size_);
+    // Where none of the panel's own rows has begun, no product can reach it: a strip's products
+    // begin at the later of its start and the panel's.
+    CutStrips(first, StartOf(first, end), first, &panel.updated);
+    CutStrips(end, first, end, &panel.below);
+    first = end;
   }
 }
 
@@ -120,14 +135,12 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
 // and stay so: with them there is nothing left over for the kernels to do one by one.
 void DenseCholesky::UpdatePanel(int first, int width) {
   const Kernels& kernels = BestKernels();
-  // Where none of the panel's own rows has begun, no product can reach it: a strip's products begin
-  // at the later of its start and the panel's.
-  CutStrips(first, StartOf(first, first + width), first);
-  const int num_strips = static_cast<int>(strips_.size());
+  const std::vector<Strip>& strips = PanelAt(first).updated;
+  const int num_strips = static_cast<int>(strips.size());
   // One task for all of them where the matrix is small.
   executor_.For(num_strips, size_ >= kParallelSize ? 1 : num_strips, [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
-      const auto [top, bottom, start] = strips_[k];
+      const auto [top, bottom, start] = strips[k];
       kernels.subtract_outer(bottom - top, width, first - start, Column(start) + top, stride_,
                              Column(start) + first, stride_, Column(first) + top, stride_);
     }
@@ -135,8 +148,7 @@ void DenseCholesky::UpdatePanel(int first, int width) {
 }
 
 void DenseCholesky::SolvePanel(int first, int width) {
-  CutStrips(first + width, first, first + width);
-  for (const Strip& strip : strips_) {
+  for (const Strip& strip : PanelAt(first).below) {
     BestKernels().solve_lower_transposed(strip.bottom - strip.top, width, Column(first) + first,
                                          stride_, Column(first) + strip.top, stride_);
   }
@@ -178,17 +190,15 @@ Status DenseCholesky::Solve(const double* b, const Rows& /*changed_b*/,
   for (int first = 0; first < size_; first += panel_) {
     const int below = std::min(first + panel_, size_);
     SolveTriangle(Column(first) + first, stride_, below - first, y + first);
-    CutStrips(below, first, below);
-    for (const auto& [top, bottom, start] : strips_) {
+    for (const auto& [top, bottom, start] : PanelAt(first).below) {
       kernels.subtract_outer(bottom - top, 1, below - first, Column(first) + top, stride_,
                              y + first, 1, y + top, padded_size_);
     }
   }
   // Backwards the columns below are dot products: L is stored by columns, so Lᵀ by rows.
-  for (int first = (size_ - 1) / panel_ * panel_; first >= 0; first -= panel_) {
+  for (int first = (static_cast<int>(panels_.size()) - 1) * panel_; first >= 0; first -= panel_) {
     const int below = std::min(first + panel_, size_);
-    CutStrips(below, first, below);
-    for (const auto& [top, bottom, start] : strips_) {
+    for (const auto& [top, bottom, start] : PanelAt(first).below) {
       kernels.subtract_row_dots(below - first, 1, bottom - top, Column(first) + top, stride_,
                                 y + top, size_, y + first, 1);
     }

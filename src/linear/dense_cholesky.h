@@ -39,11 +39,18 @@ class DenseCholesky final : public ReducedSolver {
   struct Strip {
     int top, bottom, start;
   };
+  struct Panel {
+    std::vector<Strip> updated;  // by the columns ahead of it
+    std::vector<Strip> below;    // of its own columns
+  };
 
   void FindRowStarts();
   int StartOf(int top, int bottom) const;
-  /// strips_ are those below `top` that have something in the columns [first, end).
-  void CutStrips(int top, int first, int end);
+  void CutStrips(int top, int first, int end, std::vector<Strip>* strips) const;
+  void CutPanels();
+  const Panel& PanelAt(int first) const {
+    return panels_[static_cast<std::size_t>(first / panel_)];
+  }
   void CopyIn(const ReducedMatrix& A);
   void UpdatePanel(int first, int width);
   void SolvePanel(int first, int width);
@@ -55,7 +62,7 @@ class DenseCholesky final : public ReducedSolver {
   DenseOrder order_;
   std::vector<int> offset_of_;   // per block of the pattern: its first scalar row in the order
   std::vector<int> quad_start_;  // per quad of rows: first column of its first panel
-  std::vector<Strip> strips_;
+  std::vector<Panel> panels_;
   int size_ = 0;
   int padded_size_ = 0;  // to whole quads; below size_ the columns are zero
   int stride_ = 0;

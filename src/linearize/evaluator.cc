@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "linearize/jacobian_places.h"
+#include "linearize/robust_costs.h"
 #include "linearize/strip_gradient.h"
 
 namespace inceres::internal {
@@ -13,10 +14,9 @@ namespace {
 // Residuals, Jacobians and costs of all factors (docs/algorithms.md, "Linearization";
 // docs/ceres_contract.md, "Evaluation").
 //
-// Tasks are chunks of factors of one family. A chunk's parameters are one table of pointers into
-// the two states; which of the two they point to is a flag of the chunk, and only chunks whose
-// flag is wrong are walked. Accepting a candidate swaps the states and flips the flags, so no
-// pointer is touched.
+// Tasks are chunks of factors of one family. Their parameters are one table of pointers into one of
+// the two states (PointPair), found once: evaluating at the other point swaps what the states hold,
+// so no pointer is touched.
 //
 // The bits do not depend on the number of threads: a cost is summed over groups of kSumSize
 // factors, each group by one task, and the groups in their order. Chunks are multiples of these
@@ -25,7 +25,6 @@ namespace {
 
 // factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
 constexpr int kChunkSize = 256;
-constexpr int kSumSize = 16;       // factors per sum of costs; chunks are so many or a multiple
 constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds each
 
 // Whether the values of any variable lie in memory that is not the graph's.
@@ -36,45 +35,6 @@ bool BorrowsValues(const FactorGraph& graph) {
     }
   }
   return false;
-}
-
-// Of the factors from begin to end, at the point where they were evaluated; robustifies them if
-// with Jacobians, up to the first whose loss cannot be.
-// The order within a group is that of the factors.
-double SumCosts(bool jacobians, bool known_point, LossCurvature curvature, int begin, int end,
-                Linearization* family_cache, EvaluationFailure* failure) {
-  Linearization& cache = *family_cache;
-  const FactorGraph& graph = *cache.graph;
-  double* residuals = jacobians ? cache.residuals.data() : cache.candidate_residuals.data();
-  const int rows = cache.residual_size;
-  // One pass over the residuals, as the sum of squares needs no loss.
-  if (!graph.HasLosses(cache.id)) {
-    return PlainCost(residuals + static_cast<std::ptrdiff_t>(begin) * rows,
-                     static_cast<std::ptrdiff_t>(end - begin) * rows);
-  }
-  const auto num_slots = static_cast<int>(cache.slots.size());
-  // Whole rows have one slot with offset 0 for all factors.
-  const std::ptrdiff_t offset_stride = cache.has_whole_rows() ? 0 : num_slots;
-  double cost = 0.0;
-  for (int i = begin; i < end; ++i) {
-    double* f = residuals + static_cast<std::ptrdiff_t>(i) * rows;
-    const Loss* loss = graph.loss(cache.id, i);
-    LossValue& kept = cache.loss_values[i];
-    if (!jacobians) {
-      kept = LossValue(loss, f, rows);
-      cost += kept.cost();
-      continue;
-    }
-    const LossValue value = known_point ? LossValue(loss, f, rows, kept) : LossValue(loss, f, rows);
-    cost += value.cost();
-    if (!value.HasRoot()) {
-      *failure = {i, kLossWithoutRoot};
-      return cost;
-    }
-    RobustifyFactor(value, rows, num_slots, cache.slots.data(), i,
-                    cache.tangent_offsets.data() + i * offset_stride, curvature, f);
-  }
-  return cost;
 }
 
 }  // namespace
@@ -149,16 +109,11 @@ void Evaluator::BuildChunks(FamilyId id) {
 void Evaluator::Rebind(const FactorGraph& graph) {
   graph_ = &graph;
   points_.Rebind(graph);
-  // Without borrowed values all parameters are where they were: in the two states, at offsets of
-  // the structure.
-  // With borrowed values all parameters are found anew, at the current point.
+  // Without borrowed values all parameters are where they were, at offsets of the structure.
   const bool borrows = BorrowsValues(graph);
-  for (Chunk& chunk : chunks_) {
-    chunk.at_candidate = chunk.at_candidate && !borrows;
-  }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     if (borrows) {
-      FindAllParameters(id);
+      FindParameters(id);
     }
     // a loss that was not finite may have left 0 · ∞ in columns nobody writes
     if (storage_ == JacobianStorage::kWholeRows) {
@@ -192,7 +147,7 @@ void Evaluator::BuildFamily(FamilyId id) {
       PlaceInTangent(layout_, begin, end, &cache);
     }
   });
-  FindAllParameters(id);
+  FindParameters(id);
   BindFamily(id);
 }
 
@@ -213,80 +168,45 @@ void Evaluator::BindFamily(FamilyId id) {
   }
 }
 
-void Evaluator::FindAllParameters(FamilyId id) {
-  Linearization& cache = families_[id];
-  FindParameters(points_.current(), id, &cache.parameters);
-  FindParameters(points_.candidate(), id, &cache.candidate_parameters);
-}
-
-// Of all factors of the family, or of none where there is no room for them.
-// Neighboring factors mostly share variables slot by slot, so that the lookup is spared.
-void Evaluator::FindParameters(const std::vector<double>& state, FamilyId id,
-                               std::vector<const double*>* parameters) const {
+// Of all factors of the family. Neighboring factors mostly share variables slot by slot, so that
+// the lookup is spared.
+void Evaluator::FindParameters(FamilyId id) {
   const int num_slots = graph_->family(id).num_slots();
-  const VariableId* ids = parameters->empty() ? nullptr : graph_->Variables(id, 0);
-  executor_.For(static_cast<int>(parameters->size()), kEntryGrain, [&](int begin, int end) {
-    const double** const result = parameters->data();
+  std::vector<const double*>& parameters = families_[id].parameters;
+  const VariableId* ids = parameters.empty() ? nullptr : graph_->Variables(id, 0);
+  const double* const state = points_.pointed().data();
+  executor_.For(static_cast<int>(parameters.size()), kEntryGrain, [&](int begin, int end) {
+    const double** const result = parameters.data();
     for (int k = begin; k < end; ++k) {
       if (k - num_slots >= begin &&
           ids[k] == ids[k - num_slots]) {  // as that of the factor before, as many are
         result[k] = result[k - num_slots];
       } else if (ids[k] >= 0) {  // not a free place
-        result[k] = graph_->ValuesIn(state.data(), ids[k]);
+        result[k] = graph_->ValuesIn(state, ids[k]);
       }
     }
   });
 }
 
-// Parameters that are not of the state, constants in the user's memory, stay where they are. Whole
-// rows keep both points'.
-void Evaluator::PointTo(bool candidate, Chunk* chunk) {
-  if (storage_ == JacobianStorage::kWholeRows || chunk->at_candidate == candidate) {
-    return;
-  }
-  chunk->at_candidate = candidate;
-  Linearization& cache = families_[chunk->family];
-  const std::vector<double>& current = points_.current();
-  const double* const from = candidate ? current.data() : points_.candidate().data();
-  const double* const to = candidate ? points_.candidate().data() : current.data();
-  const auto address = [](const double* p) { return reinterpret_cast<std::uintptr_t>(p); };
-  const std::uintptr_t size = current.size() * sizeof(double);
-  for (std::ptrdiff_t k = cache.Entry(chunk->begin); k < cache.Entry(chunk->end); ++k) {
-    const double* const p = cache.parameters[k];
-    // One comparison for both ends of the range: below `from` the difference wraps around.
-    if (address(p) - address(from) < size) {
-      cache.parameters[k] = to + (p - from);
-    }
-  }
-}
-
-void Evaluator::PointToCandidate() {
-  for (Chunk& chunk : chunks_) {
-    PointTo(/*candidate=*/true, &chunk);
-  }
-}
-
-EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk) {
-  // Jacobians are taken at the current point, costs at the candidate.
-  PointTo(!jacobians, chunk);
-  Linearization& cache = families_[chunk->family];
+EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, const Chunk& chunk) {
+  Linearization& cache = families_[chunk.family];
   if (jacobians && leaves_out_zero_blocks_) {
     // Offsets of blocks that the last Jacobians left out come back before the new ones are looked
     // at.
-    PlaceInTangent(layout_, cache.Entry(chunk->begin), cache.Entry(chunk->end), &cache);
+    PlaceInTangent(layout_, cache.Entry(chunk.begin), cache.Entry(chunk.end), &cache);
   }
-  EvaluationFailure failure = jacobians ? cache.Linearize(chunk->begin, chunk->end)
-                                        : cache.EvaluateCandidate(chunk->begin, chunk->end);
+  EvaluationFailure failure = jacobians ? cache.Linearize(chunk.begin, chunk.end)
+                                        : cache.EvaluateCandidate(chunk.begin, chunk.end);
   // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
-    double* sum = sums_.data() + chunk->first_sum;
-    for (int begin = chunk->begin; begin < chunk->end && !failure.failed();) {
-      const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk->end);
+    double* sum = sums_.data() + chunk.first_sum;
+    for (int begin = chunk.begin; begin < chunk.end && !failure.failed();) {
+      const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk.end);
       *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, &cache, &failure);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
-      LeaveOutZeroBlocks(chunk->begin, chunk->end, &cache);
+      LeaveOutZeroBlocks(chunk.begin, chunk.end, &cache);
     }
   }
   return failure;
@@ -310,12 +230,8 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
     return Status::Ok();
   }
   announced_.clear();
-  for (Chunk& chunk : chunks_) {
-    if (chunk.family != id) {
-      continue;
-    }
-    PointTo(!jacobians, &chunk);
-    for (int i = chunk.begin; i < chunk.end; ++i) {
+  for (const Chunk& chunk : chunks_) {
+    for (int i = chunk.begin; chunk.family == id && i < chunk.end; ++i) {
       announced_.push_back(i);
     }
   }
@@ -326,6 +242,8 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
 // Announcements come first and on one thread: a family that prepares is told everything before any
 // of it is evaluated.
 Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
+  // Jacobians are taken at the current point, costs at the candidate.
+  points_.PointTo(/*candidate=*/!jacobians);
   for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
     const Status status = Prepare(jacobians, id);
     if (!status.ok()) {
@@ -346,7 +264,7 @@ Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
 Status Evaluator::EvaluateChunks(bool jacobians, bool known_point, int begin, int end) {
   chunk_failures_.resize(static_cast<std::size_t>(end - begin));
   const int first_failed = EvaluateTasks(executor_, &chunk_failures_, [&](int k) {
-    return EvaluateChunk(jacobians, known_point, &chunks_[begin + k]);
+    return EvaluateChunk(jacobians, known_point, chunks_[begin + k]);
   });
   return first_failed < 0 ? Status::Ok()
                           : DescribeFailure(jacobians, chunks_[begin + first_failed].family,
@@ -394,27 +312,10 @@ Status Evaluator::EvaluateCandidateCost(double* cost) {
   return status.ok() ? EvaluateAll(/*jacobians=*/false, /*known_point=*/false, cost) : status;
 }
 
-void Evaluator::AcceptCandidate() {
-  points_.AcceptCandidate();
-  for (Chunk& chunk : chunks_) {
-    chunk.at_candidate = !chunk.at_candidate;
-  }
-  // Whole rows have a table of pointers for each point, which change roles with the points.
-  if (storage_ == JacobianStorage::kWholeRows) {
-    for (Linearization& cache : families_) {
-      cache.parameters.swap(cache.candidate_parameters);
-    }
-  }
-}
-
 // On one thread: expansion points are state of the families.
 int Evaluator::Recenter() {
   int num_changed = 0;
-  for (Chunk& chunk : chunks_) {
-    if (families_[chunk.family].family->Recenters()) {
-      PointTo(/*candidate=*/false, &chunk);
-    }
-  }
+  points_.PointTo(/*candidate=*/false);
   for (const Linearization& cache : families_) {
     for (int i = 0; cache.family->Recenters() && i < cache.num_factors; ++i) {
       const bool there = graph_->NumFreePlaces(cache.id) == 0 || graph_->HasFactor(cache.id, i);

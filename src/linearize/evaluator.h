@@ -41,14 +41,13 @@ class Evaluator {
   JacobianStorage storage() const { return storage_; }
 
   /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
-  /// Not of whole rows.
-  void PointToCandidate();
+  void PointToCandidate() { points_.PointTo(/*candidate=*/true); }
 
   /// ½ Σ ρ at the candidate, residuals only.
   Status EvaluateCandidateCost(double* cost);
 
   /// The candidate is the current point from now on.
-  void AcceptCandidate();
+  void AcceptCandidate() { points_.AcceptCandidate(); }
 
   /// Lets the families move their factors' expansion points to the current values
   /// (FactorFamily::Recenter). Returns the number of factors that are another function now: costs
@@ -92,8 +91,6 @@ class Evaluator {
     int begin;
     int end;
     int first_sum;  // in sums_
-    // where the parameters of its factors point; to where it is evaluated, once it is
-    bool at_candidate = false;
   };
 
   // Chunks, one after the other, whose Jacobians are in double at the same time.
@@ -107,11 +104,8 @@ class Evaluator {
   void CutStrips();
   void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
-  void FindAllParameters(FamilyId id);
-  void FindParameters(const std::vector<double>& state, FamilyId id,
-                      std::vector<const double*>* parameters) const;
-  void PointTo(bool candidate, Chunk* chunk);
-  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, Chunk* chunk);
+  void FindParameters(FamilyId id);
+  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, const Chunk& chunk);
   Status EvaluateAll(bool jacobians, bool known_point, double* cost);
   Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
   Status EvaluateStrips(bool known_point);

@@ -81,8 +81,8 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
       landmark_stride_(LargestSize(incidences) * kQuad) {
   const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
   PlaceFrameBlocks();
-  P_ = ZeroedArray(num_landmarks * landmark_stride_);
-  landmark_eta_ = ZeroedArray(num_landmarks * kQuad);
+  P_ = ZeroedArray::Unwritten(num_landmarks * landmark_stride_);
+  landmark_eta_ = ZeroedArray::Unwritten(num_landmarks * kQuad);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
   BuildProducts();
@@ -106,7 +106,7 @@ void Hessian::PlaceFrameBlocks() {
       size += pattern.value_begin[k + 1] - pattern.value_begin[k];
     }
   }
-  C_ = ZeroedArray(size);
+  C_ = ZeroedArray::Unwritten(size);
 }
 
 // Jacobians stay where they are, so what the kernels are told of a source is put together once: of
@@ -126,6 +126,7 @@ void Hessian::BuildProducts() {
     made.products.a_stride = UnpaddedStride(cache.slots[source.column_slot]);
     made.products.b_stride = UnpaddedStride(cache.slots[source.row_slot]);
     made.gradient.a_stride = made.products.b_stride;
+    made.products.is_near = AreNear(static_cast<std::int64_t>(cache.jacobian_values.size()));
     made.gradient.a = cache.slots[source.row_slot].data;
     made.gradient.depth = cache.residual_size;
     sources_.push_back(made);

@@ -39,9 +39,8 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
 
 void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   cache->storage = JacobianStorage::kWholeRows;
-  // Both points have residuals of their own, and pointers of their own: nothing is rewritten.
+  // Both points have residuals of their own.
   cache->candidate_residuals = ZeroedArray(cache->residuals.size());
-  cache->candidate_parameters.resize(cache->parameters.size());
   const int row_stride = PadToQuad(layout.size());
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
   cache->jacobian_values =

@@ -59,18 +59,6 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
   }
 }
 
-// Frames come first, so an index below num_frames is one.
-int Layout::FrameOf(VariableId id) const {
-  // No position is −1, below num_frames, and stays −1.
-  const int index = Position(id);
-  return index < num_frames ? index : -1;
-}
-
-int Layout::LandmarkOf(VariableId id) const {
-  const int index = Position(id);
-  return index >= num_frames ? index - num_frames : -1;
-}
-
 // Padding is not written: the caller's zeros stay.
 void Layout::Pad(const double* packed, double* padded) const {
   for (std::size_t i = 0; i < variables.size(); ++i) {

@@ -29,8 +29,15 @@ struct Layout {
   /// Index of the variable among frames / landmarks, or -1; -1 too for the id -1, which stands at
   /// the free places of an edited graph.
   int Position(VariableId id) const { return id < 0 ? -1 : position[id]; }
-  int FrameOf(VariableId id) const;
-  int LandmarkOf(VariableId id) const;
+  int FrameOf(VariableId id) const {
+    // Frames come first; no position is −1, below num_frames, and stays −1.
+    const int index = Position(id);
+    return index < num_frames ? index : -1;
+  }
+  int LandmarkOf(VariableId id) const {
+    const int index = Position(id);
+    return index >= num_frames ? index - num_frames : -1;
+  }
 
   /// padded := packed, padding left zero. `padded` has 4 · quad_offset.back() entries.
   void Pad(const double* packed, double* padded) const;

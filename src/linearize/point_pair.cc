@@ -7,10 +7,11 @@
 namespace inceres::internal {
 
 // Current point and candidate. The states are two vectors whose memory never moves, for factors
-// hold pointers into both; accepting swaps what they are called. PlusJacobian is called in the
-// order of ids in the layout, on one thread, for the current point and for a candidate once its
-// cost is asked for, as Ceres does (docs/ceres_contract.md, "Evaluation"); an accepted candidate
-// brings its maps.
+// hold pointers into one of them. Accepting swaps what they are called; who evaluates at the other
+// point than the last time has their values swapped, which are far fewer than pointers.
+// PlusJacobian is called in the order of ids in the layout, on one thread, for the current point
+// and for a candidate once its cost is asked for, as Ceres does (docs/ceres_contract.md,
+// "Evaluation"); an accepted candidate brings its maps.
 
 namespace {
 
@@ -91,9 +92,18 @@ bool PointPair::MoveCandidate(const double* delta) {
 // No value is copied and no pointer changes.
 void PointPair::AcceptCandidate() {
   current_.swap(candidate_);
+  points_to_candidate_ = !points_to_candidate_;
   // Others' maps are the identity everywhere.
   for (const VariableId id : curved_) {
     tangents_[id].AcceptCandidate();
+  }
+}
+
+void PointPair::PointTo(bool candidate) {
+  if (points_to_candidate_ != candidate) {
+    std::swap_ranges(current_.begin(), current_.end(), candidate_.begin());
+    current_.swap(candidate_);
+    points_to_candidate_ = candidate;
   }
 }
 

@@ -40,6 +40,13 @@ class PointPair {
   /// current := candidate, with the tangent maps that were computed there.
   void AcceptCandidate();
 
+  /// The state at the address that factors point to, which stays: the current one or the candidate.
+  const std::vector<double>& pointed() const {
+    return points_to_candidate_ ? candidate_ : current_;
+  }
+  /// Which of the two that is from now on: their values change places where it is the other one.
+  void PointTo(bool candidate);
+
   /// The tangent maps at the current point; and at the candidate, where they count once it is
   /// accepted. An error names the variable.
   Status ComputeTangents();
@@ -57,6 +64,7 @@ class PointPair {
   const Layout& layout_;
   std::vector<double> current_;
   std::vector<double> candidate_;
+  bool points_to_candidate_ = false;
   std::vector<Tangent> tangents_;   // per VariableId
   std::vector<VariableId> curved_;  // those of layout_.variables with a manifold, in this order
   // per entry of layout_.variables, null if free; empty if all are

@@ -348,7 +348,10 @@ class PlanBuilder {
         const std::int32_t* begin = slots[r].factors.data() + slots[r].begin[row];
         const std::int32_t* end = slots[r].factors.data() + slots[r].begin[row + 1];
         for (int c = 0; begin < end && c < num_slots; ++c) {
-          ForEachTermOfSlots(cache, row, r, c, begin, end, visit);
+          // Slots of landmarks and constants have no terms.
+          if (!slots[c].factors.empty()) {
+            ForEachTermOfSlots(cache, row, r, c, begin, end, visit);
+          }
         }
       }
     }

@@ -39,38 +39,15 @@ void CorrectJacobian(double sqrt_rho1, double a, const double* f, int rows,
 
 }  // namespace
 
-// With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the
-// Hessian.
-// root > 1, α < 0 where ρ'' > 0: the Hessian gains curvature along f. At f = 0 there is no
-// direction n, and no term.
-RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
-    : sqrt_weight(std::sqrt(loss.rho[1])) {
-  const double s = loss.s;
-  const double rho1 = loss.rho[1];
-  const double rho2 = loss.rho[2];
-  const bool takes_positive =
-      curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth;
-  const bool takes_negative =
-      curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
-  // Here ρ' is not asked to be positive: HasRoot() says whether it is, and who has no answer to
-  // that gets a root that is infinite, and J that is NaN.
-  if (s > 0.0 && rho2 > 0.0 && takes_positive) {
-    root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
-  } else if (s > 0.0 && rho1 > 0.0 && rho2 < 0.0 && takes_negative) {
-    root = std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho2 / rho1));
-  }
-  // α n nᵀ = (α / s) f fᵀ: without the root of s.
-  alpha_over_s = root != 1.0 ? (1.0 - root) / s : 0.0;
-}
-
 // All at once: the padding is zero and stays so. But a loss that gives NaN must not outlive its
 // evaluation.
 void RobustScale::Apply(const double* f, int residual_size, int num_slots,
                         const SlotJacobians* slots, int factor,
                         const std::int32_t* tangent_offsets) const {
-  if (std::isfinite(sqrt_weight) && std::isfinite(alpha_over_s)) {
-    return BestKernels().correct_factor(slots, num_slots, factor, tangent_offsets, f, residual_size,
-                                        sqrt_weight, alpha_over_s);
+  if (is_finite()) {
+    const FactorScale scale = jacobian();
+    return BestKernels().correct_factors(slots, num_slots, factor, 1, tangent_offsets, f,
+                                         residual_size, &scale);
   }
   for (int k = 0; k < num_slots; ++k) {
     if (tangent_offsets[k] >= 0) {

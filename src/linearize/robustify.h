@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -23,19 +25,14 @@ inline double SquaredNorm(const double* f, int size) {
 /// A factor's loss at its residual f: ρ, ρ' and ρ'' at s = ‖f‖². Without a loss ρ(s) = s.
 struct LossValue {
   LossValue() = default;
-  LossValue(const Loss* loss, const double* f, int residual_size)
-      : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
-    if (loss != nullptr) {
-      loss->Evaluate(s, rho);
-    }
+  LossValue(const Loss* loss, const double* f, int residual_size) {
+    Set(loss, SquaredNorm(f, residual_size));
   }
-  /// The same, of a loss whose value at some residual is known: where s is that of the residual to
-  /// the bit, as at a point that was evaluated for its cost before, the loss is not asked again.
-  LossValue(const Loss* loss, const double* f, int residual_size, const LossValue& known)
-      : s(SquaredNorm(f, residual_size)), rho{s, 1.0, 0.0} {
-    if (loss != nullptr && s == known.s) {
-      *this = known;
-    } else if (loss != nullptr) {
+  void Set(const Loss* loss, double squared_norm) {
+    s = rho[0] = squared_norm;
+    rho[1] = 1.0;
+    rho[2] = 0.0;
+    if (loss != nullptr) {
       loss->Evaluate(s, rho);
     }
   }
@@ -74,10 +71,14 @@ inline constexpr double kLeastCurvature = 0.5;
 /// α is 0 where the second-order term is not taken. Entries are not finite where ρ' is negative, or
 /// ρ'' > 0 is taken and LossValue::HasRoot() is false.
 struct RobustScale {
+  RobustScale() = default;
   RobustScale(const LossValue& loss, LossCurvature curvature);
 
   bool is_one() const { return sqrt_weight == 1.0 && alpha_over_s == 0.0; }
   bool is_corrected() const { return root != 1.0; }
+  bool is_finite() const { return std::isfinite(sqrt_weight) && std::isfinite(alpha_over_s); }
+  /// Of J.
+  FactorScale jacobian() const { return {sqrt_weight, alpha_over_s}; }
   /// Of f.
   double residual() const { return sqrt_weight / root; }
   /// Scales the tangent Jacobians of one factor; f as it was evaluated. A negative tangent offset
@@ -85,10 +86,32 @@ struct RobustScale {
   void Apply(const double* f, int residual_size, int num_slots, const SlotJacobians* slots,
              int factor, const std::int32_t* tangent_offsets) const;
 
-  double sqrt_weight;         // √ρ'
+  double sqrt_weight = 1.0;   // √ρ'
   double root = 1.0;          // 1 − α
   double alpha_over_s = 0.0;  // so that α n nᵀ is this f fᵀ
 };
+
+// With (1 − α)² = 1 + 2 s ρ''/ρ', ρ' (I − α n nᵀ)² = ρ' I + 2 ρ'' f fᵀ, the loss's part of the
+// Hessian.
+// root > 1, α < 0 where ρ'' > 0: the Hessian gains curvature along f. At f = 0 there is no
+// direction n, and no term.
+inline RobustScale::RobustScale(const LossValue& loss, LossCurvature curvature)
+    : sqrt_weight(std::sqrt(loss.rho[1])) {
+  const double s = loss.s;
+  const double rho1 = loss.rho[1];
+  const double rho2 = loss.rho[2];
+  // Here ρ' is not asked to be positive: HasRoot() says whether it is, and who has no answer to
+  // that gets a root that is infinite, and J that is NaN.
+  if (rho2 > 0.0 && s > 0.0 &&
+      (curvature == LossCurvature::kPositive || curvature == LossCurvature::kBoth)) {
+    root = std::sqrt(1.0 + 2.0 * s * rho2 / rho1);
+  } else if (rho2 < 0.0 && s > 0.0 && rho1 > 0.0 &&
+             (curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth)) {
+    root = std::sqrt(std::max(kLeastCurvature, 1.0 + 2.0 * s * rho2 / rho1));
+  }
+  // α n nᵀ = (α / s) f fᵀ: without the root of s.
+  alpha_over_s = root != 1.0 ? (1.0 - root) / s : 0.0;
+}
 
 /// J := (I + m mᵀ) J of one factor and slot: takes I − α n nᵀ back, for m = √β n and β = α/(1 − α).
 void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians& slot, double* J);

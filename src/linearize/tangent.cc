@@ -170,8 +170,11 @@ void Tangent::AcceptCandidate() {
   // The older matrix becomes the room of the next candidate. The address of map_ stays; its data
   // moves.
   curved_->M.swap(curved_->candidate_M);
+  const bool same = map_.plus_jacobian != nullptr && curved_->M == curved_->candidate_M;
   map_.plus_jacobian = curved_->M.data();
-  ClassifyTangentMap(&map_, curved_->selection.data());
+  if (!same) {
+    ClassifyTangentMap(&map_, curved_->selection.data());
+  }
 }
 
 }  // namespace inceres::internal

@@ -30,19 +30,6 @@ void CopyColumns(int ambient_size, int columns, const double* J_ambient, int num
   }
 }
 
-// The portable TakeFunction, for sizes that have no kernel: look, copy, and mark the source as
-// unwritten for the next factor.
-bool TakeAny(int ambient_size, int columns, double* J_ambient, int num_rows, double* J_tangent,
-             int row_stride) {
-  const int count = num_rows * ambient_size;
-  if (!AreAllWritten(J_ambient, count)) {
-    return false;
-  }
-  CopyColumns(ambient_size, columns, J_ambient, num_rows, J_tangent, row_stride);
-  MarkUnwritten(J_ambient, count);
-  return true;
-}
-
 // M has a unit vector in every column: no arithmetic, so not even a zero of another sign.
 void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
                    int row_stride) {
@@ -125,8 +112,83 @@ void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, doub
 
 // Chosen once per slot, not per factor.
 internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int columns) {
-  const TakeFunction take = BestKernels().find_take(num_rows, ambient_size, columns);
-  return take != nullptr ? take : TakeAny;
+  return BestKernels().find_take(num_rows, ambient_size, columns);
+}
+
+namespace {
+
+// What is done to the Jacobians of neighboring factors at once.
+enum class Taking {
+  kNothing,  // nobody wrote it
+  kCopy,
+  kPose,  // a position and a quaternion
+  kOneByOne,
+};
+
+Taking TakingOf(const TangentMap& map) {
+  if (map.kind == TangentMap::Kind::kConstant) {
+    return Taking::kNothing;
+  }
+  if (map.copies()) {
+    return Taking::kCopy;
+  }
+  return map.kind == TangentMap::Kind::kDense && map.ambient_size == 7 && map.tangent_size == 6 &&
+                 map.num_identity_columns == 3
+             ? Taking::kPose
+             : Taking::kOneByOne;
+}
+
+// Of one slot: their sizes are equal.
+bool AreAlike(const TangentMap& a, const TangentMap& b) {
+  return a.kind == b.kind && a.num_identity_columns == b.num_identity_columns;
+}
+
+// Those from begin to end; false, and nothing done, if it is for who takes one by one.
+bool TakeRun(Taking taking, const internal::AmbientSlot& slot, const TangentMap* const* maps,
+             int map_stride, int begin, int end) {
+  double* const J = slot.values + std::ptrdiff_t{begin} * slot.size;
+  double* const out = slot.J_tangent + begin * slot.factor_stride;
+  if (taking == Taking::kCopy) {
+    return slot.take != nullptr &&
+           slot.take(end - begin, J, slot.num_rows, out, slot.factor_stride, slot.row_stride);
+  }
+  if (taking == Taking::kPose) {
+    const double* M[internal::kMostTaken];
+    for (int n = begin; n < end; ++n) {
+      M[n - begin] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
+    }
+    return internal::BestKernels().take_poses(M, end - begin, J, slot.num_rows, out,
+                                              slot.factor_stride, slot.row_stride);
+  }
+  return taking == Taking::kNothing;
+}
+
+}  // namespace
+
+int internal::TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
+                       int count) {
+  const auto map_of = [&](int n) -> const TangentMap& {
+    return *maps[std::ptrdiff_t{n} * map_stride];
+  };
+  for (int begin = 0; begin < count;) {
+    const Taking taking = TakingOf(map_of(begin));
+    int end = begin + 1;
+    while (end < count && AreAlike(map_of(end), map_of(begin))) {
+      ++end;
+    }
+    const bool taken = TakeRun(taking, slot, maps, map_stride, begin, end);
+    for (int n = begin; n < end && !taken; ++n) {
+      double* const J = slot.values + std::ptrdiff_t{n} * slot.size;
+      if (map_of(n).wanted() && !AreAllWritten(J, slot.size)) {
+        return n;
+      }
+      ProjectToTangentSpace(map_of(n), J, slot.num_rows, slot.J_tangent + n * slot.factor_stride,
+                            slot.row_stride);
+      MarkUnwritten(J, slot.size);
+    }
+    begin = end;
+  }
+  return -1;
 }
 
 bool AreAllWritten(const double* values, int count) {

@@ -205,11 +205,8 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
     }
     // then that one was found to be in order
     // Free places have ids of −1, so a factor after one is looked at.
-    bool as_before = factor > 0 && num_slots > 0 && ids[0] >= 0;
-    for (int s = 0; as_before && s < num_slots; ++s) {
-      as_before = ids[s] == ids[s - num_slots];
-    }
-    if (as_before) {
+    if (factor > 0 && num_slots > 0 && ids[0] >= 0 &&
+        std::equal(ids, ids + num_slots, ids - num_slots)) {
       continue;
     }
     const FactorFault fault = internal::FindFault(

@@ -30,17 +30,22 @@ namespace {
 constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
 
-// out += the rows of `block`, `stride` apart; the two do not overlap.
-void AddRows(int rows, int columns, const double* __restrict block, int stride,
+// out = base + the rows of `block`, padded to quads; none overlaps another. kColumns 0: their
+// number is known at run time.
+template <int kColumns>
+void SumRows(int rows, int columns, const double* __restrict base, const double* __restrict block,
              double* __restrict out) {
-  for (int r = 0; r < rows; ++r, block += stride, out += columns) {
-    int c = 0;
-    for (; c + kQuad <= columns; c += kQuad) {
-      for (int k = c; k < c + kQuad; ++k) {
-        out[k] += block[k];
-      }
+  const int width = kColumns > 0 ? kColumns : columns;
+  for (int r = 0; r < rows; ++r, block += PadToQuad(width), base += width, out += width) {
+    for (int c = 0; c < width; ++c) {
+      out[c] = base[c] + block[c];
     }
-    for (; c < columns; ++c) {
+  }
+}
+
+void AddRows(int rows, int columns, const double* __restrict block, double* __restrict out) {
+  for (int r = 0; r < rows; ++r, block += PadToQuad(columns), out += columns) {
+    for (int c = 0; c < columns; ++c) {
       out[c] += block[c];
     }
   }
@@ -68,9 +73,9 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
                  "Y of the elimination");
   U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
   z_ = ZeroedArray(num_landmarks * kQuad);
-  Y_ = ZeroedArray(incidences.y_quads * kQuad);
+  Y_ = ZeroedArray::Unwritten(incidences.y_quads * kQuad);
   // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
-  S_ = ZeroedArray(plans.pattern.value_begin.back());
+  S_ = ZeroedArray::Unwritten(plans.pattern.value_begin.back());
   b_.resize(plans.pattern.size());
   const Layout& layout = evaluator.layout();
   padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);
@@ -192,23 +197,21 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   const auto k = static_cast<std::size_t>(place.block);
   const int rows = pattern.block_size(plans_.block_row[k]);
   const int columns = pattern.block_size(pattern.columns[k]);
-  const int stride = PadToQuad(columns);
   double* out = S_.data() + pattern.value_begin[k];
-  if (chunk == 0) {
-    // Null: no factor touches both frames, so the pair is there for its landmarks only.
-    const double* C_ij = hessian_.FrameBlock(place.block);
-    if (C_ij != nullptr) {
-      std::copy(C_ij, C_ij + rows * columns, out);
-    } else {
-      std::fill(out, out + rows * columns, 0.0);
-    }
-  }
+  // Null: no factor touches both frames, so the pair is there for its landmarks only.
+  const double* const C_ij = chunk == 0 ? hessian_.FrameBlock(place.block) : nullptr;
   const auto source_of = [&](int s) {
     return plans_.schur_sources[plans_.schur.segments[s].source];
   };
   const int end = plans_.schur.segments_begin[k + 1];
-  if (place.first_segment == end || source_of(place.first_segment).chunk != chunk) {
-    return;  // the first chunk adds nothing here
+  const bool adds = place.first_segment < end && source_of(place.first_segment).chunk == chunk;
+  if (!adds && C_ij != nullptr) {
+    std::copy(C_ij, C_ij + rows * columns, out);
+  } else if (chunk == 0 && C_ij == nullptr) {
+    std::fill(out, out + rows * columns, 0.0);
+  }
+  if (!adds) {
+    return;  // the first chunk has all blocks
   }
   // Summed apart, in rows padded for the kernel, and added to the packed block at the end.
   double* sum = scratch->Zeroed(rows, columns);
@@ -226,13 +229,20 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
     products.b_size = rows;
     products.tail = incidences_.tail;
     products.symmetric = is_diagonal;
+    products.is_near = AreNear(static_cast<std::int64_t>(Y_.size()));
     kernels_.accumulate_products(products, -1.0, sum);
   }
   // The kernel fills the lower triangle of a symmetric block; the whole square is stored.
   if (is_diagonal) {
-    MirrorLowerTriangle(rows, stride, sum);
+    MirrorLowerTriangle(rows, PadToQuad(columns), sum);
   }
-  AddRows(rows, columns, sum, stride, out);
+  if (C_ij == nullptr) {
+    AddRows(rows, columns, sum, out);
+  } else if (columns == 6) {
+    SumRows<6>(rows, columns, C_ij, sum, out);
+  } else {
+    SumRows<0>(rows, columns, C_ij, sum, out);
+  }
 }
 
 void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch) {

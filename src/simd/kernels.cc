@@ -100,7 +100,8 @@ InstructionSet BestSet() {
 }  // namespace
 
 const Kernels& BestKernels() {
-  return *KernelsFor(BestSet());
+  static const Kernels& best = *KernelsFor(BestSet());
+  return best;
 }
 
 const SmallKernels& BestSmallKernels() {

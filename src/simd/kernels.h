@@ -50,7 +50,14 @@ struct BlockProducts {
   bool symmetric = false;
   int a_stride = 0;  // from row to row, if they are not padded to quads
   int b_stride = 0;
+  // all operands are in the processor's own caches: nothing is fetched ahead
+  bool is_near = false;
 };
+
+/// Whether operands in so many doubles count as near: no more than the second-level cache holds.
+static constexpr bool AreNear(std::int64_t size) {
+  return size <= std::int64_t{1} << 15;  // 256 KiB
+}
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
 struct VectorTerm {
@@ -161,11 +168,17 @@ struct Contribution {
 /// hundredth of it proves that none of them is such an entry, infinite or NaN.
 constexpr double kUnwrittenEntry = 1e302;
 
-/// Takes over a user's Jacobian J (rows × ambient_size, contiguous): copies its first `columns` to
-/// rows row_stride apart and fills J with kUnwrittenEntry. If the sum of the magnitudes of J does
-/// not prove its entries ordinary, J stays and the result is false.
-using ColumnTake = bool (*)(int ambient_size, int columns, double* J, int rows, double* out,
-                            int row_stride);
+/// Takes over `count` Jacobians J of a user's, one after the other: copies their first columns to
+/// blocks factor_stride apart with rows row_stride apart and fills J with kUnwrittenEntry. If the
+/// sum of the magnitudes of J does not prove its entries ordinary, J stays and the result is false.
+using ColumnTake = bool (*)(int count, double* J, int rows, double* out,
+                            std::ptrdiff_t factor_stride, int row_stride);
+
+/// What a loss makes of the Jacobians of a factor with the residual f: scale (I − a f fᵀ) J.
+struct FactorScale {
+  double scale;
+  double a;
+};
 
 /// The instruction-set-dependent inner loops. One table an instruction set; all give equal results
 /// up to rounding, and each gives the same bits whenever it is called with the same operands.
@@ -174,14 +187,19 @@ struct Kernels {
 
   /// For the sizes; null if there is none of them.
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);
+  /// The same of Jacobians with 7 columns, of a position and a quaternion: J_n M_n, of whose M_n (7
+  /// × 6) the first three rows and columns are those of the identity. Sums run over the rows of M
+  /// upwards, each term rounded, as in a plain loop.
+  bool (*take_poses)(const double* const* M, int count, double* J, int rows, double* out,
+                     std::ptrdiff_t factor_stride, int row_stride);
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
   /// infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);
-  /// J_s := scale (I − a f fᵀ) J_s of one factor, padding included, for the slots with a tangent
-  /// offset.
-  void (*correct_factor)(const SlotJacobians* jacobians, int num_slots, int factor,
-                         const std::int32_t* tangent_offsets, const double* f, int residual_size,
-                         double scale, double a);
+  /// J_s := scale (I − a f fᵀ) J_s of `count` factors from `first` on, padding included, for the
+  /// slots with a tangent offset. Offsets, f and scales begin with those of the first factor.
+  void (*correct_factors)(const SlotJacobians* jacobians, int num_slots, int first, int count,
+                          const std::int32_t* tangent_offsets, const double* f, int residual_size,
+                          const FactorScale* scales);
 
   void (*accumulate_products)(const BlockProducts& products, double sign, double* C);
   void (*accumulate_vectors)(const VectorProducts& products, double sign, double* y);

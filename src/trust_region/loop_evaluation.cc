@@ -78,21 +78,37 @@ bool LoopEvaluation::IsUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
-// Over values, not tangents: Ceres's ‖x‖.
-double LoopEvaluation::StateNorm() const {
-  double sum = 0.0;
+// visit(begin, end) of the state's entries that move, in the order of the variables: neighbors in
+// memory at once.
+template <typename Visit>
+void LoopEvaluation::ForEachRun(const Visit& visit) const {
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  std::int64_t begin = 0, end = 0;
   for (std::size_t i = 0; i < variables.size(); ++i) {
     // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
-    const double* x = evaluator_.points().current().data() + graph.StateOffset(variables[i]);
-    for (int k = 0; k < graph.AmbientSize(variables[i]); ++k) {
+    const std::int64_t offset = graph.StateOffset(variables[i]);
+    if (offset != end) {
+      visit(begin, end);
+      begin = offset;
+    }
+    end = offset + graph.AmbientSize(variables[i]);
+  }
+  visit(begin, end);
+}
+
+// Over values, not tangents: Ceres's ‖x‖.
+double LoopEvaluation::StateNorm() const {
+  double sum = 0.0;
+  const double* const x = evaluator_.points().current().data();
+  ForEachRun([&sum, x](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t k = begin; k < end; ++k) {
       sum += x[k] * x[k];
     }
-  }
+  });
   return std::sqrt(agreement_.Sum(sum));
 }
 
@@ -101,24 +117,21 @@ double LoopEvaluation::StateNorm() const {
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
-  const std::vector<double>& from = evaluator_.points().current();
-  const std::vector<double>& to = evaluator_.points().candidate();
-  const FactorGraph& graph = evaluator_.graph();
-  const std::vector<VariableId>& variables = evaluator_.layout().variables;
-  for (std::size_t i = 0; i < variables.size(); ++i) {
-    if (agreement_.CountsElsewhere(i)) {
-      continue;
-    }
-    const auto offset = static_cast<std::size_t>(graph.StateOffset(variables[i]));
-    const auto size = static_cast<std::size_t>(graph.AmbientSize(variables[i]));
-    for (std::size_t k = offset; k < offset + size; ++k) {
+  const double* const from = evaluator_.points().current().data();
+  const double* const to = evaluator_.points().candidate().data();
+  ForEachRun([&sum, from, to](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t k = begin; k < end; ++k) {
       const double difference = from[k] - to[k];
       sum += difference * difference;
-      largest = std::max(largest, std::fabs(difference));
     }
-  }
+  });
   // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
+    ForEachRun([&largest, from, to](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t k = begin; k < end; ++k) {
+        largest = std::max(largest, std::fabs(from[k] - to[k]));
+      }
+    });
     *max_norm = agreement_.Max(largest);
   }
   return std::sqrt(agreement_.Sum(sum));

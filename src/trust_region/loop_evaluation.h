@@ -42,6 +42,8 @@ class LoopEvaluation {
 
  private:
   bool IsUsable(double cost) const;
+  template <typename Visit>
+  void ForEachRun(const Visit& visit) const;
 
   const SolverOptions& options_;
   const LoopOptions& loop_;

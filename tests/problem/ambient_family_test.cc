@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -333,6 +334,96 @@ TEST_F(RowFamilyTest, NamesTheFirstFactorAtFault) {
         EXPECT_NE(std::string(failure.reason).find(c.word), std::string::npos) << failure.reason;
       }
     }
+  }
+}
+
+// Poses [p, q] and points, more than are taken over at a time; two factors may be at fault.
+class PoseFamily final : public AmbientFamily<PoseFamily> {
+ public:
+  static constexpr int kSize = 21;
+  PoseFamily(int bad_pose, int bad_point)
+      : AmbientFamily(2, {{7, 6}, {3, 3}}), bad_pose_(bad_pose), bad_point_(bad_point) {}
+  int size() const override { return kSize; }
+  const char* Name() const override { return "pose"; }
+  static double Entry(int i, int k) { return std::sin(100.0 * i + k); }
+  bool EvaluateOne(int i, const double* const*, double* residuals, double** jacobians) const {
+    residuals[0] = residuals[1] = i;
+    for (int k = 0; jacobians[0] != nullptr && k < 14; ++k) {
+      jacobians[0][k] = i == bad_pose_ && k == 9 ? std::nan("") : Entry(i, k);
+    }
+    for (int k = 0; jacobians[1] != nullptr && k < (i == bad_point_ ? 5 : 6); ++k) {
+      jacobians[1][k] = Entry(i, 20 + k);
+    }
+    return true;
+  }
+
+ private:
+  int bad_pose_;
+  int bad_point_;
+};
+
+class PoseFamilyTest : public testing::Test {
+ protected:
+  static constexpr std::size_t kSize = PoseFamily::kSize;
+
+  // Every third pose is held constant, every fourth is as in VINS, the others turn.
+  void SetUp() override {
+    for (std::size_t k = 0; k < 42; ++k) {
+      const bool is_unit = k < 18 || k % 6 < 3;
+      turning_M_[k] = is_unit ? (k / 6 == k % 6 ? 1.0 : 0.0) : std::cos(static_cast<double>(k));
+    }
+    for (std::size_t i = 0; i < kSize; ++i) {
+      maps_.push_back(i % 3 == 1 ? &constant_ : i % 4 == 3 ? &copied_ : &turning_);
+      maps_.push_back(&point_);
+    }
+  }
+
+  EvaluationFailure Evaluate(int bad_pose, int bad_point) {
+    const JacobianView views[2] = {{J_pose_.data(), 16, 8}, {J_point_.data(), 8, 4}};
+    return PoseFamily(bad_pose, bad_point)
+        .Evaluate(
+            {0, PoseFamily::kSize, parameters_.data(), maps_.data(), residuals_.data(), views});
+  }
+
+  std::vector<double> turning_M_ = std::vector<double>(42);
+  const int selection_[6] = {0, 1, 2, 3, 4, 5};
+  TangentMap turning_{TangentMap::Kind::kDense, 7, 6, turning_M_.data(), nullptr, 3};
+  TangentMap copied_{TangentMap::Kind::kSelection, 7, 6, nullptr, selection_, 6};
+  TangentMap constant_{TangentMap::Kind::kConstant, 7, 6, nullptr, nullptr};
+  TangentMap point_{TangentMap::Kind::kIdentity, 3, 3, nullptr, nullptr};
+  std::vector<const TangentMap*> maps_;
+  std::vector<const double*> parameters_ = std::vector<const double*>(2 * kSize);
+  std::vector<double> residuals_ = std::vector<double>(2 * kSize);
+  std::vector<double> J_pose_ = std::vector<double>(16 * kSize, kUntouched);
+  std::vector<double> J_point_ = std::vector<double>(8 * kSize, kUntouched);
+};
+
+// To the bit what each would be by itself.
+TEST_F(PoseFamilyTest, TakesGroupsAsOneByOne) {
+  ASSERT_FALSE(Evaluate(-1, -1).failed());
+  for (std::size_t i = 0; i < kSize; ++i) {
+    double J[14];
+    for (int k = 0; k < 14; ++k) {
+      J[k] = PoseFamily::Entry(static_cast<int>(i), k);
+    }
+    std::vector<double> expected(16, kUntouched);
+    ProjectToTangentSpace(*maps_[2 * i], J, 2, expected.data(), 8);
+    EXPECT_EQ(std::vector<double>(&J_pose_[16 * i], &J_pose_[16 * i] + 16), expected) << i;
+    for (std::size_t k = 0; k < 6; ++k) {
+      EXPECT_EQ(J_point_[8 * i + k / 3 * 4 + k % 3],
+                PoseFamily::Entry(static_cast<int>(i), 20 + static_cast<int>(k)));
+    }
+  }
+}
+
+TEST_F(PoseFamilyTest, NamesTheFirstFactorAtFaultWhicheverItsSlot) {
+  for (const auto& [bad_pose, bad_point] :
+       {std::pair{11, 9}, std::pair{9, 11}, std::pair{14, -1}, std::pair{-1, 20}}) {
+    const EvaluationFailure failure = Evaluate(bad_pose, bad_point);
+    const bool of_pose = bad_pose >= 0 && (bad_point < 0 || bad_pose < bad_point);
+    EXPECT_EQ(failure.factor, of_pose ? bad_pose : bad_point);
+    EXPECT_EQ(failure.slot, of_pose ? 0 : 1);
+    EXPECT_EQ(failure.entry, of_pose ? 9 : 5);
   }
 }
 

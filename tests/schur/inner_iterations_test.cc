@@ -134,15 +134,16 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
   Cliff cliff(/*floor=*/1.5);  // the full step goes to 2 − (1 − e⁻²) = 1.14
   CorePipeline core(cliff.graph);
   InnerIterations inner(&core.evaluator);
-  const double* y =
-      cliff.graph.ValuesIn(core.evaluator.points().candidate().data(), cliff.landmark);
+  const auto y = [&] {
+    return *cliff.graph.ValuesIn(core.evaluator.points().candidate().data(), cliff.landmark);
+  };
   EXPECT_EQ(inner.Run(0.0), 0.0);
-  EXPECT_EQ(*y, 2.0);
+  EXPECT_EQ(y(), 2.0);
   for (int pass = 0; pass < 8; ++pass) {
     inner.Run(0.0);
   }
-  EXPECT_LT(*y, 2.0);
-  EXPECT_GE(*y, 1.5);
+  EXPECT_LT(y(), 2.0);
+  EXPECT_GE(y(), 1.5);
 }
 
 // The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends

@@ -135,6 +135,41 @@ class RowKernels : public KernelTest {
     ExpectClose(product, expected_product, static_cast<double>(v.size()), 1e-13, "J v");
     ExpectClose(y, expected_y, static_cast<double>(size), 1e-13, "y");
   }
+
+  // `take` of blocks one after the other into blocks with room around their rows: entry(row, block,
+  // column) is what comes of a row.
+  template <typename Take, typename Entry>
+  void ExpectTake(int blocks, int rows, int ambient_size, int columns, const Take& take,
+                  const Entry& entry) {
+    const auto count = static_cast<std::size_t>(blocks * rows * ambient_size);
+    const std::vector<double> J = random_.Vector(count);
+    const int row_stride = columns + 3;
+    const std::ptrdiff_t factor_stride = rows * row_stride + 5;
+    std::vector<double> out(static_cast<std::size_t>(blocks * factor_stride), 77.0);
+    std::vector<double> expected = out;
+    for (int n = 0; n < blocks; ++n) {
+      for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) {
+          expected[static_cast<std::size_t>(n * factor_stride + r * row_stride + c)] =
+              entry(J.data() + std::ptrdiff_t{n * rows + r} * ambient_size, n, c);
+        }
+      }
+    }
+    std::vector<double> taken = J;
+    EXPECT_TRUE(take(taken.data(), out.data(), factor_stride, row_stride));
+    EXPECT_EQ(out, expected) << blocks << " of " << rows << " rows, " << ambient_size << " to "
+                             << columns;
+    EXPECT_EQ(taken, std::vector<double>(count, kUnwrittenEntry));
+    for (std::size_t k = 0; k < count; ++k) {
+      for (const double bad : {std::nan(""), -HUGE_VAL, kUnwrittenEntry}) {
+        std::vector<double> left = J;
+        left[k] = bad;
+        const std::vector<double> before = left;
+        EXPECT_FALSE(take(left.data(), out.data(), factor_stride, row_stride)) << "entry " << k;
+        EXPECT_EQ(std::memcmp(left.data(), before.data(), count * sizeof(double)), 0);
+      }
+    }
+  }
 };
 
 TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
@@ -152,39 +187,56 @@ TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
     for (int columns = 1; columns <= ambient_size; ++columns) {
       for (const int rows : {0, 1, 2, 3, 15}) {
         const ColumnTake take = kernels().find_take(rows, ambient_size, columns);
-        if (take == nullptr) {
-          continue;
-        }
-        const std::size_t count = static_cast<std::size_t>(rows * ambient_size);
-        const std::vector<double> J = random_.Vector(count);
-        const int stride = columns + 3;
-        std::vector<double> out(static_cast<std::size_t>(rows * stride), 77.0);
-        std::vector<double> expected = out;
-        for (std::size_t k = 0; k < count; ++k) {
-          const std::size_t row = k / static_cast<std::size_t>(ambient_size);
-          const std::size_t column = k % static_cast<std::size_t>(ambient_size);
-          if (column < static_cast<std::size_t>(columns)) {
-            expected[row * static_cast<std::size_t>(stride) + column] = J[k];
-          }
-        }
-        std::vector<double> taken = J;
-        EXPECT_TRUE(take(ambient_size, columns, taken.data(), rows, out.data(), stride));
-        EXPECT_EQ(out, expected) << ambient_size << " to " << columns;
-        EXPECT_EQ(taken, std::vector<double>(count, kUnwrittenEntry));
-        for (std::size_t k = 0; k < count; ++k) {
-          for (const double bad : {std::nan(""), -HUGE_VAL, kUnwrittenEntry}) {
-            std::vector<double> left = J;
-            left[k] = bad;
-            const std::vector<double> before = left;
-            EXPECT_FALSE(take(ambient_size, columns, left.data(), rows, out.data(), stride))
-                << "entry " << k;
-            EXPECT_EQ(std::memcmp(left.data(), before.data(), count * sizeof(double)), 0);
+        for (const int blocks : {0, 1, 2, 5}) {
+          if (take != nullptr) {
+            ExpectTake(
+                blocks, rows, ambient_size, columns,
+                [&](double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
+                  return take(blocks, J, rows, out, factor_stride, row_stride);
+                },
+                [&](const double* row, int, int column) { return row[column]; });
           }
         }
       }
     }
   }
   EXPECT_NE(kernels().find_take(2, 7, 6), nullptr);
+}
+
+// To the bit the product by a plain loop over the rows of M.
+TEST_P(RowKernels, TakePosesAsAPlainProduct) {
+  for (const int rows : {1, 2, 3, 15}) {
+    for (const int blocks : {0, 1, 2, 5}) {
+      std::vector<std::vector<double>> M;
+      std::vector<const double*> pointers;
+      for (int n = 0; n < blocks; ++n) {
+        M.push_back(random_.Vector(42));
+        for (int k = 0; k < 42; ++k) {
+          if (k < 18 || k % 6 < 3) {
+            M.back()[static_cast<std::size_t>(k)] = k / 6 == k % 6 ? 1.0 : 0.0;
+          }
+        }
+      }
+      for (const std::vector<double>& matrix : M) {
+        pointers.push_back(matrix.data());
+      }
+      ExpectTake(
+          blocks, rows, 7, 6,
+          [&](double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
+            return kernels().take_poses(pointers.data(), blocks, J, rows, out, factor_stride,
+                                        row_stride);
+          },
+          [&](const double* row, int block, int column) {
+            double sum = 0.0;
+            for (int k = 0; k < 7; ++k) {
+              const volatile double term =
+                  row[k] * pointers[static_cast<std::size_t>(block)][6 * k + column];
+              sum += term;
+            }
+            return sum;
+          });
+    }
+  }
 }
 
 // Rows padded or not: what lies between and behind them stays as it is.
@@ -217,7 +269,8 @@ TEST_P(RowKernels, CorrectTheSlotsThatHaveAnOffset) {
           }
         }
       }
-      kernels().correct_factor(jacobians.data(), 3, 1, offsets, f, rows, 0.3, a);
+      const FactorScale scale = {0.3, a};
+      kernels().correct_factors(jacobians.data(), 3, 1, 1, offsets, f, rows, &scale);
       for (std::size_t s = 0; s < 3; ++s) {
         for (std::size_t k = 0; k < storage[s].size(); ++k) {
           EXPECT_NEAR(storage[s][k], expected[s][k], 1e-15)

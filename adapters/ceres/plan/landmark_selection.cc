@@ -205,7 +205,9 @@ class Chooser {
     const double e = view_.block(b).tangent_size;
     const double D = frames_size_[At(b)];
     kind->blocks.push_back(b);
-    kind->first_use = std::min(kind->first_use, FirstUse(b));
+    if (*residuals_of_[b].first <= kind->first_use.first) {
+      kind->first_use = std::min(kind->first_use, FirstUse(b));
+    }
     kind->unknowns += e;
     kind->eliminate += e * D * D + kHandling;
     kind->keep_sparse += kSparseFactor * e * (D + e) * (D + e) + kHandling;

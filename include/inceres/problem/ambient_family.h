@@ -13,15 +13,37 @@ namespace inceres {
 
 namespace internal {
 
-/// Takes over an ambient Jacobian (num_rows × ambient_size, contiguous): copies its first `columns`
-/// to rows row_stride apart, the product with M = [I; 0], and marks it as unwritten, for the next
-/// factor to write. False, and J_ambient as it was, if the sum of the magnitudes of its entries
-/// does not prove that they are ordinary.
-using TakeFunction = bool (*)(int ambient_size, int columns, double* J_ambient, int num_rows,
-                              double* J_tangent, int row_stride);
+/// Takes over `count` ambient Jacobians (num_rows × their columns, one after the other): copies
+/// their first columns, the product with M = [I; 0], to blocks factor_stride apart with rows
+/// row_stride apart, and marks them as unwritten, for the next factors to write. False, and all as
+/// it was, if the sum of the magnitudes of their entries does not prove that they are ordinary.
+using TakeFunction = bool (*)(int count, double* J_ambient, int num_rows, double* J_tangent,
+                              std::ptrdiff_t factor_stride, int row_stride);
 
-/// The fastest for the sizes.
+/// The ambient Jacobians of one slot, of a few neighboring factors, and where their tangent ones
+/// go.
+struct AmbientSlot {
+  double* values = nullptr;  ///< one after the other, marked as unwritten before they are written
+  double* J_tangent = nullptr;  ///< of the first factor
+  std::ptrdiff_t factor_stride = 0;
+  int row_stride = 0;
+  int num_rows = 0;
+  int ambient_size = 0;
+  int size = 0;  ///< of one Jacobian
+  TakeFunction take = nullptr;
+};
+
+/// Of the sizes; null if there is none.
 INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns);
+
+/// Factors whose Jacobians are taken over at a time, at most.
+constexpr int kMostTaken = 8;
+
+/// Checks and projects the Jacobians of `count` factors, at most kMostTaken, and marks them as
+/// unwritten again; maps[n · map_stride] is that of factor n. Returns the first factor with an
+/// entry that is not finite or was not written, whose Jacobian stays as it was, or −1.
+INCERES_EXPORT int TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
+                            int count);
 
 }  // namespace internal
 
@@ -113,18 +135,10 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
   static constexpr std::size_t kInlineSlots = 16;
 
-  // Where the ambient Jacobians of one factor are written, always marked as unwritten when a factor
-  // begins. Up to kInline doubles live on the stack: small factors allocate nothing.
+  // Where the ambient Jacobians of a few factors are written, always marked as unwritten when a
+  // factor begins. Up to kInline doubles live on the stack: small factors allocate nothing.
   struct Scratch {
     static constexpr std::size_t kInline = 512;
-    struct Slot {
-      double* values;
-      double* J_tangent;  // of the next factor
-      std::ptrdiff_t factor_stride;
-      int row_stride;
-      int size;
-      internal::TakeFunction take;
-    };
 
     Scratch(const FactorFamily& family, const FactorBatch& batch) {
       const auto count = static_cast<std::size_t>(family.num_slots());
@@ -143,10 +157,17 @@ class AmbientFamily : public FactorFamily {
             view.data + batch.begin * view.factor_stride,
             view.factor_stride,
             view.row_stride,
+            family.residual_size(),
+            slot.ambient_size,
             family.residual_size() * slot.ambient_size,
             internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
         size += static_cast<std::size_t>(slots[s].size);
       }
+      group = std::min(internal::kMostTaken, batch.end - batch.begin);
+      if (size > 0) {
+        group = std::clamp(static_cast<int>(kInline / size), 1, std::max(group, 1));
+      }
+      size *= static_cast<std::size_t>(group);
       if (size > kInline) {
         heap.reset(new double[size]);  // not make_unique: it is filled at once
       }
@@ -154,7 +175,7 @@ class AmbientFamily : public FactorFamily {
       MarkUnwritten(next, static_cast<int>(size));
       for (std::size_t s = 0; s < count; ++s) {
         slots[s].values = next;
-        next += slots[s].size;
+        next += std::ptrdiff_t{group} * slots[s].size;
       }
     }
     Scratch(const Scratch&) = delete;
@@ -162,12 +183,13 @@ class AmbientFamily : public FactorFamily {
 
     double stack[kInline];
     double* stack_blocks[kInlineSlots];
-    Slot stack_slots[kInlineSlots];
+    internal::AmbientSlot stack_slots[kInlineSlots];
     std::unique_ptr<double[]> heap;
     std::vector<double*> heap_blocks;
-    std::vector<Slot> heap_slots;
+    std::vector<internal::AmbientSlot> heap_slots;
     double** blocks = stack_blocks;  // what the user's code sees
-    Slot* slots = stack_slots;
+    internal::AmbientSlot* slots = stack_slots;
+    int group = 1;  // factors at a time
   };
 
   EvaluationFailure EvaluateResiduals(const FactorBatch& batch) const {
@@ -184,34 +206,65 @@ class AmbientFamily : public FactorFamily {
     return FirstFault(batch, batch.end, {});
   }
 
+  // Factor after factor writes its Jacobians, then those of a few factors are taken over together.
   EvaluationFailure EvaluateAndProject(const FactorBatch& batch) const {
     Scratch scratch(*this, batch);
     MarkResiduals(batch);
-    const double* const* parameters = Parameters(batch);
-    double* residuals = Residuals(batch);
     const TangentMap* const* maps = Maps(batch);
+    for (int first = batch.begin; first < batch.end; first += scratch.group) {
+      const int end = std::min(first + scratch.group, batch.end);
+      const int reached = EvaluateGroup(batch, first, end, &scratch);
+      const EvaluationFailure bad = TakeGroup(maps, first, reached - first, &scratch);
+      if (bad.failed()) {
+        return FirstFault(batch, bad.factor + 1, bad);
+      }
+      if (reached < end) {
+        return FirstFault(batch, reached, {reached, kReturnedFalse});
+      }
+      maps += static_cast<std::ptrdiff_t>(end - first) * num_slots();
+    }
+    return FirstFault(batch, batch.end, {});
+  }
+
+  // The factors from first to end, or to one that returns false, which is returned.
+  int EvaluateGroup(const FactorBatch& batch, int first, int end, Scratch* scratch) const {
     const int num_slots = this->num_slots();
-    const int rows = residual_size();
-    for (int i = batch.begin; i < batch.end;
-         ++i, parameters += num_slots, residuals += rows, maps += num_slots) {
+    const std::ptrdiff_t entry = static_cast<std::ptrdiff_t>(first) * num_slots;
+    const double* const* parameters = batch.parameters + entry;
+    const TangentMap* const* maps = batch.tangent_maps + entry;
+    double* residuals = batch.residuals + static_cast<std::ptrdiff_t>(first) * residual_size();
+    for (int i = first; i < end; ++i, parameters += num_slots, maps += num_slots) {
       for (int s = 0; s < num_slots; ++s) {
         // What is unwanted is asked for all the same: code that never met a constant may not look
         // for a null pointer.
-        scratch.blocks[s] =
-            maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
+        const internal::AmbientSlot& slot = scratch->slots[s];
+        scratch->blocks[s] = maps[s]->kind == TangentMap::Kind::kConstant
+                                 ? nullptr
+                                 : slot.values + std::ptrdiff_t{i - first} * slot.size;
       }
-      if (!derived().EvaluateOne(i, parameters, residuals, scratch.blocks)) {
-        return FirstFault(batch, i, {i, kReturnedFalse});
+      if (!derived().EvaluateOne(i, parameters, residuals, scratch->blocks)) {
+        return i;
       }
-      for (int s = 0; s < num_slots; ++s) {
-        typename Scratch::Slot& slot = scratch.slots[s];
-        if (!TakeOver(*maps[s], slot, rows)) {
-          return FirstFault(batch, i + 1, BadJacobian(i, s, slot.values, slot.size));
-        }
-        slot.J_tangent += slot.factor_stride;
-      }
+      residuals += residual_size();
     }
-    return FirstFault(batch, batch.end, {});
+    return end;
+  }
+
+  // Of `count` factors from first on; of several with a bad Jacobian the first.
+  EvaluationFailure TakeGroup(const TangentMap* const* maps, int first, int count,
+                              Scratch* scratch) const {
+    EvaluationFailure failure;
+    for (int s = 0; s < num_slots(); ++s) {
+      internal::AmbientSlot& slot = scratch->slots[s];
+      const int bad = internal::TakeOver(slot, maps + s, num_slots(), count);
+      if (bad >= 0) {
+        failure =
+            BadJacobian(first + bad, s, slot.values + std::ptrdiff_t{bad} * slot.size, slot.size);
+        count = bad;
+      }
+      slot.J_tangent += count * slot.factor_stride;
+    }
+    return failure;
   }
 
   // Whether all factors touch the same variables by Jacobians of one row that are their own tangent
@@ -388,22 +441,6 @@ class AmbientFamily : public FactorFamily {
   static bool IsOrdinary(const Run& run, int num_rows) {
     return run.stride <= 4 * run.size &&
            AreAllWritten(run.first, (num_rows - 1) * static_cast<int>(run.stride) + run.size);
-  }
-
-  // False if an entry of a Jacobian that is wanted is not finite or was not written.
-  static bool TakeOver(const TangentMap& map, const typename Scratch::Slot& slot, int rows) {
-    if (map.copies() && slot.take(map.ambient_size, map.tangent_size, slot.values, rows,
-                                  slot.J_tangent, slot.row_stride)) {
-      return true;  // as most do
-    }
-    if (map.wanted()) {
-      if (!AreAllWritten(slot.values, slot.size)) {
-        return false;
-      }
-      ProjectToTangentSpace(map, slot.values, rows, slot.J_tangent, slot.row_stride);
-    }
-    MarkUnwritten(slot.values, slot.size);
-    return true;
   }
 };
 

@@ -1,0 +1,112 @@
+#include "linearize/robust_costs.h"
+
+#include "inceres/problem/constant_size.h"
+
+namespace inceres::internal {
+namespace {
+
+// Costs and corrections of a group of factors (docs/algorithms.md, "Robust losses"). Losses are
+// asked one by one; the Jacobians of the group are then scaled by one call of a kernel, slot by
+// slot, while they are in the cache.
+
+// What the losses of a group make of it.
+struct GroupScales {
+  FactorScale of_jacobian[kSumSize];
+  double of_residual[kSumSize];
+  bool are_finite = true;
+};
+
+// Of the candidate: the values of the losses are kept.
+double SumCandidateCosts(int begin, int end, Linearization* family) {
+  const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
+  const double* f =
+      family->candidate_residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  double cost = 0.0;
+  WithConstantSize(family->residual_size, [&](auto rows) {
+    for (int i = begin; i < end; ++i, f += rows) {
+      LossValue& value = family->loss_values[i];
+      value.Set(losses[i].get(), SquaredNorm(f, rows));
+      cost += value.cost();
+    }
+  });
+  return cost;
+}
+
+// Those of the point that was linearized; a loss is not asked again where its value is known.
+double SumLinearizedCosts(bool known_point, LossCurvature curvature, int begin, int end,
+                          Linearization* family, GroupScales* scales, EvaluationFailure* failure) {
+  const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
+  const double* f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  double cost = 0.0;
+  WithConstantSize(family->residual_size, [&](auto rows) {
+    for (int n = 0; n < end - begin; ++n, f += rows) {
+      LossValue& value = family->loss_values[begin + n];
+      const double s = SquaredNorm(f, rows);
+      if (!known_point || s != value.s) {
+        value.Set(losses[begin + n].get(), s);
+      }
+      cost += value.cost();
+      if (!value.HasRoot()) {
+        *failure = {begin + n, kLossWithoutRoot};
+        return;
+      }
+      const RobustScale scale(value, curvature);
+      scales->of_jacobian[n] = scale.jacobian();
+      scales->of_residual[n] = scale.is_corrected() ? scale.residual() : scale.sqrt_weight;
+      scales->are_finite = scales->are_finite && scale.is_finite();
+    }
+  });
+  return cost;
+}
+
+// J first, for it needs f as it was evaluated.
+void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int end,
+             Linearization* family) {
+  const auto num_slots = static_cast<int>(family->slots.size());
+  double* f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  // Whole rows have one slot with offset 0 for all factors.
+  if (!family->has_whole_rows() && scales.are_finite) {
+    BestKernels().correct_factors(family->slots.data(), num_slots, begin, end - begin,
+                                  family->tangent_offsets.data() + family->Entry(begin), f,
+                                  family->residual_size, scales.of_jacobian);
+  } else {
+    const bool whole_rows = family->has_whole_rows();
+    for (int i = begin; i < end; ++i) {
+      RobustScale(family->loss_values[i], curvature)
+          .Apply(f + std::ptrdiff_t{i - begin} * family->residual_size, family->residual_size,
+                 num_slots, family->slots.data(), i,
+                 family->tangent_offsets.data() + (whole_rows ? 0 : family->Entry(i)));
+    }
+  }
+  WithConstantSize(family->residual_size, [&](auto rows) {
+    for (int n = 0; n < end - begin; ++n) {
+      for (int r = 0; r < rows; ++r, ++f) {
+        *f *= scales.of_residual[n];
+      }
+    }
+  });
+}
+
+}  // namespace
+
+double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
+                Linearization* family, EvaluationFailure* failure) {
+  // One pass over the residuals, as the sum of squares needs no loss.
+  if (!family->graph->HasLosses(family->id)) {
+    const double* const f = (linearized ? family->residuals : family->candidate_residuals).data();
+    return PlainCost(f + std::ptrdiff_t{begin} * family->residual_size,
+                     std::ptrdiff_t{end - begin} * family->residual_size);
+  }
+  if (!linearized) {
+    return SumCandidateCosts(begin, end, family);
+  }
+  GroupScales scales;
+  const double cost =
+      SumLinearizedCosts(known_point, curvature, begin, end, family, &scales, failure);
+  if (!failure->failed()) {
+    Correct(scales, curvature, begin, end, family);
+  }
+  return cost;
+}
+
+}  // namespace inceres::internal
