@@ -7,8 +7,7 @@
 
 Lines that are neither blank nor comment count, of src, include and adapters: the class's body and
 its members outside of it, in whatever file they are, for a class cut into files is no smaller. A
-class of a .cc file has its members there. What is larger than the limit is listed below with its
-size: it may shrink, and leaves the list when it is small enough, but nothing is added to it.
+class of a .cc file has its members there.
 """
 
 import collections
@@ -18,9 +17,6 @@ import sys
 import checking
 
 LIMIT = 350
-# Classes that are larger still, and how large they may be.
-LARGE = {
-}
 
 FOLDERS = ("src", "include", "adapters")
 SUFFIXES = {".cc", ".h", ".inc"}
@@ -78,17 +74,10 @@ def sizes_of(root):
     return sizes
 
 
-def large_classes(root, large):
+def large_classes(root):
     """(one line per problem, number of classes)."""
     sizes = sizes_of(root)
-    problems = []
-    for name, size in sorted(sizes.items()):
-        most = large.get(name, LIMIT)
-        if size > most:
-            problems.append(f"{name} has {size} lines; at most {most}")
-        elif name in large and size <= LIMIT:
-            problems.append(f"{name} has {size} lines: it is large no longer")
-    problems += [f"{name} is listed and not there" for name in sorted(set(large) - set(sizes))]
+    problems = [f"{name} has {size} lines; at most {LIMIT}" for name, size in sorted(sizes.items()) if size > LIMIT]
     if not sizes:
         problems.append(f"{root} has no classes: not the top of an inceres tree")
     return problems, len(sizes)
@@ -106,38 +95,34 @@ def member_of(name, count):
     return f"void {name}::F() {{\n  // not counted\n\n" + lines_of(count - 2) + "}\n"
 
 
-# What is planted, what is listed, and what is reported.
+# What is planted, and what is reported.
 PLANTED = [
-    ({"src/a.h": body_of("A", 350)}, {}, []),
-    ({"src/a.h": body_of("A", 351)}, {}, ["A has 351 lines; at most 350"]),
+    ({"src/a.h": body_of("A", 350)}, []),
+    ({"src/a.h": body_of("A", 351)}, ["A has 351 lines; at most 350"]),
     ({"src/a.h": body_of("A", 50), "src/a.cc": member_of("A", 200), "src/b.cc": member_of("A", 101)},
-     {}, ["A has 351 lines; at most 350"]),
-    ({"src/a.cc": body_of("A", 200), "src/b.cc": body_of("A", 200) + member_of("A", 100)}, {}, []),
+     ["A has 351 lines; at most 350"]),
+    ({"src/a.cc": body_of("A", 200), "src/b.cc": body_of("A", 200) + member_of("A", 100)}, []),
     ({"src/a.cc": "struct A::Impl {\n  int x;\n};\nint A::Impl::F() const {\n" + lines_of(346) + "}\n"},
-     {}, ["src/a.cc: A::Impl has 351 lines; at most 350"]),
+     ["src/a.cc: A::Impl has 351 lines; at most 350"]),
     ({"include/a.h": body_of("INCERES_EXPORT A", 20) + "inline int A::F() { return 1; }\n",
       "adapters/a.cc": "A::A(int x,\n     int y)\n    : x_(x) {\n" + lines_of(330) + "}\n"},
-     {}, ["A has 355 lines; at most 350"]),
-    ({"src/a.h": body_of("A", 400)}, {"A": 400}, []),
-    ({"src/a.h": body_of("A", 401)}, {"A": 400}, ["A has 401 lines; at most 400"]),
-    ({"src/a.h": body_of("A", 300)}, {"A": 400}, ["A has 300 lines: it is large no longer"]),
-    ({"src/a.h": body_of("A", 3)}, {"B": 400}, ["B is listed and not there"]),
+     ["A has 355 lines; at most 350"]),
 ]
 
 
 def self_test():
     failures = []
-    for files, large, expected in PLANTED:
-        problems = checking.in_tree(files, lambda root, large=large: large_classes(root, large)[0])
+    for files, expected in PLANTED:
+        problems = checking.in_tree(files, lambda root: large_classes(root)[0])
         if problems != expected:
             failures.append(f"{list(files)}: {problems or 'nothing'} was reported, not {expected}")
-    if not checking.in_tree({}, lambda root: large_classes(root, {})[0]):
+    if not checking.in_tree({}, lambda root: large_classes(root)[0]):
         failures.append("an empty folder is taken for the project")
     return checking.tell(failures, f"{len(PLANTED)} planted trees are told apart")
 
 
 def check(root):
-    problems, num_classes = large_classes(root, LARGE)
+    problems, num_classes = large_classes(root)
     return problems, f"check_class_sizes: {num_classes} classes, {len(problems)} problems"
 
 
