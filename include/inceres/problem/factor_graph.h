@@ -278,10 +278,9 @@ class INCERES_EXPORT FactorGraph {
   }
   /// True if any factor of the family has a loss.
   bool HasLosses(FamilyId id) const { return !factors_[id].losses.empty(); }
-
   /// Of each place of the family, null without one; null if no factor of it has a loss.
   const std::shared_ptr<const Loss>* losses(FamilyId id) const {
-    return HasLosses(id) ? families_[Index(id)].losses.data() : nullptr;
+    return HasLosses(id) ? factors_[id].losses.data() : nullptr;
   }
 
   /// What the next edit takes: the id of the k-th removed variable of this ambient size, or the
