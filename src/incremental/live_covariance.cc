@@ -16,8 +16,6 @@
 
 namespace inceres {
 
-using internal::Invalid;
-
 Status LiveCovarianceOptions::Validate() const {
   return internal::OptionRules("LiveCovarianceOptions")
       .Positive("tolerance", tolerance)

@@ -91,7 +91,7 @@ void IncrementalFamily::Weigh(int factor) {
 double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors,
                                           const double* padded_step) {
   kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()),
-                          padded_step, weighed_.J_step());
+                          padded_step, weighed_.step_products());
   return weighed_.PredictedDecrease(factors);
 }
 
@@ -113,7 +113,7 @@ double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors,
   FactorRows rows = factors_.Rows(0, 0);
   rows.residuals = weighed_.q();
   return kernels_->try_rows(rows, factors.data(), static_cast<int>(factors.size()), padded_step,
-                            weighed_.candidate_q(), weighed_.J_step(), padded_rhs);
+                            weighed_.candidate_q(), weighed_.step_products(), padded_rhs);
 }
 
 // Per entry there are three pointers and two offsets.

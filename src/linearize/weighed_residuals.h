@@ -57,7 +57,7 @@ class WeighedResiduals {
   double CandidateChange(const std::vector<std::int32_t>& list) const;
 
   /// J δ of the step under construction, for its maker to write.
-  double* J_step() { return J_step_.data(); }
+  double* step_products() { return J_step_.data(); }
   /// −Σ (Jδ)ᵀ (q + ½ Jδ), the model decrease of that step.
   double PredictedDecrease(const std::vector<std::int32_t>& list) const;
   /// Of one factor: −qᵀJδ and ‖Jδ‖².

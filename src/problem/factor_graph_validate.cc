@@ -9,7 +9,6 @@ namespace inceres {
 
 using internal::AllFinite;
 using internal::FactorFault;
-using internal::FactorTable;
 using internal::FamilyName;
 using internal::FamilyRecord;
 using internal::Fault;
