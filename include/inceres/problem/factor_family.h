@@ -235,6 +235,7 @@ class MeasuredFamily : public Base {
   /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 
+  /// Number of measurements.
   int size() const override { return static_cast<int>(measurements_.size()); }
 
  protected:
