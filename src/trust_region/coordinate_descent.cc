@@ -14,7 +14,6 @@ namespace {
 
 constexpr int kTasksPerThread = 8;
 constexpr int kMaxVariablesPerTask = 64;
-constexpr int kMaxPrefetched = 64;
 
 }  // namespace
 
@@ -64,23 +63,10 @@ void CoordinateDescent::Run() {
       BlockMinimizer minimizer(rules_, &evaluator_, &maps_);
       for (int k = begin; k < end; ++k) {
         const int index = index_[group[k]];
-        // While this one is minimized, the factors of the next are fetched.
-        if (k + 1 < end) {
-          Prefetch(index_[group[k + 1]]);
-        }
         minimizer.Minimize(group[k], sightings_.data() + begin_[index],
                            sightings_.data() + begin_[index + 1]);
       }
     });
-  }
-}
-
-// Factors of one variable lie apart where they are stored by the other one. Of a variable with very
-// many, what is fetched long before it is read is gone again.
-void CoordinateDescent::Prefetch(int index) const {
-  const int end = std::min(begin_[index + 1], begin_[index] + kMaxPrefetched);
-  for (int i = begin_[index]; i < end; ++i) {
-    evaluator_.graph().family(sightings_[i].family).Prefetch(sightings_[i].factor);
   }
 }
 

@@ -27,7 +27,6 @@ class CoordinateDescent {
 
  private:
   void CollectSightings();
-  void Prefetch(int index) const;
 
   const std::vector<std::vector<VariableId>>& groups_;
   const CeresRules rules_;

@@ -170,11 +170,6 @@ class INCERES_EXPORT FactorFamily {
   /// where one may take long, as a user's function may. Changes no result.
   virtual int TaskSize() const { return 256; }
 
-  /// A hint: the factor is evaluated next, by itself and out of order. A family whose factors are
-  /// objects of their own, each a miss of the cache, may ask for its memory already. Called
-  /// concurrently, as Evaluate is.
-  virtual void Prefetch(int /*factor*/) const {}
-
   /// Whether Recenter may ever do anything: solvers ask before they call it.
   virtual bool Recenters() const { return false; }
 

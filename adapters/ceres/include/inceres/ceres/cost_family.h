@@ -54,9 +54,6 @@ class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
     return internal::DescribeObject("cost function", at(i).get());
   }
 
-  /// The cost function's memory, which begins with what a call of it needs.
-  void Prefetch(int i) const override { __builtin_prefetch(at(i).get()); }
-
   /// Calls the cost function; for AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const {
