@@ -138,7 +138,6 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   // A pass of landmarks has a row of the trace, but solves no reduced system and is not counted as
   // an iteration.
   if (landmarks_.Step()) {
-    NoteLandmarks();
     return Verdict::kGoOn;
   }
   ++context_.summary->num_iterations;
@@ -158,11 +157,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = context_.summary->remaining_decrease;
   // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
   // after each step of the frames.
-  if (landmarks_.StepIfTheyDominate(landmark_gain, remaining)) {
-    NoteLandmarks();
-    return Verdict::kGoOn;
-  }
-  return TakeStep(remaining);
+  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
+                                                                 : TakeStep(remaining);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there
@@ -289,14 +285,6 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();
   earlier_factor_.NoteStep(gain_ratio, shortened);
-}
-
-// Landmarks that have just gained much, freed of their damping, may go on to: what they are left
-// with under the damping of before is no proof against it.
-void IncrementalMinimizer::NoteLandmarks() {
-  if (context_.row().cost_change > context_.stop.Allowed(context_.system.cost())) {
-    linearization_.ForgetFreed();
-  }
 }
 
 // Refresh before retreat; then more damping, which the landmarks that would have moved take up too.

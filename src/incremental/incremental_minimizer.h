@@ -57,12 +57,11 @@ class IncrementalMinimizer {
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);
-  void NoteLandmarks();
   Verdict Retreat(bool refreshed);
 
   UpdateContext context_;
   UpdateLinearization linearization_{&context_};
-  LandmarkPasses landmarks_{&context_};
+  LandmarkPasses landmarks_{&context_, &linearization_};
   FrameSolve frame_solve_{&context_};
   StepAttempts attempts_{&context_, &frame_solve_.step()};
   EarlierFactor earlier_factor_{&context_, &frame_solve_};

@@ -143,7 +143,7 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
   if (!edit.empty() && status.ok()) {
     converged_ = false;
     edited_ = true;
-    weakest_.is_known = weakest_.is_known && only_adds;
+    weakest_.is_known = only_adds;
   }
   return status;
 }

@@ -40,6 +40,11 @@ bool LandmarkPasses::Step() {
     // c of the stopping rule: what landmarks gain over their promise, they may go on to gain.
     context_.stop.LandmarksGained(row.cost_change, gain);
     row.step_norm = system.step().Norm();
+    // Landmarks that have just gained much, freed of their damping, may go on to: what they are
+    // left with under the damping of before is no proof against it.
+    if (row.cost_change > context_.stop.Allowed(system.cost())) {
+      linearization_.ForgetFreed();
+    }
     // Before the step ends, for it asks which factors were touched.
     context_.relinearization.MarkStale(context_.Tolerance());
     system.step().End();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "incremental/update_context.h"
+#include "incremental/update_linearization.h"
 
 namespace inceres::internal {
 
@@ -9,7 +10,8 @@ namespace inceres::internal {
 /// (docs/algorithms.md, "Landmark refinement").
 class LandmarkPasses {
  public:
-  explicit LandmarkPasses(UpdateContext* context) : context_(*context) {}
+  LandmarkPasses(UpdateContext* context, UpdateLinearization* linearization)
+      : context_(*context), linearization_(*linearization) {}
 
   /// An Update begins: the frames go first.
   void Begin() {
@@ -27,6 +29,7 @@ class LandmarkPasses {
 
  private:
   UpdateContext& context_;
+  UpdateLinearization& linearization_;
   bool frames_moved_ = false;  // since landmarks last stepped by themselves
   int num_left_ = 0;           // passes still allowed before the next step of the frames
 };

@@ -1,7 +1,8 @@
 #include "linearize/weighed_residuals.h"
 
 #include <cmath>
-#include <type_traits>
+
+#include "inceres/problem/constant_size.h"
 
 // Per factor there are the corrected Jacobian J := √w (I − α n nᵀ) J, which its user keeps, the
 // residual f now, the residual f̂ that the cached J predicts, and q. The correction is kept as
@@ -28,24 +29,6 @@ double Dot(const double* a, const double* b, int size) {
   return sum;
 }
 
-// f(std::integral_constant<int, n>) for a residual of n numbers, if most are of such a size: no
-// loop then. 0: any.
-template <typename F>
-auto WithSize(int size, F&& f) {
-  switch (size) {
-    case 1:
-      return f(std::integral_constant<int, 1>());
-    case 2:
-      return f(std::integral_constant<int, 2>());
-    case 3:
-      return f(std::integral_constant<int, 3>());
-    case 6:
-      return f(std::integral_constant<int, 6>());
-    default:
-      return f(std::integral_constant<int, 0>());
-  }
-}
-
 }  // namespace
 
 // All arrays by place grow together.
@@ -64,10 +47,9 @@ void WeighedResiduals::Grow(int num_places, int capacity) {
 
 // q at the candidate, with the w, n and β of the Jacobian.
 // The gradient of the candidate in the coordinates of the old J: J is not evaluated for it.
-template <int kSize>
-void WeighedResiduals::WeighCandidatesSized(const Linearization& factors, int begin, int end) {
-  // Most residuals are of size 1 or 2, known at compile time there: no loop.
-  const int size = kSize > 0 ? kSize : size_;
+template <typename Size>
+void WeighedResiduals::WeighCandidatesSized(Size size, const Linearization& factors, int begin,
+                                            int end) {
   const FactorGraph& graph = *factors.graph;
   const bool has_losses = graph.HasLosses(factors.id);
   const double* f = factors.candidate_residuals.data() + First(begin);
@@ -92,7 +74,7 @@ void WeighedResiduals::WeighCandidatesSized(const Linearization& factors, int be
 }
 
 void WeighedResiduals::WeighCandidates(const Linearization& factors, int begin, int end) {
-  WithSize(size_, [&](auto size) { WeighCandidatesSized<size>(factors, begin, end); });
+  WithConstantSize(size_, [&](auto size) { WeighCandidatesSized(size, factors, begin, end); });
 }
 
 // w = ρ'(‖f‖²) now: J := √w (I − α n nᵀ) J, q := √w f / (1 − α).
@@ -184,10 +166,9 @@ double WeighedResiduals::CandidateChange(const std::vector<std::int32_t>& list) 
 
 // f := candidate, f̂ := f̂ + (I + m mᵀ) J δ / √w. Then ‖f − f̂‖ is how far the cached J has been
 // wrong along all steps since it was made.
-template <int kSize>
-double WeighedResiduals::AcceptSized(const std::vector<std::int32_t>& list,
+template <typename Size>
+double WeighedResiduals::AcceptSized(Size size, const std::vector<std::int32_t>& list,
                                      Linearization* factors) {
-  const int size = kSize > 0 ? kSize : size_;
   double* const f_now = factors->residuals.data();
   const double* const candidate_f = factors->candidate_residuals.data();
   double change = 0.0;
@@ -229,7 +210,7 @@ double WeighedResiduals::AcceptSized(const std::vector<std::int32_t>& list,
 }
 
 double WeighedResiduals::Accept(const std::vector<std::int32_t>& list, Linearization* factors) {
-  return WithSize(size_, [&](auto size) { return AcceptSized<size>(list, factors); });
+  return WithConstantSize(size_, [&](auto size) { return AcceptSized(size, list, factors); });
 }
 
 // Five arrays are as long as q.

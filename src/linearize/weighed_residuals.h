@@ -117,10 +117,10 @@ class WeighedResiduals {
   };
 
   std::ptrdiff_t First(int factor) const { return std::ptrdiff_t{factor} * size_; }
-  template <int kSize>
-  void WeighCandidatesSized(const Linearization& factors, int begin, int end);
-  template <int kSize>
-  double AcceptSized(const std::vector<std::int32_t>& list, Linearization* factors);
+  template <typename Size>
+  void WeighCandidatesSized(Size size, const Linearization& factors, int begin, int end);
+  template <typename Size>
+  double AcceptSized(Size size, const std::vector<std::int32_t>& list, Linearization* factors);
 
   int size_;  // of a residual
   bool constant_jacobian_;

@@ -36,6 +36,10 @@ constexpr double kFineWeight = 0.05;
 
 // Of more that come together what holds them may be among themselves: nothing is foreseen.
 constexpr std::size_t kMostForeseen = 8;
+
+// Variables that are looked at for what holds a new one.
+constexpr std::size_t kMostSteps = 64;
+
 // Ends an Update after so many iterations.
 class IterationLimit : public UpdateObserver {
  public:
@@ -50,9 +54,6 @@ class IterationLimit : public UpdateObserver {
   const int limit_;
   bool is_reached_ = false;
 };
-
-// Variables that are looked at for what holds a new one.
-constexpr std::size_t kMostSteps = 64;
 
 }  // namespace
 }  // namespace internal

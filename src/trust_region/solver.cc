@@ -121,7 +121,7 @@ struct Workspace {
   }
 
   // Where S is not formed products with it read all of J: the less there is to read the better.
-  static JacobianStorage StorageFor(const SolverOptions& options) {
+  static JacobianStorage StorageAskedFor(const SolverOptions& options) {
     const ConjugateGradientsOptions& iteration = options.conjugate_gradients;
     if (options.linear_model != LinearModelKind::kIterativeSchur) {
       return JacobianStorage::kBySlot;
@@ -134,15 +134,15 @@ struct Workspace {
   // A reduced solver that was asked for is given the blocks of its system.
   static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
                                    const Layout& layout) {
-    if (StorageFor(options) != JacobianStorage::kBySlot) {
-      return StorageFor(options);
+    if (StorageAskedFor(options) != JacobianStorage::kBySlot) {
+      return StorageAskedFor(options);
     }
     // Where none was asked for the small dense models are open, which have no reduced system.
     // One that is to eliminate in a certain order needs blocks, too.
     const bool free = options.reduced_solver == ReducedSolverKind::kAutomatic &&
                       !options.reduced_solver_factory && !IsIterative(options.linear_model) &&
                       !graph.HasEliminationGroups();
-    return free ? internal::StorageFor(graph, layout) : JacobianStorage::kBySlot;
+    return free ? StorageFor(graph, layout) : JacobianStorage::kBySlot;
   }
 
   bool Suits(const SolverOptions& options, const FactorGraph& graph) const {
@@ -218,8 +218,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   // Counted while it is set up, each thing before it is taken: what does not fit is told without
   // having been tried.
   MemoryBudget budget(options.max_memory_bytes);
-  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop), Workspace::StorageFor(options),
-               &budget);
+  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop),
+               Workspace::StorageAskedFor(options), &budget);
   workspace = std::make_unique<Workspace>(options, loop, graph);
   workspace->evaluator->set_memory_budget(&budget);
   // All variables are constant, or there are none. Ceres calls this converged.

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -72,6 +74,18 @@ void ExpectClose(const Values& actual, const Expected& expected, double scale, d
   for (std::size_t k = 0; k < actual.size(); ++k) {
     ASSERT_NEAR(actual[k], expected[k], tolerance * scale) << what << ", entry " << k;
   }
+}
+
+// Blocks without padding from `data` on, kept in T.
+template <typename T>
+SlotJacobians UnpaddedSlot(T* data, std::ptrdiff_t factor_stride, int columns) {
+  SlotJacobians slot = {nullptr, factor_stride, columns, columns};
+  if constexpr (std::is_same_v<T, float>) {
+    slot.single = data;
+  } else {
+    slot.data = data;
+  }
+  return slot;
 }
 
 inline std::string InstructionSetName(const testing::TestParamInfo<InstructionSet>& info) {

@@ -128,13 +128,7 @@ struct ByFactor {
           }
         }
       }
-      T* const data = entries.data() + begin;
-      slot = {nullptr, stride, slot.columns, slot.columns};
-      if constexpr (std::is_same_v<T, float>) {
-        slot.single = data;
-      } else {
-        slot.data = data;
-      }
+      slot = UnpaddedSlot(entries.data() + begin, stride, slot.columns);
       begin += padded.rows * slot.columns;
     }
     factors.jacobians = jacobians.data();

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <type_traits>
 #include <vector>
 
 #include "simd/kernel_fixture.h"
@@ -98,12 +97,7 @@ class RowKernels : public KernelTest {
                          [](double entry) { return static_cast<T>(entry); });
         }
       }
-      slot = {nullptr, stride, slot.columns, slot.columns};
-      if constexpr (std::is_same_v<T, float>) {
-        slot.single = next;
-      } else {
-        slot.data = next;
-      }
+      slot = UnpaddedSlot(next, stride, slot.columns);
       next += rows.residual_size * slot.columns;
     }
     rows.jacobians = jacobians.data();

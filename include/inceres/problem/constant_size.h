@@ -4,10 +4,10 @@
 
 namespace inceres::internal {
 
-/// Calls visit(size), with a std::integral_constant where the size is 1 to 4: loops over a size
-/// that is a constant are unrolled, and do the same operations in the same order.
+/// Calls visit(size), with a std::integral_constant where the size is 1 to 4 or 6: loops over a
+/// size that is a constant are unrolled, and do the same operations in the same order.
 template <typename Visit>
-void WithConstantSize(int size, const Visit& visit) {
+auto WithConstantSize(int size, const Visit& visit) {
   switch (size) {
     case 1:
       return visit(std::integral_constant<int, 1>());
@@ -17,6 +17,8 @@ void WithConstantSize(int size, const Visit& visit) {
       return visit(std::integral_constant<int, 3>());
     case 4:
       return visit(std::integral_constant<int, 4>());
+    case 6:
+      return visit(std::integral_constant<int, 6>());
     default:
       return visit(size);
   }
