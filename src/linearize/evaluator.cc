@@ -151,9 +151,25 @@ void Evaluator::BuildFamily(FamilyId id) {
   BindFamily(id);
 }
 
+void Evaluator::MakeRoomToKeep() {
+  for (Linearization& cache : families_) {
+    if (HasRoomFor(cache.BytesToKeep())) {
+      Take(cache.BytesToKeep(), "the Jacobians of coordinate descent");
+      cache.MakeRoomToKeep();
+    }
+  }
+}
+
+void Evaluator::KeepEvaluations(bool keep) {
+  for (Linearization& cache : families_) {
+    cache.KeepEvaluations(keep);
+  }
+}
+
 // What of a family's cache is the graph's own.
 void Evaluator::BindFamily(FamilyId id) {
   Linearization& cache = families_[id];
+  cache.KeepEvaluations(false);
   cache.graph = graph_;
   cache.family = &graph_->family(id);
   if (graph_->HasLosses(id)) {
@@ -333,7 +349,10 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
       return status;
     }
   }
-  return EvaluateAll(/*jacobians=*/true, known_point, cost);
+  const Status status = EvaluateAll(/*jacobians=*/true, known_point, cost);
+  // Nobody comes back to this point.
+  KeepEvaluations(false);
+  return status;
 }
 
 std::int64_t Evaluator::Bytes() const {
@@ -344,6 +363,7 @@ std::int64_t Evaluator::Bytes() const {
         (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.single_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() *
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
+    bytes += cache.BytesKept();
     bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*) +
                                        cache.loss_values.size() * sizeof(LossValue));
   }

@@ -184,6 +184,25 @@ bool Linearization::IsPinned(int factor) const {
   return std::any_of(first, first + num_slots, [](const double* pin) { return pin != nullptr; });
 }
 
+// Some families cannot.
+std::int64_t Linearization::BytesToKeep() const {
+  return KeptEvaluations::CanKeep(*family) ? KeptEvaluations::Bytes(*family, num_factors) : 0;
+}
+
+void Linearization::MakeRoomToKeep() {
+  if (kept_ == nullptr && KeptEvaluations::CanKeep(*family)) {
+    kept_ = std::make_unique<KeptEvaluations>(*family, num_factors);
+  }
+}
+
+// What was kept before is of another point.
+void Linearization::KeepEvaluations(bool keep) {
+  keeps_ = keep && kept_ != nullptr;
+  if (keeps_) {
+    kept_->Forget();
+  }
+}
+
 // Without Jacobians tangent maps are not needed.
 FactorBatch Linearization::CandidateBatch(int begin, int end) {
   FactorBatch batch;
@@ -191,6 +210,7 @@ FactorBatch Linearization::CandidateBatch(int begin, int end) {
   batch.end = end;
   batch.parameters = CandidateParameters(0);
   batch.residuals = candidate_residuals.data();
+  batch.kept = keeps_ ? kept_.get() : nullptr;
   return batch;
 }
 
@@ -203,6 +223,7 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   batch.tangent_maps = tangent_maps.data();
   batch.residuals = residuals.data();
   batch.jacobians = views.data();
+  batch.kept = keeps_ ? kept_.get() : nullptr;
   return batch;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/executor.h"
@@ -9,6 +10,7 @@
 #include "base/zeroed_array.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/robustify.h"
+#include "problem/kept_evaluations.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -81,6 +83,12 @@ struct Linearization {
   /// EvaluateCandidate, or of Linearize, that follow ask for: an ascending list.
   EvaluationFailure Prepare(bool jacobians, const std::vector<std::int32_t>& factors);
 
+  /// Evaluator::MakeRoomToKeep and KeepEvaluations, of this family.
+  std::int64_t BytesToKeep() const;
+  std::int64_t BytesKept() const { return kept_ != nullptr ? BytesToKeep() : 0; }
+  void MakeRoomToKeep();
+  void KeepEvaluations(bool keep);
+
   /// evaluate(begin, end) for each run of neighbors in an ascending list, one after the other or in
   /// tasks. The first failure.
   template <typename Evaluate>
@@ -135,7 +143,9 @@ struct Linearization {
   FactorBatch LinearizationBatch(int begin, int end);
   EvaluationFailure LinearizePinned(FactorBatch batch);
 
-  bool prepared_ = false;                           // what is evaluated next
+  bool prepared_ = false;  // what is evaluated next
+  bool keeps_ = false;
+  std::unique_ptr<KeptEvaluations> kept_;           // null: no room
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };

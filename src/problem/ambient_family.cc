@@ -146,7 +146,7 @@ bool AreAlike(const TangentMap& a, const TangentMap& b) {
 // Those from begin to end; false, and nothing done, if it is for who takes one by one.
 bool TakeRun(Taking taking, const internal::AmbientSlot& slot, const TangentMap* const* maps,
              int map_stride, int begin, int end) {
-  double* const J = slot.values + std::ptrdiff_t{begin} * slot.size;
+  const double* const J = slot.values + std::ptrdiff_t{begin} * slot.size;
   double* const out = slot.J_tangent + begin * slot.factor_stride;
   if (taking == Taking::kCopy) {
     return slot.take != nullptr &&
@@ -178,13 +178,12 @@ int internal::TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, i
     }
     const bool taken = TakeRun(taking, slot, maps, map_stride, begin, end);
     for (int n = begin; n < end && !taken; ++n) {
-      double* const J = slot.values + std::ptrdiff_t{n} * slot.size;
+      const double* const J = slot.values + std::ptrdiff_t{n} * slot.size;
       if (map_of(n).wanted() && !AreAllWritten(J, slot.size)) {
         return n;
       }
       ProjectToTangentSpace(map_of(n), J, slot.num_rows, slot.J_tangent + n * slot.factor_stride,
                             slot.row_stride);
-      MarkUnwritten(J, slot.size);
     }
     begin = end;
   }

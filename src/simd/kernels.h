@@ -168,10 +168,10 @@ struct Contribution {
 /// hundredth of it proves that none of them is such an entry, infinite or NaN.
 constexpr double kUnwrittenEntry = 1e302;
 
-/// Takes over `count` Jacobians J of a user's, one after the other: copies their first columns to
-/// blocks factor_stride apart with rows row_stride apart and fills J with kUnwrittenEntry. If the
-/// sum of the magnitudes of J does not prove its entries ordinary, J stays and the result is false.
-using ColumnTake = bool (*)(int count, double* J, int rows, double* out,
+/// Copies the first columns of `count` Jacobians J of a user's, one after the other, to blocks
+/// factor_stride apart with rows row_stride apart. If the sum of the magnitudes of J does not prove
+/// its entries ordinary, nothing is written and the result is false.
+using ColumnTake = bool (*)(int count, const double* J, int rows, double* out,
                             std::ptrdiff_t factor_stride, int row_stride);
 
 /// What a loss makes of the Jacobians of a factor with the residual f: scale (I − a f fᵀ) J.
@@ -190,7 +190,7 @@ struct Kernels {
   /// The same of Jacobians with 7 columns, of a position and a quaternion: J_n M_n, of whose M_n (7
   /// × 6) the first three rows and columns are those of the identity. Sums run over the rows of M
   /// upwards, each term rounded, as in a plain loop.
-  bool (*take_poses)(const double* const* M, int count, double* J, int rows, double* out,
+  bool (*take_poses)(const double* const* M, int count, const double* J, int rows, double* out,
                      std::ptrdiff_t factor_stride, int row_stride);
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
   /// infinite or NaN.

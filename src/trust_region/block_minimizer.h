@@ -17,21 +17,21 @@ struct Sighting {
   std::int32_t slot;
 };
 
-/// Per family, a map for each entry: which Jacobians an evaluation is to write. All are those of
-/// constants but while a minimizer has its variable's there. Shared by all minimizers of an
-/// evaluator.
+/// Which Jacobians an evaluation is to write: per family, a map for each entry. Those of a variable
+/// are wanted while a minimizer has its map there. Shared by all minimizers of an evaluator.
 struct BlockMaps {
-  explicit BlockMaps(const Evaluator& evaluator) {
-    constant.kind = TangentMap::Kind::kConstant;
-    for (const Linearization& family : evaluator.families()) {
-      families.emplace_back(family.parameters.size(), &constant);
-    }
-  }
+  using Table = std::vector<std::vector<const TangentMap*>>;
+
+  /// The evaluator has made room to keep evaluations, or nobody does.
+  explicit BlockMaps(const Evaluator& evaluator);
   BlockMaps(const BlockMaps&) = delete;
   BlockMaps& operator=(const BlockMaps&) = delete;
 
   TangentMap constant;
-  std::vector<std::vector<const TangentMap*>> families;
+  TangentMap unwanted;
+  Table alone;  ///< all others count as constants
+  Table kept;   ///< where evaluations are kept, others' Jacobians are computed as well
+  std::vector<const TangentMap*> others;  ///< per family, in `kept`
 };
 
 /// Minimizes the cost of the factors that see one variable over that variable, with all others held
@@ -52,11 +52,12 @@ class BlockMinimizer {
 
  private:
   void Take(VariableId id, const Sighting* begin, const Sighting* end);
-  void PlaceMaps(bool wanted);
-  bool Linearize();
-  bool EvaluateJacobians(const std::vector<double>& x, double* cost);
+  void PlaceMaps();
+  void TakeMapsBack();
+  bool Linearize(const BlockMaps::Table& maps);
+  bool EvaluateJacobians(const BlockMaps::Table& maps, const std::vector<double>& x, double* cost);
   bool EvaluateCandidate(double* cost);
-  bool Evaluate(bool jacobians, double* cost);
+  bool Evaluate(const BlockMaps::Table* maps, double* cost);
   bool Robustify(const Sighting& sighting, int row, bool jacobians, double* cost);
   void FormColumns();
   bool ProjectedGradientIsSmall();

@@ -30,6 +30,8 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
 
 // Where one process cannot move, none does.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
+  // Those of a candidate before.
+  evaluator_.KeepEvaluations(false);
   return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
 }
 

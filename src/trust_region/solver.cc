@@ -106,6 +106,13 @@ struct Workspace {
     evaluator->set_leaves_out_zero_blocks(dynamic_sparsity && storage == JacobianStorage::kBySlot);
   }
 
+  // Coordinate descent ends where the next Jacobians are taken.
+  void MakeRoomFor(const LoopOptions& loop) {
+    if (loop.inner_descent != nullptr) {
+      evaluator->MakeRoomToKeep();
+    }
+  }
+
   // A copy: LoopOptions are the caller's, and gone by the next solve.
   static std::vector<VariableId> EliminatedBy(const LoopOptions& loop) {
     return loop.eliminated != nullptr ? *loop.eliminated : std::vector<VariableId>();
@@ -212,6 +219,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                               workspace->eliminated == Workspace::EliminatedBy(loop);
   if (summary->structure_reused) {
     workspace->evaluator->Rebind(graph);
+    workspace->MakeRoomFor(loop);
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
@@ -241,6 +249,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     return nullptr;
   }
   workspace->evaluator->Take(VectorBytes(workspace->layout), "the vectors of a step");
+  workspace->MakeRoomFor(loop);
   // The budget ends with this function; what is taken from now on was counted here.
   workspace->evaluator->set_memory_budget(nullptr);
   return workspace;

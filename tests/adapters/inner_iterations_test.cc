@@ -1,4 +1,5 @@
 // Ceres's inner iterations next to stock Ceres: traces, orderings, summaries, what is refused.
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -134,6 +135,75 @@ TEST(InnerIterations, SameBitsForAnyNumberOfThreads) {
   }
   EXPECT_EQ(ends[0], ends[1]);
   EXPECT_EQ(ends[0], ends[2]);
+}
+
+// e^a b − y of two blocks; counts calls.
+struct Calls {
+  int costs = 0;
+  int jacobians = 0;
+};
+
+class ScaledExponential : public ceres::SizedCostFunction<1, 1, 1> {
+ public:
+  ScaledExponential(double y, Calls* calls) : y_(y), calls_(*calls) {}
+  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
+    ++(jacobians == nullptr ? calls_.costs : calls_.jacobians);
+    const double scale = std::exp(x[0][0]);
+    residuals[0] = scale * x[1][0] - y_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = scale * x[1][0];
+    }
+    if (jacobians != nullptr && jacobians[1] != nullptr) {
+      jacobians[1][0] = scale;
+    }
+    return true;
+  }
+
+ private:
+  double y_;
+  Calls& calls_;
+};
+
+std::unique_ptr<TestProblem> Exponentials(double phase, Calls* calls) {
+  auto test = std::make_unique<TestProblem>();
+  std::vector<double*> scales, values;
+  for (int k = 0; k < 12; ++k) {
+    scales.push_back(test->Add({0.1 * k}));
+    values.push_back(test->Add({1.0 + 0.3 * k}));
+  }
+  for (std::size_t i = 0; i < scales.size(); ++i) {
+    for (std::size_t j = 0; j < values.size(); ++j) {
+      const double y =
+          2.0 + std::sin(phase + 7.0 * static_cast<double>(i) + 3.0 * static_cast<double>(j));
+      test->problem.AddResidualBlock(new ScaledExponential(y, calls), nullptr, scales[i],
+                                     values[j]);
+    }
+  }
+  test->problem.SetParameterBlockConstant(scales[0]);
+  return test;
+}
+
+// Where a group has left its blocks the next one, and the next iteration, need no new Jacobians.
+// Of a problem of the same structure before nothing is used.
+TEST(InnerIterations, CallCostFunctionsLessOftenThanStock) {
+  ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.inner_iteration_tolerance = 1e-9;
+  for (const double phase : {0.0, 1.0, 2.0}) {
+    Calls calls[2];
+    ceres::Solver::Summary stock, ours;
+    ceres::Solve(options, &Exponentials(phase, &calls[0])->problem, &stock);
+    SolveOptions strictly;
+    strictly.strict = true;
+    inceres::Solve(options, &Exponentials(phase, &calls[1])->problem, &ours, strictly);
+    ASSERT_EQ(stock.iterations.size(), ours.iterations.size());
+    for (std::size_t k = 0; k < stock.iterations.size(); ++k) {
+      EXPECT_NEAR(ours.iterations[k].cost, stock.iterations[k].cost, 1e-9 * stock.initial_cost);
+    }
+    EXPECT_EQ(stock.num_inner_iteration_steps, ours.num_inner_iteration_steps);
+    EXPECT_EQ(stock.num_jacobian_evaluations, ours.num_jacobian_evaluations);
+    EXPECT_LE(calls[1].costs, calls[0].costs);
+    EXPECT_LT(calls[1].jacobians, 0.9 * calls[0].jacobians);
+  }
 }
 
 TEST(InnerIterations, MessageIsStocksForGroupsThatAreNotIndependent) {

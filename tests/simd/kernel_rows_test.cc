@@ -149,18 +149,17 @@ class RowKernels : public KernelTest {
         }
       }
     }
-    std::vector<double> taken = J;
-    EXPECT_TRUE(take(taken.data(), out.data(), factor_stride, row_stride));
+    const std::vector<double> untouched = out;
+    EXPECT_TRUE(take(J.data(), out.data(), factor_stride, row_stride));
     EXPECT_EQ(out, expected) << blocks << " of " << rows << " rows, " << ambient_size << " to "
                              << columns;
-    EXPECT_EQ(taken, std::vector<double>(count, kUnwrittenEntry));
     for (std::size_t k = 0; k < count; ++k) {
       for (const double bad : {std::nan(""), -HUGE_VAL, kUnwrittenEntry}) {
-        std::vector<double> left = J;
-        left[k] = bad;
-        const std::vector<double> before = left;
-        EXPECT_FALSE(take(left.data(), out.data(), factor_stride, row_stride)) << "entry " << k;
-        EXPECT_EQ(std::memcmp(left.data(), before.data(), count * sizeof(double)), 0);
+        std::vector<double> with_bad = J;
+        with_bad[k] = bad;
+        out = untouched;
+        EXPECT_FALSE(take(with_bad.data(), out.data(), factor_stride, row_stride)) << "entry " << k;
+        EXPECT_EQ(out, untouched);
       }
     }
   }
@@ -174,9 +173,8 @@ TEST_P(RowKernels, EqualPlainLoopsForEverySize) {
   }
 }
 
-// What is not copied stays as it was; what is taken is marked, unless something in it is not
-// ordinary.
-TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
+// What is not copied stays as it was, all of it where something is not ordinary.
+TEST_P(RowKernels, TakeColumns) {
   for (int ambient_size = 1; ambient_size <= 20; ++ambient_size) {
     for (int columns = 1; columns <= ambient_size; ++columns) {
       for (const int rows : {0, 1, 2, 3, 15}) {
@@ -185,7 +183,7 @@ TEST_P(RowKernels, TakeColumnsAndMarkWhereTheyWere) {
           if (take != nullptr) {
             ExpectTake(
                 blocks, rows, ambient_size, columns,
-                [&](double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
+                [&](const double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
                   return take(blocks, J, rows, out, factor_stride, row_stride);
                 },
                 [&](const double* row, int, int column) { return row[column]; });
@@ -216,7 +214,7 @@ TEST_P(RowKernels, TakePosesAsAPlainProduct) {
       }
       ExpectTake(
           blocks, rows, 7, 6,
-          [&](double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
+          [&](const double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
             return kernels().take_poses(pointers.data(), blocks, J, rows, out, factor_stride,
                                         row_stride);
           },

@@ -13,17 +13,17 @@ namespace inceres {
 
 namespace internal {
 
-/// Takes over `count` ambient Jacobians (num_rows × their columns, one after the other): copies
-/// their first columns, the product with M = [I; 0], to blocks factor_stride apart with rows
-/// row_stride apart, and marks them as unwritten, for the next factors to write. False, and all as
-/// it was, if the sum of the magnitudes of their entries does not prove that they are ordinary.
-using TakeFunction = bool (*)(int count, double* J_ambient, int num_rows, double* J_tangent,
+/// Copies the first columns of `count` ambient Jacobians (num_rows × their columns, one after the
+/// other), the product with M = [I; 0], to blocks factor_stride apart with rows row_stride apart.
+/// False, and nothing written, if the sum of the magnitudes of their entries does not prove that
+/// they are ordinary.
+using TakeFunction = bool (*)(int count, const double* J_ambient, int num_rows, double* J_tangent,
                               std::ptrdiff_t factor_stride, int row_stride);
 
 /// The ambient Jacobians of one slot, of a few neighboring factors, and where their tangent ones
 /// go.
 struct AmbientSlot {
-  double* values = nullptr;  ///< one after the other, marked as unwritten before they are written
+  double* values = nullptr;     ///< one after the other
   double* J_tangent = nullptr;  ///< of the first factor
   std::ptrdiff_t factor_stride = 0;
   int row_stride = 0;
@@ -39,11 +39,25 @@ INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns
 /// Factors whose Jacobians are taken over at a time, at most.
 constexpr int kMostTaken = 8;
 
-/// Checks and projects the Jacobians of `count` factors, at most kMostTaken, and marks them as
-/// unwritten again; maps[n · map_stride] is that of factor n. Returns the first factor with an
-/// entry that is not finite or was not written, whose Jacobian stays as it was, or −1.
+/// Checks and projects the Jacobians of `count` factors, at most kMostTaken; maps[n · map_stride]
+/// is that of factor n. Returns the first factor with an entry that is not finite or was not
+/// written, or −1.
 INCERES_EXPORT int TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
                             int count);
+
+/// A family with more slots keeps nothing.
+constexpr int kMostKeptSlots = 16;
+
+/// Of batch.kept and factor i: true if it was evaluated at these parameters with all the Jacobians
+/// that are wanted now; its residuals are then written. Otherwise `blocks`, of kMostKeptSlots, says
+/// where its Jacobians go, marked as unwritten as its residuals are.
+INCERES_EXPORT bool FetchKept(const FactorBatch& batch, int i, double** blocks);
+/// Keeps what was written where FetchKept was false, good or bad.
+INCERES_EXPORT void Keep(const FactorBatch& batch, int i);
+/// Checks and projects the Jacobians that are wanted, of a factor that was fetched or kept. Returns
+/// the first slot with an entry that is not finite or was not written, whose Jacobian `J` is then,
+/// or −1.
+INCERES_EXPORT int TakeKept(const FactorBatch& batch, int i, const double** J);
 
 }  // namespace internal
 
@@ -126,6 +140,9 @@ class AmbientFamily : public FactorFamily {
     if (batch.jacobians == nullptr) {
       return EvaluateResiduals(batch);
     }
+    if (batch.kept != nullptr) {
+      return EvaluateOrFetch(batch);
+    }
     return IsInPlace(batch) ? EvaluateInPlace(batch) : EvaluateAndProject(batch);
   }
 
@@ -135,8 +152,8 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
   static constexpr std::size_t kInlineSlots = 16;
 
-  // Where the ambient Jacobians of a few factors are written, always marked as unwritten when a
-  // factor begins. Up to kInline doubles live on the stack: small factors allocate nothing.
+  // Where the ambient Jacobians of a few factors are written. Up to kInline doubles live on the
+  // stack: small factors allocate nothing.
   struct Scratch {
     static constexpr std::size_t kInline = 512;
 
@@ -172,7 +189,8 @@ class AmbientFamily : public FactorFamily {
         heap.reset(new double[size]);  // not make_unique: it is filled at once
       }
       double* next = size > kInline ? heap.get() : stack;
-      MarkUnwritten(next, static_cast<int>(size));
+      values = next;
+      num_values = static_cast<int>(size);
       for (std::size_t s = 0; s < count; ++s) {
         slots[s].values = next;
         next += std::ptrdiff_t{group} * slots[s].size;
@@ -187,6 +205,8 @@ class AmbientFamily : public FactorFamily {
     std::unique_ptr<double[]> heap;
     std::vector<double*> heap_blocks;
     std::vector<internal::AmbientSlot> heap_slots;
+    double* values;  // of all slots, one after the other
+    int num_values;
     double** blocks = stack_blocks;  // what the user's code sees
     internal::AmbientSlot* slots = stack_slots;
     int group = 1;  // factors at a time
@@ -213,6 +233,7 @@ class AmbientFamily : public FactorFamily {
     const TangentMap* const* maps = Maps(batch);
     for (int first = batch.begin; first < batch.end; first += scratch.group) {
       const int end = std::min(first + scratch.group, batch.end);
+      MarkUnwritten(scratch.values, scratch.num_values);
       const int reached = EvaluateGroup(batch, first, end, &scratch);
       const EvaluationFailure bad = TakeGroup(maps, first, reached - first, &scratch);
       if (bad.failed()) {
@@ -224,6 +245,32 @@ class AmbientFamily : public FactorFamily {
       maps += static_cast<std::ptrdiff_t>(end - first) * num_slots();
     }
     return FirstFault(batch, batch.end, {});
+  }
+
+  // One by one, which allows for anything to be kept; a fault ends it.
+  EvaluationFailure EvaluateOrFetch(const FactorBatch& batch) const {
+    double* blocks[internal::kMostKeptSlots];
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    const int rows = residual_size();
+    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots(), residuals += rows) {
+      if (!internal::FetchKept(batch, i, blocks)) {
+        if (!derived().EvaluateOne(i, parameters, residuals, blocks)) {
+          return {i, kReturnedFalse};
+        }
+        internal::Keep(batch, i);
+      }
+      if (!AreWritten(residuals, rows)) {
+        const int r = FirstUnwritten(residuals, rows);
+        return {i, kBadResidual, -1, r, residuals[r]};
+      }
+      const double* J = nullptr;
+      const int s = internal::TakeKept(batch, i, &J);
+      if (s >= 0) {
+        return BadJacobian(i, s, J, rows * slot(s).ambient_size);
+      }
+    }
+    return {};
   }
 
   // The factors from first to end, or to one that returns false, which is returned.
@@ -376,7 +423,7 @@ class AmbientFamily : public FactorFamily {
   // behind them.
   EvaluationFailure FirstFault(const FactorBatch& batch, int end, EvaluationFailure failure) const {
     const double* residuals = Residuals(batch);
-    if (AreAllWritten(residuals, (end - batch.begin) * residual_size())) {
+    if (AreWritten(residuals, (end - batch.begin) * residual_size())) {
       return failure;
     }
     int i = batch.begin;

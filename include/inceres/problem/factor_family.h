@@ -62,6 +62,10 @@ struct JacobianView {
   int row_stride = 0;                ///< from row to row
 };
 
+namespace internal {
+class KeptEvaluations;
+}
+
 /// One call's worth of work: the factors [begin, end) of a family. Index i below always counts from
 /// the family's first factor.
 struct FactorBatch {
@@ -75,6 +79,10 @@ struct FactorBatch {
   const JacobianView* jacobians = nullptr;
   /// FactorFamily::Prepare has been told of these factors, at the same parameters.
   bool prepared = false;
+  /// Of a call with Jacobians, where who asks will soon come back to some of these factors at the
+  /// same parameters: an AmbientFamily keeps there what it computes, and looks there first. Null:
+  /// nobody comes back. A family that is quick leaves it alone.
+  internal::KeptEvaluations* kept = nullptr;
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
