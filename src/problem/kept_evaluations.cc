@@ -9,7 +9,8 @@ namespace inceres::internal {
 
 // Evaluations with Jacobians that are kept by their values (AmbientFamily::EvaluateOrFetch). A
 // record is what a call was given and what it wrote, unprojected: manifolds of other variables may
-// have moved on since, and what is wanted of it differs from reader to reader.
+// have moved on since, and what is wanted of it differs from reader to reader. Blocks are of a few
+// entries, for which calls of the library's memory functions take longer than what they do.
 
 namespace {
 
@@ -22,13 +23,31 @@ std::int64_t RecordSize(const FactorFamily& family) {
   return num_values + family.residual_size() * (1 + num_values);
 }
 
-template <typename Slots, typename Asked>
-std::uint32_t BitsOf(const Slots& slots, const TangentMap* const* maps, const Asked& asked) {
-  std::uint32_t bits = 0;
-  for (std::size_t s = 0; s < slots.size(); ++s) {
-    bits |= static_cast<std::uint32_t>(asked(*maps[s])) << s;
-  }
+bool IsAsked(const TangentMap& map) {
+  return map.kind != TangentMap::Kind::kConstant;
+}
+
+std::uint64_t BitsOf(double value) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof(bits));
   return bits;
+}
+
+// Returns the place behind them.
+double* Copy(const double* from, int count, double* to) {
+  for (; count >= kQuad; count -= kQuad, from += kQuad, to += kQuad) {
+    std::memcpy(to, from, kQuad * sizeof(double));
+  }
+  if (count > 0) {
+    to[0] = from[0];
+    if (count > 1) {
+      to[1] = from[1];
+      if (count > 2) {
+        to[2] = from[2];
+      }
+    }
+  }
+  return to + count;
 }
 
 }  // namespace
@@ -58,92 +77,95 @@ void KeptEvaluations::Forget() {
   std::fill(kept_.begin(), kept_.end(), 0);
 }
 
-bool KeptEvaluations::Fetch(int i, const double* const* parameters, const TangentMap* const* maps,
-                            double* residuals) {
-  const std::uint32_t kept = kept_[static_cast<std::size_t>(i)];
-  const std::uint32_t wanted =
-      BitsOf(slots_, maps, [](const TangentMap& map) { return map.wanted(); });
-  if (kept == 0 || (wanted & ~kept) != 0) {
-    return false;
-  }
-  const double* values = Record(i);
-  for (std::size_t s = 0; s < slots_.size(); ++s) {
-    const int size = slots_[s].ambient_size;
-    // By their bits: of zeros, too, the sign may matter.
-    if (std::memcmp(values, parameters[s], sizeof(double) * static_cast<std::size_t>(size)) != 0) {
-      return false;
+// By their bits: of zeros, too, the sign may matter. The last slots first, for what moves by itself
+// is mostly there, as landmarks are.
+bool KeptEvaluations::IsAt(const double* const* parameters, const double* values) const {
+  values += num_values_;
+  for (std::size_t s = slots_.size(); s-- > 0;) {
+    values -= slots_[s].ambient_size;
+    for (int k = 0; k < slots_[s].ambient_size; ++k) {
+      if (BitsOf(values[k]) != BitsOf(parameters[s][k])) {
+        return false;
+      }
     }
-    values += size;
   }
-  std::copy_n(values, residual_size_, residuals);
   return true;
 }
 
-void KeptEvaluations::Begin(int i, const TangentMap* const* maps, double** blocks) {
-  kept_[static_cast<std::size_t>(i)] = 0;
-  double* J = Jacobians(i);
+bool KeptEvaluations::Fetch(const FactorBatch& batch, int i, double** blocks) {
+  const TangentMap* const* const maps = batch.tangent_maps + Entry(i);
+  double* const residuals = batch.residuals + std::ptrdiff_t{i} * residual_size_;
+  double* const record = Record(i);
+  double* J = record + num_values_ + residual_size_;
+  std::uint32_t wanted = 0;
   for (std::size_t s = 0; s < slots_.size(); J += slots_[s].size, ++s) {
-    const bool asked = maps[s]->kind != TangentMap::Kind::kConstant;
-    blocks[s] = asked ? J : nullptr;
-    if (asked) {
-      MarkUnwritten(J, slots_[s].size);
+    blocks[s] = IsAsked(*maps[s]) ? J : nullptr;
+    wanted |= static_cast<std::uint32_t>(maps[s]->wanted()) << s;
+  }
+  std::uint32_t& kept = kept_[static_cast<std::size_t>(i)];
+  if (kept != 0 && (wanted & ~kept) == 0 && IsAt(batch.parameters + Entry(i), record)) {
+    Copy(record + num_values_, residual_size_, residuals);
+    return true;
+  }
+  kept = 0;
+  MarkUnwritten(residuals, residual_size_);
+  for (std::size_t s = 0; s < slots_.size(); ++s) {
+    if (blocks[s] != nullptr) {
+      MarkUnwritten(blocks[s], slots_[s].size);
     }
   }
+  return false;
 }
 
-void KeptEvaluations::Keep(int i, const double* const* parameters, const TangentMap* const* maps,
-                           const double* residuals) {
-  kept_[static_cast<std::size_t>(i)] = BitsOf(
-      slots_, maps, [](const TangentMap& map) { return map.kind != TangentMap::Kind::kConstant; });
-  double* to = Record(i);
+// Returns the slots whose Jacobians are there.
+std::uint32_t KeptEvaluations::Keep(const double* const* parameters, const TangentMap* const* maps,
+                                    const double* residuals, double* record) const {
+  std::uint32_t kept = 0;
   for (std::size_t s = 0; s < slots_.size(); ++s) {
-    to = std::copy_n(parameters[s], slots_[s].ambient_size, to);
+    kept |= static_cast<std::uint32_t>(IsAsked(*maps[s])) << s;
+    record = Copy(parameters[s], slots_[s].ambient_size, record);
   }
-  std::copy_n(residuals, residual_size_, to);
+  Copy(residuals, residual_size_, record);
+  return kept;
 }
 
-int KeptEvaluations::Take(int i, const TangentMap* const* maps, const JacobianView* views,
-                          const double** J) {
-  double* values = Jacobians(i);
-  for (std::size_t s = 0; s < slots_.size(); ++s) {
-    if (maps[s]->wanted()) {
-      AmbientSlot slot = slots_[s];
-      slot.values = values;
-      slot.J_tangent = views[s].data + i * views[s].factor_stride;
-      slot.row_stride = views[s].row_stride;
-      if (TakeOver(slot, maps + s, 1, 1) >= 0) {
-        *J = values;
-        return static_cast<int>(s);
-      }
+int KeptEvaluations::Take(const FactorBatch& batch, int i, bool is_new, const double** J) {
+  const TangentMap* const* const maps = batch.tangent_maps + Entry(i);
+  double* const record = Record(i);
+  if (is_new) {
+    kept_[static_cast<std::size_t>(i)] =
+        Keep(batch.parameters + Entry(i), maps,
+             batch.residuals + std::ptrdiff_t{i} * residual_size_, record);
+  }
+  double* values = record + num_values_ + residual_size_;
+  for (std::size_t s = 0; s < slots_.size(); values += slots_[s].size, ++s) {
+    if (!maps[s]->wanted()) {
+      continue;
     }
-    values += slots_[s].size;
+    const JacobianView& view = batch.jacobians[s];
+    double* const J_tangent = view.data + i * view.factor_stride;
+    if (maps[s]->copies() && slots_[s].take != nullptr &&
+        slots_[s].take(1, values, residual_size_, J_tangent, 0, view.row_stride)) {
+      continue;  // as most are
+    }
+    AmbientSlot slot = slots_[s];
+    slot.values = values;
+    slot.J_tangent = J_tangent;
+    slot.row_stride = view.row_stride;
+    if (TakeOver(slot, maps + s, 1, 1) >= 0) {
+      *J = values;
+      return static_cast<int>(s);
+    }
   }
   return -1;
 }
 
 bool FetchKept(const FactorBatch& batch, int i, double** blocks) {
-  KeptEvaluations& kept = *batch.kept;
-  const std::ptrdiff_t entry = std::ptrdiff_t{i} * kept.num_slots();
-  double* const residuals = batch.residuals + std::ptrdiff_t{i} * kept.residual_size();
-  const TangentMap* const* const maps = batch.tangent_maps + entry;
-  if (kept.Fetch(i, batch.parameters + entry, maps, residuals)) {
-    return true;
-  }
-  MarkUnwritten(residuals, kept.residual_size());
-  kept.Begin(i, maps, blocks);
-  return false;
+  return batch.kept->Fetch(batch, i, blocks);
 }
 
-void Keep(const FactorBatch& batch, int i) {
-  KeptEvaluations& kept = *batch.kept;
-  const std::ptrdiff_t entry = std::ptrdiff_t{i} * kept.num_slots();
-  kept.Keep(i, batch.parameters + entry, batch.tangent_maps + entry,
-            batch.residuals + std::ptrdiff_t{i} * kept.residual_size());
-}
-
-int TakeKept(const FactorBatch& batch, int i, const double** J) {
-  return batch.kept->Take(i, batch.tangent_maps + std::ptrdiff_t{i} * batch.kept->num_slots(),
-                          batch.jacobians, J);
+int TakeKept(const FactorBatch& batch, int i, bool is_new, const double** J) {
+  return batch.kept->Take(batch, i, is_new, J);
 }
 
 }  // namespace inceres::internal

@@ -27,21 +27,17 @@ class KeptEvaluations {
   /// Nothing is kept any more.
   void Forget();
 
-  // Of factor i: FetchKept, Keep and TakeKept (inceres/problem/ambient_family.h).
+  // FetchKept and TakeKept (inceres/problem/ambient_family.h) of its batch.
 
-  bool Fetch(int i, const double* const* parameters, const TangentMap* const* maps,
-             double* residuals);
-  void Begin(int i, const TangentMap* const* maps, double** blocks);
-  void Keep(int i, const double* const* parameters, const TangentMap* const* maps,
-            const double* residuals);
-  int Take(int i, const TangentMap* const* maps, const JacobianView* views, const double** J);
-
-  int residual_size() const { return residual_size_; }
-  int num_slots() const { return static_cast<int>(slots_.size()); }
+  bool Fetch(const FactorBatch& batch, int i, double** blocks);
+  int Take(const FactorBatch& batch, int i, bool is_new, const double** J);
 
  private:
+  bool IsAt(const double* const* parameters, const double* values) const;
+  std::uint32_t Keep(const double* const* parameters, const TangentMap* const* maps,
+                     const double* residuals, double* record) const;
   double* Record(int i) const { return records_.data() + i * stride_; }
-  double* Jacobians(int i) const { return Record(i) + num_values_ + residual_size_; }
+  std::ptrdiff_t Entry(int i) const { return static_cast<std::ptrdiff_t>(slots_.size()) * i; }
 
   std::vector<AmbientSlot> slots_;  // their sizes
   int residual_size_;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "inceres/problem/constant_size.h"
 #include "linearize/robustify.h"
 #include "simd/kernels.h"
 #include "trust_region/small_qr.h"
@@ -200,17 +201,20 @@ bool BlockMinimizer::Robustify(const Sighting& sighting, int row, bool jacobians
   const int rows = factors.residual_size;
   // The evaluator's column of residuals of the candidate: after the round they are evaluated anew.
   double* f = factors.candidate_residuals.data() + std::ptrdiff_t{sighting.factor} * rows;
-  const LossValue value(graph_.loss(sighting.family, sighting.factor), f, rows);
+  const Loss* const loss = graph_.loss(sighting.family, sighting.factor);
+  const LossValue value(loss, f, rows);
   *cost += value.cost();
   if (!jacobians || !value.HasRoot()) {
     return !jacobians;
   }
-  constexpr std::int32_t kHasJacobian = 0;
-  const int stride = PadToQuad(size_);
-  const SlotJacobians J = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride,
-                           size_};
-  RobustifyFactor(value, rows, 1, &J, 0, &kHasJacobian, LossCurvature::kPositive, f);
-  std::copy_n(f, rows, f_.begin() + row);
+  if (loss != nullptr) {
+    constexpr std::int32_t kHasJacobian = 0;
+    const int stride = PadToQuad(size_);
+    const SlotJacobians J = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride,
+                             size_};
+    RobustifyFactor(value, rows, 1, &J, 0, &kHasJacobian, LossCurvature::kPositive, f);
+  }
+  WithConstantSize(rows, [&](auto size) { std::copy_n(f, size, f_.begin() + row); });
   return true;
 }
 

@@ -1,5 +1,6 @@
 // Ceres's inner iterations next to stock Ceres: traces, orderings, summaries, what is refused.
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -7,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/ceres/plan/inner_ordering.h"
+#include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/test_problems.h"
@@ -204,6 +206,32 @@ TEST(InnerIterations, CallCostFunctionsLessOftenThanStock) {
     EXPECT_LE(calls[1].costs, calls[0].costs);
     EXPECT_LT(calls[1].jacobians, 0.9 * calls[0].jacobians);
   }
+}
+
+// To the bit; but cost functions are called more often.
+TEST(InnerIterations, EndWhereTheyDoWithRoomToKeepEvaluations) {
+  const auto solve = [](std::int64_t max_memory_bytes, Calls* calls) {
+    internal::StructureCache::OfProcess().Clear();  // a solver that is kept has room already
+    SolveOptions limited;
+    limited.max_memory_bytes = max_memory_bytes;
+    ceres::Solver::Summary summary;
+    inceres::Solve(WithInnerIterations(ceres::DENSE_SCHUR), &Exponentials(0.0, calls)->problem,
+                   &summary, limited);
+    return summary;
+  };
+  Calls with_room, without;
+  const ceres::Solver::Summary expected = solve(0, &with_room);
+  ceres::Solver::Summary actual;
+  // the least that is enough to solve
+  for (std::int64_t bytes = 1024; actual.termination_type == ceres::FAILURE; bytes += bytes / 64) {
+    ASSERT_LT(bytes, std::int64_t{1} << 30) << actual.message;
+    without = Calls();
+    actual = solve(bytes, &without);
+  }
+  EXPECT_EQ(expected.final_cost, actual.final_cost);
+  EXPECT_EQ(expected.iterations.size(), actual.iterations.size());
+  EXPECT_EQ(with_room.costs, without.costs);
+  EXPECT_LT(with_room.jacobians, without.jacobians);
 }
 
 TEST(InnerIterations, MessageIsStocksForGroupsThatAreNotIndependent) {

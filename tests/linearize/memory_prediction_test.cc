@@ -67,6 +67,23 @@ TEST(MemoryPrediction, CountsLandmarksBehindAFreePlace) {
   EXPECT_EQ(Predict(edited.graph(), true) - Predict(edited.graph(), false), incidences);
 }
 
+TEST(MemoryPrediction, RoomToKeepEvaluationsIsTakenWhereThereIsSome) {
+  PointGraph points(100);
+  const Layout layout(points.graph(), true);
+  const Executor executor(1);
+  Evaluator evaluator(points.graph(), layout, executor);
+  const std::int64_t before = evaluator.Bytes();
+  MemoryBudget small(1000), large(kMuch);
+  evaluator.set_memory_budget(&small);
+  evaluator.MakeRoomToKeep();
+  EXPECT_EQ(small.taken(), 0);
+  EXPECT_EQ(evaluator.Bytes(), before);
+  evaluator.set_memory_budget(&large);
+  evaluator.MakeRoomToKeep();
+  EXPECT_GE(large.taken(), 100 * 8 * (12 + 2 + 24));
+  EXPECT_EQ(evaluator.Bytes(), before + large.taken());
+}
+
 // Counted and taken is the same, up to what else an evaluator has.
 TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
   constexpr int kNumPoints = 30000;

@@ -52,12 +52,10 @@ constexpr int kMostKeptSlots = 16;
 /// that are wanted now; its residuals are then written. Otherwise `blocks`, of kMostKeptSlots, says
 /// where its Jacobians go, marked as unwritten as its residuals are.
 INCERES_EXPORT bool FetchKept(const FactorBatch& batch, int i, double** blocks);
-/// Keeps what was written where FetchKept was false, good or bad.
-INCERES_EXPORT void Keep(const FactorBatch& batch, int i);
-/// Checks and projects the Jacobians that are wanted, of a factor that was fetched or kept. Returns
-/// the first slot with an entry that is not finite or was not written, whose Jacobian `J` is then,
-/// or −1.
-INCERES_EXPORT int TakeKept(const FactorBatch& batch, int i, const double** J);
+/// Checks and projects the Jacobians that are wanted, and keeps the evaluation if it `is_new`, was
+/// not fetched. Returns the first slot with an entry that is not finite or was not written, whose
+/// Jacobian `J` is then, or −1.
+INCERES_EXPORT int TakeKept(const FactorBatch& batch, int i, bool is_new, const double** J);
 
 }  // namespace internal
 
@@ -254,18 +252,16 @@ class AmbientFamily : public FactorFamily {
     double* residuals = Residuals(batch);
     const int rows = residual_size();
     for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots(), residuals += rows) {
-      if (!internal::FetchKept(batch, i, blocks)) {
-        if (!derived().EvaluateOne(i, parameters, residuals, blocks)) {
-          return {i, kReturnedFalse};
-        }
-        internal::Keep(batch, i);
+      const bool is_new = !internal::FetchKept(batch, i, blocks);
+      if (is_new && !derived().EvaluateOne(i, parameters, residuals, blocks)) {
+        return {i, kReturnedFalse};
       }
-      if (!AreWritten(residuals, rows)) {
+      if (is_new && !AreWritten(residuals, rows)) {
         const int r = FirstUnwritten(residuals, rows);
         return {i, kBadResidual, -1, r, residuals[r]};
       }
       const double* J = nullptr;
-      const int s = internal::TakeKept(batch, i, &J);
+      const int s = internal::TakeKept(batch, i, is_new, &J);
       if (s >= 0) {
         return BadJacobian(i, s, J, rows * slot(s).ambient_size);
       }
