@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numeric>
 
@@ -47,27 +48,12 @@ double NormOf(const std::vector<double>& x) {
 
 }  // namespace
 
-BlockMaps::BlockMaps(const Evaluator& evaluator) {
-  constant.kind = TangentMap::Kind::kConstant;
-  unwanted.kind = TangentMap::Kind::kUnwanted;
-  for (const Linearization& family : evaluator.families()) {
-    others.push_back(family.BytesKept() > 0 ? &unwanted : &constant);
-    alone.emplace_back(family.parameters.size(), &constant);
-    kept.emplace_back(family.parameters.size(), &constant);
-    for (std::size_t k = 0; k < family.tangent_maps.size(); ++k) {
-      const TangentMap* map = family.tangent_maps[k];  // null: a free place
-      if (map != nullptr && map->kind != TangentMap::Kind::kConstant) {
-        kept.back()[k] = others.back();
-      }
-    }
-  }
-}
-
-BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps* maps)
+BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator)
     : evaluator_(*evaluator),
       graph_(evaluator->graph()),
-      maps_(*maps),
       infinite_cost_is_failure_(rules == CeresRules::k22) {
+  constant_.kind = TangentMap::Kind::kConstant;
+  unwanted_.kind = TangentMap::Kind::kUnwanted;
 }
 
 // Nothing of the variable before is left but memory.
@@ -82,8 +68,9 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
     num_rows_ += graph_.family(s->family).residual_size();
     num_slots = std::max(num_slots, graph_.family(s->family).num_slots());
   }
-  // As many views as the widest family has slots; only the variable's own is set.
+  // As many as the widest family has slots; of views only the variable's own is set.
   views_.resize(num_slots);
+  maps_.resize(num_slots);
   values_ = evaluator_.points().mutable_candidate().data() + graph_.StateOffset(id);
   current_.assign(values_, values_ + graph_.AmbientSize(id));
   best_ = current_;
@@ -99,26 +86,9 @@ void BlockMinimizer::Take(VariableId id, const Sighting* begin, const Sighting* 
   decrease_factor_ = 2.0;
 }
 
-// Jacobians are wanted of this variable alone.
-void BlockMinimizer::PlaceMaps() {
-  for (const Sighting* s = begin_; s != end_; ++s) {
-    const std::ptrdiff_t entry = evaluator_.families()[s->family].Entry(s->factor) + s->slot;
-    maps_.alone[s->family][entry] = maps_.kept[s->family][entry] = &tangent_.map();
-  }
-}
-
-void BlockMinimizer::TakeMapsBack() {
-  for (const Sighting* s = begin_; s != end_; ++s) {
-    const std::ptrdiff_t entry = evaluator_.families()[s->family].Entry(s->factor) + s->slot;
-    maps_.alone[s->family][entry] = &maps_.constant;
-    maps_.kept[s->family][entry] = maps_.others[s->family];
-  }
-}
-
 void BlockMinimizer::Minimize(VariableId id, const Sighting* begin, const Sighting* end) {
   Take(id, begin, end);
-  PlaceMaps();
-  bool goes_on = Linearize(maps_.alone);
+  bool goes_on = Linearize(Asked::kOwnJacobians);
   best_cost_ = cost_;
   bool successful = true;
   int num_invalid = 0;
@@ -144,7 +114,6 @@ void BlockMinimizer::Minimize(VariableId id, const Sighting* begin, const Sighti
   }
   // The candidate has been moved by trials and by the test of the gradient.
   std::copy(best_.begin(), best_.end(), values_);
-  TakeMapsBack();
 }
 
 void BlockMinimizer::ShrinkRadius() {
@@ -153,8 +122,8 @@ void BlockMinimizer::ShrinkRadius() {
 }
 
 // The model at the current values, which the candidate has. False if they cannot be evaluated.
-bool BlockMinimizer::Linearize(const BlockMaps::Table& maps) {
-  if (!EvaluateJacobians(maps, current_, &cost_)) {
+bool BlockMinimizer::Linearize(Asked asked) {
+  if (!EvaluateJacobians(asked, current_, &cost_)) {
     return false;
   }
   FormColumns();
@@ -162,27 +131,21 @@ bool BlockMinimizer::Linearize(const BlockMaps::Table& maps) {
 }
 
 // Of the values x, which the candidate has. The model stays.
-bool BlockMinimizer::EvaluateJacobians(const BlockMaps::Table& maps, const std::vector<double>& x,
-                                       double* cost) {
+bool BlockMinimizer::EvaluateJacobians(Asked asked, const std::vector<double>& x, double* cost) {
   tangent_.MarkMoved();
-  return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(&maps, cost);
+  return tangent_.Refresh(graph_, id_, x.data()) == nullptr && Evaluate(asked, cost);
 }
 
 // Factor by factor, in the order of the sightings: the cost has one order of sums.
-// Null maps: without Jacobians.
-bool BlockMinimizer::Evaluate(const BlockMaps::Table* maps, double* cost) {
-  const bool jacobians = maps != nullptr;
+bool BlockMinimizer::Evaluate(Asked asked, double* cost) {
+  const bool jacobians = asked != Asked::kCosts;
   *cost = 0.0;
   int row = 0;
   for (const Sighting* s = begin_; s != end_; ++s) {
     Linearization& factors = evaluator_.families()[s->family];
     FactorBatch batch = factors.CandidateBatch(s->factor, s->factor + 1);
     if (jacobians) {
-      // A factor stride of 0: a batch of one, whatever the factor's place.
-      const int stride = PadToQuad(size_);
-      views_[s->slot] = {rows_.data() + static_cast<std::ptrdiff_t>(row) * stride, 0, stride};
-      batch.tangent_maps = (*maps)[s->family].data();
-      batch.jacobians = views_.data();
+      AskForJacobians(asked, *s, row, &batch);
     }
     if (factors.family->Evaluate(batch).failed() || !Robustify(*s, row, jacobians, cost)) {
       return false;
@@ -192,6 +155,28 @@ bool BlockMinimizer::Evaluate(const BlockMaps::Table* maps, double* cost) {
   // A release of Ceres from 2.2 on counts a cost that is not finite as a failed evaluation; 2.1
   // goes on with it.
   return std::isfinite(*cost) || !infinite_cost_is_failure_;
+}
+
+// Those of the variable are written; others' are computed, to be kept, or count as constants.
+void BlockMinimizer::AskForJacobians(Asked asked, const Sighting& sighting, int row,
+                                     FactorBatch* batch) {
+  const Linearization& factors = evaluator_.families()[sighting.family];
+  const std::ptrdiff_t entry = factors.Entry(sighting.factor);
+  const bool all = asked == Asked::kAllJacobians && batch->kept != nullptr;
+  for (int s = 0; s < factors.num_slots; ++s) {
+    const bool moves = all && factors.tangent_maps[entry + s]->kind != TangentMap::Kind::kConstant;
+    maps_[s] = moves ? &unwanted_ : &constant_;
+  }
+  maps_[sighting.slot] = &tangent_.map();
+  // The table pretends to begin where the maps of factor 0 would be. That address is a number only.
+  const auto of_zero = reinterpret_cast<std::uintptr_t>(maps_.data()) -
+                       static_cast<std::uintptr_t>(entry) * sizeof(maps_[0]);
+  // NOLINTNEXTLINE(performance-no-int-to-ptr)
+  batch->tangent_maps = reinterpret_cast<const TangentMap* const*>(of_zero);
+  // A factor stride of 0: a batch of one, whatever the factor's place.
+  const int stride = PadToQuad(size_);
+  views_[sighting.slot] = {rows_.data() + std::ptrdiff_t{row} * stride, 0, stride};
+  batch->jacobians = views_.data();
 }
 
 // Adds the cost of a factor; with Jacobians its rows become those of plain least squares. False if
@@ -303,11 +288,12 @@ bool BlockMinimizer::EvaluateCandidate(double* cost) {
   // decides.
   if (model_decrease_ > kLargePromise * cost_) {
     const bool is_last = model_decrease_ < kLastPromise * cost_;
-    if (EvaluateJacobians(is_last ? maps_.kept : maps_.alone, candidate_, cost)) {
+    if (EvaluateJacobians(is_last ? Asked::kAllJacobians : Asked::kOwnJacobians, candidate_,
+                          cost)) {
       return true;
     }
   }
-  if (!Evaluate(/*maps=*/nullptr, cost)) {
+  if (!Evaluate(Asked::kCosts, cost)) {
     *cost = std::numeric_limits<double>::max();
   }
   return false;
@@ -339,7 +325,7 @@ bool BlockMinimizer::TryStep(bool* successful) {
   if (has_jacobians) {
     cost_ = candidate_cost;
     FormColumns();
-  } else if (!Linearize(maps_.kept)) {
+  } else if (!Linearize(Asked::kAllJacobians)) {
     return false;
   }
   *successful = true;

@@ -17,23 +17,6 @@ struct Sighting {
   std::int32_t slot;
 };
 
-/// Which Jacobians an evaluation is to write: per family, a map for each entry. Those of a variable
-/// are wanted while a minimizer has its map there. Shared by all minimizers of an evaluator.
-struct BlockMaps {
-  using Table = std::vector<std::vector<const TangentMap*>>;
-
-  /// The evaluator has made room to keep evaluations, or nobody does.
-  explicit BlockMaps(const Evaluator& evaluator);
-  BlockMaps(const BlockMaps&) = delete;
-  BlockMaps& operator=(const BlockMaps&) = delete;
-
-  TangentMap constant;
-  TangentMap unwanted;
-  Table alone;  ///< all others count as constants
-  Table kept;   ///< where evaluations are kept, others' Jacobians are computed as well
-  std::vector<const TangentMap*> others;  ///< per family, in `kept`
-};
-
 /// Minimizes the cost of the factors that see one variable over that variable, with all others held
 /// where the evaluator's candidate has them: Levenberg–Marquardt with Ceres's default options, its
 /// stopping rules and a QR factorization of the damped rows for each step, as Ceres solves the
@@ -45,19 +28,25 @@ struct BlockMaps {
 /// Least Squares Problems", 2004, algorithm 3.16.
 class BlockMinimizer {
  public:
-  BlockMinimizer(CeresRules rules, Evaluator* evaluator, BlockMaps* maps);
+  BlockMinimizer(CeresRules rules, Evaluator* evaluator);
 
   /// Moves the variable in the evaluator's candidate. `begin` to `end`: where it stands.
   void Minimize(VariableId id, const Sighting* begin, const Sighting* end);
 
  private:
   void Take(VariableId id, const Sighting* begin, const Sighting* end);
-  void PlaceMaps();
-  void TakeMapsBack();
-  bool Linearize(const BlockMaps::Table& maps);
-  bool EvaluateJacobians(const BlockMaps::Table& maps, const std::vector<double>& x, double* cost);
+  // What cost functions are asked for.
+  enum class Asked {
+    kCosts,
+    kOwnJacobians,
+    kAllJacobians,  // others' too, where they are kept
+  };
+
+  bool Linearize(Asked asked);
+  bool EvaluateJacobians(Asked asked, const std::vector<double>& x, double* cost);
   bool EvaluateCandidate(double* cost);
-  bool Evaluate(const BlockMaps::Table* maps, double* cost);
+  bool Evaluate(Asked asked, double* cost);
+  void AskForJacobians(Asked asked, const Sighting& sighting, int row, FactorBatch* batch);
   bool Robustify(const Sighting& sighting, int row, bool jacobians, double* cost);
   void FormColumns();
   bool ProjectedGradientIsSmall();
@@ -68,7 +57,6 @@ class BlockMinimizer {
 
   Evaluator& evaluator_;
   const FactorGraph& graph_;
-  BlockMaps& maps_;
   const bool infinite_cost_is_failure_;
 
   VariableId id_ = -1;
@@ -78,7 +66,11 @@ class BlockMinimizer {
   int size_ = 0;              // tangent
   int num_rows_ = 0;
   Tangent tangent_;
+  // per slot of a factor
   std::vector<JacobianView> views_;
+  std::vector<const TangentMap*> maps_;
+  TangentMap constant_;
+  TangentMap unwanted_;
   AlignedVector<double> rows_;       // J row by row, padded to quads
   AlignedVector<double> columns_;    // [J f], zeros below
   AlignedVector<double> reflected_;  // [J f; √Λ 0]

@@ -6,7 +6,7 @@
 
 // A round of coordinate descent over groups of independent variables (Ruhe & Wedin 1980;
 // docs/ceres_contract.md, "Inner iterations"). Within a group no factor sees two variables, so
-// tasks write to different variables, residuals and entries of the maps, and nothing depends on
+// tasks write to different variables, residuals and kept evaluations, and nothing depends on
 // their order or number. Groups follow each other, each from where the one before has led.
 
 namespace inceres::internal {
@@ -19,7 +19,7 @@ constexpr int kMaxVariablesPerTask = 64;
 
 CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>& groups,
                                      CeresRules rules, Evaluator* evaluator)
-    : groups_(groups), rules_(rules), evaluator_(*evaluator), maps_(*evaluator) {
+    : groups_(groups), rules_(rules), evaluator_(*evaluator) {
   CollectSightings();
 }
 
@@ -62,7 +62,7 @@ void CoordinateDescent::Run() {
     const int grain =
         std::clamp(count / (kTasksPerThread * executor.num_threads()), 1, kMaxVariablesPerTask);
     executor.For(count, grain, [&](int begin, int end) {
-      BlockMinimizer minimizer(rules_, &evaluator_, &maps_);
+      BlockMinimizer minimizer(rules_, &evaluator_);
       for (int k = begin; k < end; ++k) {
         const int index = index_[group[k]];
         minimizer.Minimize(group[k], sightings_.data() + begin_[index],

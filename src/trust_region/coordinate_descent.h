@@ -34,7 +34,6 @@ class CoordinateDescent {
   std::vector<int> index_;  // per VariableId, into begin_: of those in a group, in their order
   std::vector<int> begin_;  // one more
   std::vector<Sighting> sightings_;
-  BlockMaps maps_;
 };
 
 }  // namespace inceres::internal
