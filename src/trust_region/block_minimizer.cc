@@ -170,7 +170,7 @@ void BlockMinimizer::AskForJacobians(Asked asked, const Sighting& sighting, int 
   maps_[sighting.slot] = &tangent_.map();
   // The table pretends to begin where the maps of factor 0 would be. That address is a number only.
   const auto of_zero = reinterpret_cast<std::uintptr_t>(maps_.data()) -
-                       static_cast<std::uintptr_t>(entry) * sizeof(maps_[0]);
+                       static_cast<std::uintptr_t>(entry) * sizeof(void*);
   // NOLINTNEXTLINE(performance-no-int-to-ptr)
   batch->tangent_maps = reinterpret_cast<const TangentMap* const*>(of_zero);
   // A factor stride of 0: a batch of one, whatever the factor's place.
