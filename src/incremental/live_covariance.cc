@@ -89,7 +89,7 @@ Status CheckId(const LiveSource& source, VariableId id) {
 // The factor of S + μD that is used.
 struct Inverse {
   LiveFactor factor;
-  UndampedFactor* undamped;  // if it is that of S, of which products may go around a few rows
+  const UndampedFactor* undamped;  // if it is that of S, of which products may go around a few rows
   double mu;
   double open;  // a direction with a smaller eigenvalue has no information
 };
@@ -237,7 +237,7 @@ Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids, bo
   status =
       status.ok()
           ? FromFactor(source, ids,
-                       {LiveFactor(source.undamped->solver()), source.undamped, 0.0, kNoCurvature},
+                       {LiveFactor(source.undamped->tree()), source.undamped, 0.0, kNoCurvature},
                        staleness, joint)
           : status;
   return status.code == StatusCode::kUnavailable && !whole

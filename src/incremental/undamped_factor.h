@@ -24,12 +24,12 @@ class UndampedFactor {
   /// Of the S that Follow has seen last, as LiveFactor has it. kUnavailable: it is to be followed
   /// as a whole.
   Status Product(const SparseColumns& V, const std::vector<int>& offsets,
-                 Eigen::MatrixXd* product) {
-    return waiting_.empty() ? LiveFactor(&tree_).Product(V, offsets, product)
+                 Eigen::MatrixXd* product) const {
+    return waiting_.empty() ? LiveFactor(tree_).Product(V, offsets, product)
                             : pending_.Product(V, offsets, tree_.tree(), product);
   }
   /// Of what was followed as a whole.
-  ReducedSolver* solver() { return &tree_; }
+  const BayesTree& tree() const { return tree_; }
 
  private:
   bool MayWait(const IncrementalSchur& schur);

@@ -26,6 +26,7 @@ class LiveFactor {
   /// Of this solver, which may be null, as long as it is not told to factor again. Dense and batch
   /// sparse factors have no shorter way than a solve for each column.
   explicit LiveFactor(ReducedSolver* solver);
+  explicit LiveFactor(const BayesTree& tree) : tree_(&tree) {}
 
   /// Whether there is one to speak of: not of conjugate gradients, nor of a user's solver.
   bool exists() const { return tree_ != nullptr || resumed_ != nullptr || other_ != nullptr; }
