@@ -12,8 +12,8 @@ namespace inceres::internal {
 //
 //     VᵀS⁻¹V = V_NᵀC⁻¹V_N + V̂ᵀA⁻¹V̂ − H (I + K G)⁻¹ K Hᵀ,    H = V̂ᵀA⁻¹E_T,    G = E_TᵀA⁻¹E_T.
 //
-// Its error is that of a factor of S itself, but where a variance falls far below the one that it is
-// the difference from: then the tree is to be renewed.
+// Its error is that of a factor of S itself, but where a variance falls far below the one that it
+// is the difference from: then the tree is to be renewed.
 
 namespace {
 
@@ -50,8 +50,8 @@ bool PendingRows::ListPlaces(const SymmetricBlockRows& S, const BayesTree& tree,
   return true;
 }
 
-// A block between a pending row and another must be as it was; one between two of them goes where it
-// belongs, of the tree's own less what is in the factor.
+// A block between a pending row and another must be as it was; one between two of them goes where
+// it belongs, of the tree's own less what is in the factor.
 bool PendingRows::AddBlock(const SymmetricBlockRows& S, const BayesTree& tree, int row, int column,
                            MatrixXd* C) {
   const Place *a = Find(row), *b = Find(column);
