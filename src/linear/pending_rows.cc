@@ -152,8 +152,8 @@ Status PendingRows::Product(const SparseColumns& V, const std::vector<int>& offs
     others.values = V.values;
     const ForwardPaths y(tree, others);
     const MatrixXd cross = y.InnerProducts(tree_paths_).topLeftCorner(k, tree_size_);
-    const MatrixXd cross_V_T = cross.lazyProduct(V_T);
-    *product += y.InnerProducts(y).topLeftCorner(k, k) + cross_V_T + cross_V_T.transpose();
+    const MatrixXd from_T = cross.lazyProduct(V_T);
+    *product += y.InnerProducts(y).topLeftCorner(k, k) + from_T + from_T.transpose();
     H += cross;
   }
   const Eigen::VectorXd before = product->diagonal();
