@@ -19,8 +19,8 @@ namespace {
 // matter. A factor of two of them is counted twice.
 class StalenessOf {
  public:
-  StalenessOf(const IncrementalSystem& system, const std::vector<double>& frame_step,
-              FactorStaleness* staleness)
+  // `frame_step`: of all rows of S; null: all zeros.
+  StalenessOf(const IncrementalSystem& system, const double* frame_step, FactorStaleness* staleness)
       : system_(system), schur_(system.schur()), frame_step_(frame_step), staleness_(*staleness) {}
 
   void AddVariable(VariableId id) {
@@ -36,7 +36,8 @@ class StalenessOf {
     for (const std::int32_t landmark : schur_.frames()[frame].landmarks) {
       AddLandmark(landmark);
     }
-    for (int k = schur_.FrameOffset(frame); k < schur_.FrameOffset(frame + 1); ++k) {
+    for (int k = schur_.FrameOffset(frame);
+         frame_step_ != nullptr && k < schur_.FrameOffset(frame + 1); ++k) {
       AddStep(frame_step_[k]);
     }
   }
@@ -68,9 +69,10 @@ class StalenessOf {
     std::vector<double> padded(std::size_t(system_.variables().num_quads()) * kQuad, 0.0);
     for (const std::int32_t frame : landmark.frames) {
       // A held frame has no step, whatever is left in its entries.
-      const int size = schur_.frames()[frame].held ? 0 : schur_.frames()[frame].size;
-      std::copy_n(frame_step_.begin() + schur_.FrameOffset(frame), size,
-                  padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
+      if (frame_step_ != nullptr && !schur_.frames()[frame].held) {
+        std::copy_n(frame_step_ + schur_.FrameOffset(frame), schur_.frames()[frame].size,
+                    padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
+      }
     }
     const auto l = static_cast<std::int32_t>(&landmark - schur_.landmarks().data());
     // Zero outside S.
@@ -85,7 +87,7 @@ class StalenessOf {
 
   const IncrementalSystem& system_;
   const IncrementalSchur& schur_;
-  const std::vector<double>& frame_step_;
+  const double* frame_step_;
   FactorStaleness& staleness_;
 };
 
@@ -95,8 +97,7 @@ void CountStaleness(const IncrementalSystem& system, const std::vector<double>& 
                     VariableId id, FactorStaleness* staleness) {
   // Since S has other rows no step was solved for.
   const bool is_known = frame_step.size() == static_cast<std::size_t>(system.schur().size());
-  const std::vector<double> none(is_known ? 0 : system.schur().size(), 0.0);
-  StalenessOf(system, is_known ? frame_step : none, staleness).AddVariable(id);
+  StalenessOf(system, is_known ? frame_step.data() : nullptr, staleness).AddVariable(id);
 }
 
 }  // namespace inceres::internal

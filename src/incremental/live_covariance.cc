@@ -89,6 +89,7 @@ Status CheckId(const LiveSource& source, VariableId id) {
 // The factor of S + μD that is used.
 struct Inverse {
   LiveFactor factor;
+  const UndampedFactor* undamped;  // if it is that of S, of which products may go around a few rows
   double mu;
   double open;  // a direction with a smaller eigenvalue has no information
 };
@@ -144,11 +145,15 @@ Status FindWeakest(const LiveSource& source, const Inverse& inverse,
 
 // The eigenvalue is remembered: looking for it takes solves, and it changes little from Update to
 // Update. What comes may be weaker, so it is looked for again once the graph has grown by a share.
+bool KnowsWeakest(const LiveSource& source) {
+  return source.weakest->is_known &&
+         source.system.schur().structure().num_frames() <= kGrowth * source.weakest->num_frames;
+}
+
 Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
                   double* damping_error) {
   const WeakestDirection& weakest = *source.weakest;
-  const int num_frames = source.system.schur().structure().num_frames();
-  if (!weakest.is_known || num_frames > kGrowth * weakest.num_frames) {
+  if (!KnowsWeakest(source)) {
     const Status found = FindWeakest(source, inverse, offsets);
     if (!found.ok()) {
       return found;
@@ -208,26 +213,35 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
   // Landmarks that see no frame that moves have no columns: their own blocks are all there is.
   if (!columns.V().rows.empty()) {
     status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
-    status = status.ok() ? inverse.factor.Product(columns.V(), offsets, joint) : status;
+    status = !status.ok()                  ? status
+             : inverse.undamped != nullptr ? inverse.undamped->Product(columns.V(), offsets, joint)
+                                           : inverse.factor.Product(columns.V(), offsets, joint);
   }
   status = status.ok() ? CheckVariances(source, inverse, columns, ids, *joint) : status;
   columns.AddLandmarks(joint);
   return status;
 }
 
-Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
+// `whole`: nothing of S waits to be factored, as the weakest direction is looked for by solves.
+Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids, bool whole,
                 FactorStaleness* staleness, Eigen::MatrixXd* joint) {
   Status status = Status::Ok();
   if (source.system.schur().size() > 0) {
-    status = source.undamped->Follow(&source.system.schur(), &staleness->num_factored_frames);
+    status =
+        source.undamped->Follow(&source.system.schur(), whole, &staleness->num_factored_frames);
   }
   if (status.code == StatusCode::kSingular) {
     status.message.insert(
         0, "there is no covariance: the gauge is free, or a variable is not determined: ");
   }
-  return status.ok()
-             ? FromFactor(source, ids, {LiveFactor(source.undamped->solver()), 0.0, kNoCurvature},
-                          staleness, joint)
+  status =
+      status.ok()
+          ? FromFactor(source, ids,
+                       {LiveFactor(source.undamped->tree()), source.undamped, 0.0, kNoCurvature},
+                       staleness, joint)
+          : status;
+  return status.code == StatusCode::kUnavailable && !whole
+             ? Undamped(source, ids, /*whole=*/true, staleness, joint)
              : status;
 }
 
@@ -247,7 +261,7 @@ Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
   staleness->frame_damping = mu;
   if (options.accuracy == CovarianceAccuracy::kAsFactored) {
     // A direction in which S has less than 1e-4 of the damping is lost in it.
-    return FromFactor(source, ids, {factor, mu, kOpen * mu}, staleness, joint);
+    return FromFactor(source, ids, {factor, nullptr, mu, kOpen * mu}, staleness, joint);
   }
   // All factors linearized anew at the values of now: nothing is stale there, but it takes
   // iterations.
@@ -315,7 +329,7 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
     }
     Eigen::MatrixXd joint;
     status = options.accuracy == CovarianceAccuracy::kUndamped
-                 ? Undamped(source, moving, &staleness, &joint)
+                 ? Undamped(source, moving, !KnowsWeakest(source), &staleness, &joint)
                  : AsFactored(source, moving, options, &staleness, &joint);
     if (status.ok()) {
       Place(source, joint, covariance);

@@ -4,32 +4,48 @@
 #include <vector>
 
 #include "incremental/incremental_schur.h"
-#include "incremental/index_set.h"
 #include "linear/bayes_tree.h"
+#include "linear/live_factor.h"
+#include "linear/pending_rows.h"
 
 namespace inceres::internal {
 
 /// A factor of S without damping, beside the one that steps are found with, for covariances: a
-/// Bayes tree of which a call of Follow renews the cliques whose blocks have changed. Nothing is
-/// done, and next to nothing held, until it is asked for.
+/// Bayes tree of which a call of Follow renews the cliques whose blocks have changed, unless these
+/// are so few that products find their way around them (PendingRows). Nothing is done, and next to
+/// nothing held, until it is asked for.
 class UndampedFactor {
  public:
   explicit UndampedFactor(const Executor& executor) : tree_(executor) {}
 
-  /// kSingular: S is not definite, for example because the gauge is free. `num_factored`: frames.
-  Status Follow(IncrementalSchur* schur, int* num_factored);
-  ReducedSolver* solver() { return &tree_; }
+  /// kSingular: S is not definite, for example because the gauge is free. `whole`: nothing may be
+  /// left pending. `num_factored`: frames.
+  Status Follow(IncrementalSchur* schur, bool whole, int* num_factored);
+  /// Of the S that Follow has seen last, as LiveFactor has it. kUnavailable: it is to be followed
+  /// as a whole.
+  Status Product(const SparseColumns& V, const std::vector<int>& offsets,
+                 Eigen::MatrixXd* product) const {
+    return waiting_.empty() ? LiveFactor(tree_).Product(V, offsets, product)
+                            : pending_.Product(V, offsets, tree_.tree(), product);
+  }
+  /// Of what was followed as a whole.
+  const BayesTree& tree() const { return tree_; }
 
  private:
+  bool MayWait(const IncrementalSchur& schur);
   void TakeUpRow(const IncrementalSchur& schur, int row);
   bool KeepsPacking(const IncrementalSchur& schur) const;
+  Status Factorize(const IncrementalSchur& schur);
 
   BayesTree tree_;
+  PendingRows pending_;
   bool is_new_ = true;
-  Status factored_;  // the last time
+  Status factored_;                // the last time
+  std::int64_t num_released_ = 0;  // blocks of S, then
   std::vector<std::int32_t> changed_;
-  std::vector<int> sizes_;        // of the rows that were taken up
-  std::vector<double> diagonal_;  // packed by rows
+  std::vector<std::int32_t> waiting_;  // have changed since, ascending
+  std::vector<int> sizes_;             // of the rows that were taken up
+  std::vector<double> diagonal_;       // packed by rows
   std::vector<char> constant_;
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "inceres/linear/reduced_matrix.h"
@@ -17,6 +18,8 @@ class AssembledMatrix {
            bool left_out) const;
   void Take(const SymmetricBlockRows& S, int row, const SymmetricBlockRows::Entry& block,
             bool left_out);
+  /// A block that was taken, padded as S has it.
+  const double* Values(std::int64_t offset) const { return values_.data() + offset; }
   /// The row's `size` entries of the diagonal.
   bool HasDiagonal(int row, const double* diagonal, int size) const;
   void TakeDiagonal(int row, const double* diagonal, int size);

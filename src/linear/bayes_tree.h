@@ -63,6 +63,11 @@ class BayesTree : public ReducedSolver, public HalfSolves {
   void MissSolve(const Rows& changed_b);
 
   const CliqueTree& tree() const { return tree_; }
+  /// A block of S, which is there now, as it went into the factor; null: it had no such block. Of
+  /// an S from which no block was removed since, nor are rows held.
+  const double* FactoredBlock(int row, int column, std::int64_t offset) const {
+    return rows_.Knows(row, column) ? assembled_.Values(offset) : nullptr;
+  }
 
  private:
   Status RebuildTree(const SymmetricBlockRows& S);

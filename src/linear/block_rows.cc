@@ -200,6 +200,7 @@ std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
 }
 
 void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
+  ++num_released_;
   const std::size_t quads = QuadsOf(rows, columns);
   if (quads >= free_.size()) {
     free_.resize(quads + 1);

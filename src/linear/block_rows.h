@@ -66,6 +66,8 @@ class SymmetricBlockRows {
   const std::vector<int>& pattern_rows() const { return pattern_rows_; }
   /// Another number when a block or a row has come or gone.
   std::int64_t version() const { return version_; }
+  /// Another number when a block has gone, alone or with its row.
+  std::int64_t num_released() const { return num_released_; }
 
   std::int64_t Bytes() const;
 
@@ -84,6 +86,7 @@ class SymmetricBlockRows {
   AlignedVector<double> values_;
   std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
   std::int64_t version_ = 0;
+  std::int64_t num_released_ = 0;
   mutable std::int64_t pattern_version_ = -1;
   mutable BlockPattern pattern_;
   mutable std::vector<int> pattern_rows_;

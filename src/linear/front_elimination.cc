@@ -155,6 +155,23 @@ void SolveFrontForward(const Front& front, const double* L, double* y) {
   }
 }
 
+// Panel by panel as a single column. Row by row y is the transpose of what kernels know as X and C.
+void SolveFrontForward(const Front& front, const double* L, int lanes, double* y) {
+  if (lanes == 1) {
+    return SolveFrontForward(front, L, y);
+  }
+  const int stride = front.stride();
+  for (int first = 0; first < front.width; first += kFrontPanel) {
+    const int width = std::min(kFrontPanel, front.width - first);
+    const int below = std::min(first + kFrontPanel, front.below());
+    const double* panel = L + static_cast<std::ptrdiff_t>(first) * stride;
+    double* X = y + static_cast<std::ptrdiff_t>(first) * lanes;
+    BestKernels().solve_lower_transposed(lanes, width, panel + first, stride, X, lanes);
+    BestKernels().subtract_outer(lanes, front.num_rows() - below, width, X, lanes, panel + below,
+                                 stride, y + static_cast<std::ptrdiff_t>(below) * lanes, lanes);
+  }
+}
+
 // The other way round. y₂ is what the parents have found; it has to be there, and its padding zero.
 void SolveFrontBackward(const Front& front, const double* L, double* y) {
   const int stride = front.stride();

@@ -30,6 +30,8 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
 
 /// y has the front's rows: y₁ := L₁⁻¹ y₁, and y₂ −= L₂ y₁.
 void SolveFrontForward(const Front& front, const double* L, double* y);
+/// The same of several columns, of which a row has `lanes` entries, one after the other.
+void SolveFrontForward(const Front& front, const double* L, int lanes, double* y);
 /// y₁ := L₁⁻ᵀ (y₁ − L₂ᵀ y₂).
 void SolveFrontBackward(const Front& front, const double* L, double* y);
 

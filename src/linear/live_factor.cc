@@ -22,79 +22,6 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// The vectors of some cliques' fronts, `columns` of each, one after the other.
-class FrontVectors {
- public:
-  FrontVectors(const CliqueTree& tree, std::vector<int> cliques, int columns)
-      : tree_(tree), cliques_(std::move(cliques)), place_(tree.cliques().size(), -1) {
-    // Stamps rise from children to parents: a forward pass in this order finds all that is below it
-    // done.
-    std::sort(cliques_.begin(), cliques_.end(),
-              [&](int a, int b) { return tree.clique(a).stamp < tree.clique(b).stamp; });
-    std::size_t size = 0;
-    for (const int c : cliques_) {
-      place_[c] = static_cast<std::ptrdiff_t>(size);
-      size += static_cast<std::size_t>(columns) * tree.clique(c).front.num_rows();
-    }
-    values_.assign(size, 0.0);
-  }
-
-  const std::vector<int>& cliques() const { return cliques_; }  // children before parents
-  bool Has(int c) const { return place_[c] >= 0; }
-  double* Of(int c, int column) {
-    return values_.data() + place_[c] + std::ptrdiff_t{column} * tree_.clique(c).front.num_rows();
-  }
-  // y of this clique, and what it leaves to its parent.
-  void SolveForward(int c, int column) {
-    const Clique& clique = tree_.clique(c);
-    double* y = Of(c, column);
-    SolveFrontForward(clique.front, clique.L.data(), y);
-    if (clique.front.parent == CliqueTree::kNone) {
-      return;
-    }
-    // y₂ after the pivots were taken out is what the parent gets, by the runs that its update
-    // matrix has.
-    const double* update = y + clique.front.below();
-    double* above = Of(clique.front.parent, column);
-    for (const FrontRun& run : clique.runs) {
-      for (int k = 0; k < run.length; ++k) {
-        above[run.to + k] += update[run.from + k];
-      }
-    }
-  }
-
- private:
-  const CliqueTree& tree_;
-  std::vector<int> cliques_;
-  std::vector<std::ptrdiff_t> place_;
-  AlignedVector<double> values_;
-};
-
-// The cliques of these rows, and what is above.
-std::vector<int> PathsToRoot(const CliqueTree& tree, const std::vector<int>& rows) {
-  std::vector<int> cliques;
-  std::vector<char> listed(tree.cliques().size(), 0);
-  for (const int row : rows) {
-    for (int c = tree.CliqueOf(row); c != CliqueTree::kNone && listed[c] == 0;
-         c = tree.clique(c).front.parent) {
-      // The path ends where another one has been: above it everything is listed.
-      listed[c] = 1;
-      cliques.push_back(c);
-    }
-  }
-  return cliques;
-}
-
-std::vector<int> AllCliques(const CliqueTree& tree) {
-  std::vector<int> cliques;
-  for (std::size_t c = 0; c < tree.cliques().size(); ++c) {
-    if (tree.cliques()[c].is_used) {
-      cliques.push_back(static_cast<int>(c));
-    }
-  }
-  return cliques;
-}
-
 }  // namespace
 
 LiveFactor::LiveFactor(ReducedSolver* solver) {
@@ -115,7 +42,8 @@ LiveFactor::LiveFactor(ReducedSolver* solver) {
 Status LiveFactor::Product(const SparseColumns& V, const std::vector<int>& offsets,
                            MatrixXd* product) const {
   if (tree_ != nullptr) {
-    *product = TreeProduct(V);
+    const ForwardPaths y(tree_->tree(), V);
+    *product = y.InnerProducts(y).topLeftCorner(V.values.cols(), V.values.cols());
     return Status::Ok();
   }
   if (resumed_ != nullptr) {
@@ -136,33 +64,6 @@ Status LiveFactor::Product(const SparseColumns& V, const std::vector<int>& offse
   const MatrixXd whole = right.transpose() * left;
   *product = 0.5 * (whole + whole.transpose());
   return status;
-}
-
-MatrixXd LiveFactor::TreeProduct(const SparseColumns& V) const {
-  const CliqueTree& tree = tree_->tree();
-  const int columns = static_cast<int>(V.values.cols());
-  // Zeros but in the rows of V, each of which is a pivot of the clique it begins in.
-  FrontVectors y(tree, PathsToRoot(tree, V.rows), columns);
-  for (std::size_t k = 0; k < V.rows.size(); ++k) {
-    const int row = V.rows[k];
-    for (int column = 0; column < columns; ++column) {
-      std::copy_n(V.values.col(column).data() + V.begin[k], tree.SizeOf(row),
-                  y.Of(tree.CliqueOf(row), column) + tree.PlaceOf(row));
-    }
-  }
-  MatrixXd product = MatrixXd::Zero(columns, columns);
-  for (const int c : y.cliques()) {
-    for (int column = 0; column < columns; ++column) {
-      y.SolveForward(c, column);
-    }
-    const Front& front = tree.clique(c).front;
-    const Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>> pivots(
-        y.Of(c, 0), front.width, columns, Eigen::OuterStride<>(front.num_rows()));
-    // The share of this clique: its pivots' rows of L⁻¹V. Those beyond belong to cliques further
-    // up.
-    product.noalias() += pivots.transpose().lazyProduct(pivots);
-  }
-  return product;
 }
 
 // Before the first row y is zero, so the product of what is behind it is that of all.
@@ -207,29 +108,30 @@ Status LiveFactor::Solve(const std::vector<int>& offsets, const double* b, doubl
 void LiveFactor::SolveByTree(const std::vector<int>& offsets, const double* b, double* x) const {
   const CliqueTree& tree = tree_->tree();
   // A b with entries everywhere reaches all cliques.
-  FrontVectors y(tree, AllCliques(tree), 1);
-  for (const int c : y.cliques()) {
-    const Clique& clique = tree.clique(c);
+  ForwardPaths y(tree);
+  for (int i = 0; i < y.size(); ++i) {
+    const Clique& clique = y.clique(i);
+    double* y_i = y.Of(i);
     for (int k = 0; k < clique.num_pivots; ++k) {
       const double* b_row = b + offsets[clique.rows[k]];
       // Added to what the children have left there.
-      std::transform(b_row, b_row + tree.SizeOf(clique.rows[k]), y.Of(c, 0) + clique.places[k],
-                     y.Of(c, 0) + clique.places[k], [](double a, double sum) { return a + sum; });
+      std::transform(b_row, b_row + tree.SizeOf(clique.rows[k]), y_i + clique.places[k],
+                     y_i + clique.places[k], [](double a, double sum) { return a + sum; });
     }
-    y.SolveForward(c, 0);
+    y.SolveForward(i);
   }
-  for (auto c = y.cliques().rbegin(); c != y.cliques().rend(); ++c) {
-    const Clique& clique = tree.clique(*c);
-    double* y_c = y.Of(*c, 0);
+  for (int i = y.size() - 1; i >= 0; --i) {
+    const Clique& clique = y.clique(i);
+    double* y_i = y.Of(i);
     // x of the separator, which cliques further up have found by now.
     for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
-      std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]), y_c + clique.places[k]);
+      std::copy_n(x + offsets[clique.rows[k]], tree.SizeOf(clique.rows[k]), y_i + clique.places[k]);
     }
     // The padding is multiplied by that of L: no garbage may be in it.
-    std::fill(y_c + clique.front.below() + clique.front.height, y_c + clique.front.num_rows(), 0.0);
-    SolveFrontBackward(clique.front, clique.L.data(), y_c);
+    std::fill(y_i + clique.front.below() + clique.front.height, y_i + clique.front.num_rows(), 0.0);
+    SolveFrontBackward(clique.front, clique.L.data(), y_i);
     for (int k = 0; k < clique.num_pivots; ++k) {
-      std::copy_n(y_c + clique.places[k], tree.SizeOf(clique.rows[k]), x + offsets[clique.rows[k]]);
+      std::copy_n(y_i + clique.places[k], tree.SizeOf(clique.rows[k]), x + offsets[clique.rows[k]]);
     }
   }
 }

@@ -6,16 +6,10 @@
 
 #include "inceres/linear/reduced_solver.h"
 #include "linear/bayes_tree.h"
+#include "linear/forward_paths.h"
 #include "linear/resumed_solver.h"
 
 namespace inceres::internal {
-
-/// Columns that are zero but in a few block rows of S.
-struct SparseColumns {
-  std::vector<int> rows;   // of S, in any order, without repeats
-  std::vector<int> begin;  // per row: where it begins in `values`
-  Eigen::MatrixXd values;  // what these rows have, one below the other
-};
 
 /// The factor A = L Lᵀ that a resuming solver holds between its calls, for products with A⁻¹
 /// beside its own solves, of which it forgets nothing: covariances. With V of few block rows,
@@ -32,6 +26,7 @@ class LiveFactor {
   /// Of this solver, which may be null, as long as it is not told to factor again. Dense and batch
   /// sparse factors have no shorter way than a solve for each column.
   explicit LiveFactor(ReducedSolver* solver);
+  explicit LiveFactor(const BayesTree& tree) : tree_(&tree) {}
 
   /// Whether there is one to speak of: not of conjugate gradients, nor of a user's solver.
   bool exists() const { return tree_ != nullptr || resumed_ != nullptr || other_ != nullptr; }
@@ -42,7 +37,6 @@ class LiveFactor {
   Status Solve(const std::vector<int>& offsets, const double* b, double* x) const;
 
  private:
-  Eigen::MatrixXd TreeProduct(const SparseColumns& V) const;
   Eigen::MatrixXd EnvelopeProduct(const SparseColumns& V) const;
   void SolveByTree(const std::vector<int>& offsets, const double* b, double* x) const;
   void SolveByEnvelope(const std::vector<int>& offsets, const double* b, double* x) const;

@@ -26,6 +26,14 @@ class TreeRows {
   /// S has another pattern: the tree is as it was where that leaves it, and cliques that have a
   /// block more join the stale ones with those above them.
   void FollowPattern(const SymmetricBlockRows& S, std::vector<int>* stale);
+  /// Whether S had this block when it was last looked at, off the diagonal or on it.
+  bool Knows(int row, int column) const {
+    if (row == column || !tree_.Has(row)) {
+      return tree_.Has(row);
+    }
+    const std::vector<int>& known = rows_[static_cast<std::size_t>(row)].neighbors;
+    return std::binary_search(known.begin(), known.end(), column);
+  }
   /// Whether the tree lacks no row.
   bool IsWhole() const { return tree_.IsWhole() && new_rows_.empty(); }
   /// CliqueTree::Rebuild with what was taken up.

@@ -184,6 +184,7 @@ struct FactorScale {
 /// up to rounding, and each gives the same bits whenever it is called with the same operands.
 struct Kernels {
   const char* name;
+  int width;  // doubles that an instruction takes
 
   /// For the sizes; null if there is none of them.
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);

@@ -303,6 +303,45 @@ TEST(LiveCovariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// A path that grows by a pose an Update, with a loop now and then, looked at in between: few calls
+// factor anything, and none is less exact for it.
+TEST(LiveCovariance, APoseAlongThePathFactorsNothing) {
+  IncrementalOptions options;
+  options.batch_share = 2.0;
+  IncrementalSolver solver(options);
+  const auto ties = solver.AddFamily(
+      std::make_shared<LinearFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}));
+  Random random(5);
+  std::vector<VariableId> ids;
+  int num_free = 0;
+  for (int step = 0; step < 60; ++step) {
+    GraphEdit edit(solver.graph());
+    ids.push_back(edit.AddVariable(random.Vector(3).data(), 3, Role::kFrame));
+    const auto tie = [&](std::size_t from) {
+      MatrixXd A(3, 6);
+      A << -MatrixXd::Identity(3, 3), 2.0 * MatrixXd::Identity(3, 3);
+      edit.AddFactor(ties, {A, RandomMatrix(&random, 3, 1)}, {ids[from], ids.back()});
+    };
+    if (step == 0) {
+      edit.SetConstant(ids[0], true);
+    } else {
+      tie(ids.size() - 2);
+    }
+    if (step % 9 == 8) {
+      tie(ids.size() / 2);
+    }
+    ASSERT_TRUE(solver.Apply(edit).ok());
+    ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+    LiveCovariance newest;
+    if (step > 1) {
+      ASSERT_TRUE(solver.MarginalCovariance(ids.back(), {}, &newest).ok());
+      num_free += newest.staleness.num_factored_frames == 0 ? 1 : 0;
+      EXPECT_LT(LargestError(JointOfAll(solver, {}), DenseInverse(solver, 0.0, 0.0)), 1e-9) << step;
+    }
+  }
+  EXPECT_GT(num_free, 30);
+}
+
 TEST(LiveCovariance, BadRequestsAreNamed) {
   IncrementalBundle bundle(Fresh(), 10);
   LiveCovariance covariance;

@@ -168,14 +168,14 @@ class INCERES_EXPORT IncrementalSolver {
   ///
   /// Cost: of the factor only the path from the variables (of a landmark: the frames that see it)
   /// to the root of the Bayes tree, or what comes after them in the envelope. kUndamped, before
-  /// that: the cliques that have changed since it was last asked for, the first time all;
-  /// afterwards it holds the memory of a second factor. Now and then a few solves, to find a free
-  /// gauge. kExact: a linearization of the whole problem, and for each column some passes over it
-  /// and solves. After an Update that the batch solver ended by itself S is formed first, once, as
-  /// the next Update would. Threads: the calling one, as for Update, and options.num_threads for
-  /// factors and large fronts; the same bits for any number. Source: Kaess & Dellaert, "Covariance
-  /// recovery from a square root information matrix for data association", RAS 57(12), 2009;
-  /// docs/incremental.md.
+  /// that: the cliques that have changed since it was last asked for, the first time all, but for a
+  /// few rows; afterwards it holds the memory of a second factor. Now and then a few solves, to
+  /// find a free gauge. kExact: a linearization of the whole problem, and for each column some
+  /// passes over it and solves. After an Update that the batch solver ended by itself S is formed
+  /// first, once, as the next Update would. Threads: the calling one, as for Update, and
+  /// options.num_threads for factors and large fronts; the same bits for any number. Source: Kaess
+  /// & Dellaert, "Covariance recovery from a square root information matrix for data association",
+  /// RAS 57(12), 2009; docs/incremental.md.
   Status Covariance(const std::vector<VariableId>& ids, const LiveCovarianceOptions& options,
                     LiveCovariance* covariance) const;
   /// Of one variable.
