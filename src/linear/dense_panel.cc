@@ -69,14 +69,14 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
   }
 }
 
-// Of small square blocks, below the diagonal, above it, and on it.
-template <int kSize>
-void PlaceSquare(const double* block, int block_stride, int first_row, int first_column, double* A,
-                 std::ptrdiff_t stride) {
+// Of small blocks, below the diagonal, above it, and on it.
+template <int kRows, int kColumns>
+void PlaceSized(const double* block, int block_stride, int first_row, int first_column, double* A,
+                std::ptrdiff_t stride) {
   if (first_row < first_column) {
     double* out = A + first_row * stride + first_column;
-    for (int r = 0; r < kSize; ++r, block += block_stride, out += stride) {
-      for (int c = 0; c < kSize; ++c) {
+    for (int r = 0; r < kRows; ++r, block += block_stride, out += stride) {
+      for (int c = 0; c < kColumns; ++c) {
         out[c] = block[c];
       }
     }
@@ -84,12 +84,33 @@ void PlaceSquare(const double* block, int block_stride, int first_row, int first
   }
   double* out = A + first_column * stride + first_row;
   const bool is_diagonal = first_row == first_column;
-  for (int c = 0; c < kSize; ++c, out += stride) {
-    for (int r = 0; r < kSize; ++r) {
+  for (int c = 0; c < kColumns; ++c, out += stride) {
+    for (int r = 0; r < kRows; ++r) {
       if (!is_diagonal || r >= c) {
         out[r] = block[r * block_stride + c];
       }
     }
+  }
+}
+
+// Of poses, of velocities with biases, and of what lies between them; null: of other sizes.
+decltype(&PlaceSized<3, 3>) FindPlaceSized(int rows, int columns) {
+  if (rows > 9 || columns > 9) {
+    return nullptr;
+  }
+  switch (16 * rows + columns) {
+    case 16 * 3 + 3:
+      return PlaceSized<3, 3>;
+    case 16 * 6 + 6:
+      return PlaceSized<6, 6>;
+    case 16 * 6 + 9:
+      return PlaceSized<6, 9>;
+    case 16 * 9 + 6:
+      return PlaceSized<9, 6>;
+    case 16 * 9 + 9:
+      return PlaceSized<9, 9>;
+    default:
+      return nullptr;
   }
 }
 
@@ -99,11 +120,8 @@ void PlaceSquare(const double* block, int block_stride, int first_row, int first
 // destination is written along its columns.
 void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
                 int first_column, double* A, std::ptrdiff_t stride) {
-  if (rows == 3 && columns == 3) {
-    return PlaceSquare<3>(block, block_stride, first_row, first_column, A, stride);
-  }
-  if (rows == 6 && columns == 6) {
-    return PlaceSquare<6>(block, block_stride, first_row, first_column, A, stride);
+  if (const auto place = FindPlaceSized(rows, columns)) {
+    return place(block, block_stride, first_row, first_column, A, stride);
   }
   // It would be above the diagonal: turned, its rows become columns, which are copied whole.
   if (first_row < first_column) {

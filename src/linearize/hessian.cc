@@ -294,8 +294,8 @@ void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
       kernels_.accumulate_products(products, 1.0, out);
     }
   }
-  for (int k = 0; k < size && kept != nullptr; ++k) {
-    sum[k] += kept[k];
+  if (kept != nullptr) {
+    std::transform(kept, kept + size, sum, sum, std::plus<>());
   }
 }
 

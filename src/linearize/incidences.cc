@@ -131,19 +131,21 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
       const auto owner = std::find_if(
           evaluator.families().begin(), evaluator.families().end(),
           [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
-      auto& targets = y_targets_[owner->id];
+      std::int32_t* const targets = y_targets_[owner->id].data();
+      const VariableId* const ids = graph.Variables(owner->id, 0);
+      const int first_incidence = begin.back();
       // In the order in which the kernels go through the factors.
       for (int n = 0; n < entry.count; ++n) {
         const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
         for (int s = 0; s < entry.num_slots; ++s) {
-          const int frame = layout.FrameOf(graph.Variables(owner->id, 0)[first + s]);
+          const int frame = layout.FrameOf(ids[first + s]);
           if (frame < 0) {
             continue;
           }
           int& seen = last_seen[frame];
           // Incidences are numbered landmark by landmark: a number below this one's first is that
           // of an earlier landmark.
-          const bool known = seen >= begin.back();
+          const bool known = seen >= first_incidence;
           if (!known) {
             seen = static_cast<int>(incidences.size());
             const auto f = static_cast<std::size_t>(frame);

@@ -60,7 +60,7 @@ void Linearization::GrowTables(int num_places) {
 }
 
 // Kept values move to the new place; new ones are zero.
-void Linearization::Grow(int num_places, int new_capacity) {
+void Linearization::Grow(int num_places, int new_capacity, Fresh fresh) {
   const int before = num_factors;
   if (new_capacity > capacity) {
     capacity = new_capacity;
@@ -70,7 +70,8 @@ void Linearization::Grow(int num_places, int new_capacity) {
     }
     // All slots in one array, each with room for `capacity` factors: with more room all of them
     // move.
-    ZeroedArray J(static_cast<std::size_t>(size) * capacity);
+    const std::size_t J_size = static_cast<std::size_t>(size) * capacity;
+    ZeroedArray J = fresh == Fresh::kZero ? ZeroedArray(J_size) : ZeroedArray::Unwritten(J_size);
     double* next = J.data();
     for (int s = 0; s < num_slots; ++s) {
       SlotJacobians& slot = slots[s];
@@ -224,6 +225,7 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   batch.residuals = residuals.data();
   batch.jacobians = views.data();
   batch.kept = keeps_ ? kept_.get() : nullptr;
+  batch.maps_are_alike = maps_are_alike;
   return batch;
 }
 

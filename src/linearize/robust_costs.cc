@@ -1,5 +1,7 @@
 #include "linearize/robust_costs.h"
 
+#include <cmath>
+
 #include "inceres/problem/constant_size.h"
 
 namespace inceres::internal {
@@ -21,41 +23,53 @@ double SumCandidateCosts(int begin, int end, Linearization* family) {
   const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
   const double* f =
       family->candidate_residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
-  double cost = 0.0;
-  WithConstantSize(family->residual_size, [&](auto rows) {
-    for (int i = begin; i < end; ++i, f += rows) {
-      LossValue& value = family->loss_values[i];
-      value.Set(losses[i].get(), SquaredNorm(f, rows));
-      cost += value.cost();
+  LossValue* const values = family->loss_values.data();
+  return WithConstantSize(family->residual_size, [=](auto rows) {
+    const double* next = f;  // copies, which registers can hold
+    double cost = 0.0;
+    for (int i = begin; i < end; ++i, next += rows) {
+      values[i].Set(losses[i].get(), SquaredNorm(next, rows));
+      cost += values[i].cost();
     }
+    return cost;
   });
-  return cost;
 }
 
 // Those of the point that was linearized; a loss is not asked again where its value is known.
-double SumLinearizedCosts(bool known_point, LossCurvature curvature, int begin, int end,
+template <typename Size>
+double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, int begin, int end,
                           Linearization* family, GroupScales* scales, EvaluationFailure* failure) {
-  const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
-  const double* f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id) + begin;
+  LossValue* const values = family->loss_values.data() + begin;
+  const double* f = family->residuals.data() + std::ptrdiff_t{begin} * rows;
+  const bool takes_negative =
+      curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
   double cost = 0.0;
-  WithConstantSize(family->residual_size, [&](auto rows) {
-    for (int n = 0; n < end - begin; ++n, f += rows) {
-      LossValue& value = family->loss_values[begin + n];
-      const double s = SquaredNorm(f, rows);
-      if (!known_point || s != value.s) {
-        value.Set(losses[begin + n].get(), s);
-      }
-      cost += value.cost();
-      if (!value.HasRoot()) {
-        *failure = {begin + n, kLossWithoutRoot};
-        return;
-      }
-      const RobustScale scale(value, curvature);
-      scales->of_jacobian[n] = scale.jacobian();
-      scales->of_residual[n] = scale.is_corrected() ? scale.residual() : scale.sqrt_weight;
-      scales->are_finite = scales->are_finite && scale.is_finite();
+  double not_finite = 0.0;  // NaN with the first scale that is not
+  for (int n = 0; n < end - begin; ++n, f += rows) {
+    LossValue& value = values[n];
+    const double s = SquaredNorm(f, rows);
+    if (!known_point || s != value.s) {
+      value.Set(losses[n].get(), s);
     }
-  });
+    cost += value.cost();
+    if (value.rho[2] <= 0.0 && !takes_negative) {  // as of most losses: nothing but a weight
+      const double sqrt_weight = std::sqrt(value.rho[1]);
+      scales->of_jacobian[n] = {sqrt_weight, 0.0};
+      scales->of_residual[n] = sqrt_weight;
+      not_finite += sqrt_weight * 0.0;
+      continue;
+    }
+    if (!value.HasRoot()) {
+      *failure = {begin + n, kLossWithoutRoot};
+      break;
+    }
+    const RobustScale scale(value, curvature);
+    scales->of_jacobian[n] = scale.jacobian();
+    scales->of_residual[n] = scale.is_corrected() ? scale.residual() : scale.sqrt_weight;
+    not_finite += (scale.sqrt_weight + scale.alpha_over_s) * 0.0;
+  }
+  scales->are_finite = not_finite == 0.0;
   return cost;
 }
 
@@ -63,7 +77,7 @@ double SumLinearizedCosts(bool known_point, LossCurvature curvature, int begin, 
 void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int end,
              Linearization* family) {
   const auto num_slots = static_cast<int>(family->slots.size());
-  double* f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  double* const f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
   // Whole rows have one slot with offset 0 for all factors.
   if (!family->has_whole_rows() && scales.are_finite) {
     BestKernels().correct_factors(family->slots.data(), num_slots, begin, end - begin,
@@ -78,10 +92,13 @@ void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int 
                  family->tangent_offsets.data() + (whole_rows ? 0 : family->Entry(i)));
     }
   }
-  WithConstantSize(family->residual_size, [&](auto rows) {
-    for (int n = 0; n < end - begin; ++n) {
-      for (int r = 0; r < rows; ++r, ++f) {
-        *f *= scales.of_residual[n];
+  const double* const weights = scales.of_residual;
+  const int count = end - begin;
+  WithConstantSize(family->residual_size, [=](auto rows) {
+    double* next = f;
+    for (int n = 0; n < count; ++n, next += rows) {
+      for (int r = 0; r < rows; ++r) {
+        next[r] *= weights[n];
       }
     }
   });
@@ -101,8 +118,9 @@ double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int 
     return SumCandidateCosts(begin, end, family);
   }
   GroupScales scales;
-  const double cost =
-      SumLinearizedCosts(known_point, curvature, begin, end, family, &scales, failure);
+  const double cost = WithConstantSize(family->residual_size, [&](auto rows) {
+    return SumLinearizedCosts(rows, known_point, curvature, begin, end, family, &scales, failure);
+  });
   if (!failure->failed()) {
     Correct(scales, curvature, begin, end, family);
   }

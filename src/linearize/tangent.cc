@@ -159,11 +159,12 @@ const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, c
 }
 
 // Classified only now: the kind may differ from point to point.
-void Tangent::AcceptCandidate() {
+bool Tangent::AcceptCandidate() {
   // Told by a flag and not by the matrix, whose memory stays: the one of an older candidate would
   // pass for this one's.
   if (!curved_->has_candidate) {
-    return MarkMoved();  // nobody has asked
+    MarkMoved();  // nobody has asked
+    return true;
   }
   curved_->has_candidate = false;
   curved_->stale = false;
@@ -172,9 +173,12 @@ void Tangent::AcceptCandidate() {
   curved_->M.swap(curved_->candidate_M);
   const bool same = map_.plus_jacobian != nullptr && curved_->M == curved_->candidate_M;
   map_.plus_jacobian = curved_->M.data();
-  if (!same) {
-    ClassifyTangentMap(&map_, curved_->selection.data());
+  if (same) {
+    return false;
   }
+  const TangentMap before = map_;
+  ClassifyTangentMap(&map_, curved_->selection.data());
+  return !map_.IsLike(before);
 }
 
 }  // namespace inceres::internal

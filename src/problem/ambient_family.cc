@@ -138,26 +138,19 @@ Taking TakingOf(const TangentMap& map) {
              : Taking::kOneByOne;
 }
 
-// Of one slot: their sizes are equal.
-bool AreAlike(const TangentMap& a, const TangentMap& b) {
-  return a.kind == b.kind && a.num_identity_columns == b.num_identity_columns;
-}
-
-// Those from begin to end; false, and nothing done, if it is for who takes one by one.
-bool TakeRun(Taking taking, const internal::AmbientSlot& slot, const TangentMap* const* maps,
-             int map_stride, int begin, int end) {
-  const double* const J = slot.values + std::ptrdiff_t{begin} * slot.size;
-  double* const out = slot.J_tangent + begin * slot.factor_stride;
+// False, and nothing done, if it is for who takes one by one.
+bool TakeTogether(Taking taking, const internal::AmbientSlot& slot, const TangentMap* const* maps,
+                  int map_stride, int count) {
   if (taking == Taking::kCopy) {
-    return slot.take != nullptr &&
-           slot.take(end - begin, J, slot.num_rows, out, slot.factor_stride, slot.row_stride);
+    return slot.take != nullptr && slot.take(count, slot.values, slot.num_rows, slot.J_tangent,
+                                             slot.factor_stride, slot.row_stride);
   }
   if (taking == Taking::kPose) {
     const double* M[internal::kMostTaken];
-    for (int n = begin; n < end; ++n) {
-      M[n - begin] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
+    for (int n = 0; n < count; ++n) {
+      M[n] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
     }
-    return internal::BestKernels().take_poses(M, end - begin, J, slot.num_rows, out,
+    return internal::BestKernels().take_poses(M, count, slot.values, slot.num_rows, slot.J_tangent,
                                               slot.factor_stride, slot.row_stride);
   }
   return taking == Taking::kNothing;
@@ -165,29 +158,25 @@ bool TakeRun(Taking taking, const internal::AmbientSlot& slot, const TangentMap*
 
 }  // namespace
 
-int internal::TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
-                       int count) {
-  const auto map_of = [&](int n) -> const TangentMap& {
-    return *maps[std::ptrdiff_t{n} * map_stride];
-  };
-  for (int begin = 0; begin < count;) {
-    const Taking taking = TakingOf(map_of(begin));
-    int end = begin + 1;
-    while (end < count && AreAlike(map_of(end), map_of(begin))) {
-      ++end;
+int internal::TakeAlike(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
+                        int count) {
+  if (count == 0 || TakeTogether(TakingOf(*maps[0]), slot, maps, map_stride, count)) {
+    return -1;
+  }
+  for (int n = 0; n < count; ++n) {
+    const double* const J = slot.values + std::ptrdiff_t{n} * slot.size;
+    const TangentMap& map = *maps[std::ptrdiff_t{n} * map_stride];
+    if (map.wanted() && !AreAllWritten(J, slot.size)) {
+      return n;
     }
-    const bool taken = TakeRun(taking, slot, maps, map_stride, begin, end);
-    for (int n = begin; n < end && !taken; ++n) {
-      const double* const J = slot.values + std::ptrdiff_t{n} * slot.size;
-      if (map_of(n).wanted() && !AreAllWritten(J, slot.size)) {
-        return n;
-      }
-      ProjectToTangentSpace(map_of(n), J, slot.num_rows, slot.J_tangent + n * slot.factor_stride,
-                            slot.row_stride);
-    }
-    begin = end;
+    ProjectToTangentSpace(map, J, slot.num_rows, slot.J_tangent + n * slot.factor_stride,
+                          slot.row_stride);
   }
   return -1;
+}
+
+void internal::MarkManyUnwritten(double* values, int count) {
+  BestKernels().mark_unwritten(values, count);
 }
 
 bool AreAllWritten(const double* values, int count) {

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "problem/edit_state.h"
 #include "problem/find_fault.h"
@@ -173,9 +175,85 @@ Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double*
   return Status::Ok();
 }
 
+// A variable as most factors find it: small enough to look at all of a family's at once.
+struct Glance {
+  std::int32_t ambient_size = -1;  // of no slot
+  std::int32_t tangent_size = 0;   // 0: of a constant, which fits any
+  bool is_landmark = false;        // and moves
+  bool has_manifold = false;       // likewise
+};
+
+std::vector<Glance> GlanceAt(const VariableTable& variables) {
+  std::vector<Glance> glances(static_cast<std::size_t>(variables.size()));
+  for (VariableId id = 0; id < variables.size(); ++id) {
+    const VariableRecord& variable = variables[id];
+    Glance& glance = glances[internal::IndexOf(id)];
+    if (variable.removed) {
+      continue;
+    }
+    const bool moves = !variable.constant && variable.tangent_size > 0;
+    glance = {variable.ambient_size, moves ? variable.tangent_size : 0,
+              moves && variable.role == Role::kLandmark, moves && variable.manifold != nullptr};
+  }
+  return glances;
+}
+
+// The rules of a factor (FindFault) for those that are obviously in order, which nearly all are.
+class ObviousFactors {
+ public:
+  ObviousFactors(const FactorFamily& family, const std::vector<Glance>& glances)
+      : glances_(glances), count_(static_cast<VariableId>(glances.size())) {
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const FactorFamily::Slot& slot = family.slot(s);
+      slots_.push_back({slot.ambient_size, slot.tangent_size, family.Space(s) == SlotSpace::kAny});
+    }
+  }
+
+  bool Have(const VariableId* ids) const {
+    int num_landmarks = 0;
+    const VariableId* id = ids;
+    for (const Slot& slot : slots_) {
+      if (*id < 0 || *id >= count_) {
+        return false;
+      }
+      const Glance& glance = glances_[internal::IndexOf(*id)];
+      const bool fits = glance.ambient_size == slot.ambient_size &&
+                        (glance.tangent_size == 0 || glance.tangent_size == slot.tangent_size) &&
+                        (slot.takes_any_manifold || !glance.has_manifold);
+      if (!fits || internal::IsAmong(*id, ids, static_cast<int>(id - ids))) {
+        return false;
+      }
+      num_landmarks += glance.is_landmark ? 1 : 0;
+      ++id;
+    }
+    return num_landmarks <= 1;
+  }
+
+ private:
+  struct Slot {
+    std::int32_t ambient_size;
+    std::int32_t tangent_size;
+    bool takes_any_manifold;
+  };
+  const std::vector<Glance>& glances_;
+  const VariableId count_;
+  std::vector<Slot> slots_;
+};
+
+// Whether a factor touches what the one before it does. Free places have ids of −1, so a factor
+// after one is looked at. From the last slot on, where neighbors differ first.
+bool RepeatsIds(const VariableId* ids, int num_slots) {
+  int s = num_slots;
+  while (s > 0 && ids[s - 1] == ids[s - 1 - num_slots]) {
+    --s;
+  }
+  return s == 0 && num_slots > 0 && ids[0] >= 0;
+}
+
 // `edited`: an edit was checked.
 Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
-                      const FamilyRecord& record, FamilyId id, bool edited) {
+                      const std::vector<Glance>& glances, const FamilyRecord& record, FamilyId id,
+                      bool edited) {
   const FactorFamily& family = *record.family;
   if (family.residual_size() <= 0) {
     return Invalid(FamilyName(id, family) + " has residual size " +
@@ -197,16 +275,14 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
   const bool all_alike = all_live && record.num_factors > 0 &&
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
+  const ObviousFactors obvious(family, glances);
   internal::AcceptedManifolds accepted;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
       continue;
     }
-    // then that one was found to be in order
-    // Free places have ids of −1, so a factor after one is looked at.
-    if (factor > 0 && num_slots > 0 && ids[0] >= 0 &&
-        std::equal(ids, ids + num_slots, ids - num_slots)) {
-      continue;
+    if (obvious.Have(ids) || (factor > 0 && RepeatsIds(ids, num_slots))) {
+      continue;  // the one before was found to be in order
     }
     const FactorFault fault = internal::FindFault(
         family, ids,
@@ -276,8 +352,9 @@ Status FactorGraph::Validate() const {
     const VariableId id = bounded->first;
     status = ValidateBounds(id, bounded->second, Values(id), IsConstant(id));
   }
+  const std::vector<Glance> glances = GlanceAt(variables_);
   for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
-    status = ValidateFamily(*this, variables_, factors_[id], id, is_edited_);
+    status = ValidateFamily(*this, variables_, glances, factors_[id], id, is_edited_);
   }
   return status;
 }

@@ -38,9 +38,16 @@ Status CheckHandle(const char* call, const FactorGraph& graph, FamilyId id,
 
 bool AllFinite(const double* values, std::size_t count);
 
-// Without an early end the compiler compares several at a time: for the factors that touch hundreds
-// of variables.
+// Of many the compiler compares several at a time, without an early end: for the factors that touch
+// hundreds of variables.
 inline bool IsAmong(VariableId id, const VariableId* ids, int count) {
+  if (count < 8) {
+    int k = 0;
+    while (k < count && ids[k] != id) {
+      ++k;
+    }
+    return k < count;
+  }
   int found = 0;
   for (int k = 0; k < count; ++k) {
     found |= ids[k] == id ? 1 : 0;
@@ -110,6 +117,7 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
                       AcceptedManifolds* accepted) {
   int num_landmarks = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
+    const FactorFamily::Slot& slot = family.slot(s);
     const Sight sight = see(ids[s]);
     if (sight.fault != Fault::kNone) {
       return {sight.fault, s};
@@ -118,13 +126,13 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
       return {Fault::kRepeated, s};
     }
     const VariableRecord& variable = *sight.record;
-    if (variable.ambient_size != family.slot(s).ambient_size) {
+    if (variable.ambient_size != slot.ambient_size) {
       return {Fault::kAmbientSize, s};
     }
     if (sight.constant || variable.tangent_size == 0) {
       continue;
     }
-    if (variable.tangent_size != family.slot(s).tangent_size) {
+    if (variable.tangent_size != slot.tangent_size) {
       return {Fault::kTangentSize, s};
     }
     if (variable.manifold != nullptr && !accepted->Accepts(family, s, *variable.manifold)) {

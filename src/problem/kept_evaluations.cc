@@ -152,7 +152,7 @@ int KeptEvaluations::Take(const FactorBatch& batch, int i, bool is_new, const do
     slot.values = values;
     slot.J_tangent = J_tangent;
     slot.row_stride = view.row_stride;
-    if (TakeOver(slot, maps + s, 1, 1) >= 0) {
+    if (TakeAlike(slot, maps + s, 1, 1) >= 0) {
       *J = values;
       return static_cast<int>(s);
     }

@@ -54,10 +54,9 @@ struct BlockProducts {
   bool is_near = false;
 };
 
-/// Whether operands in so many doubles count as near: no more than the second-level cache holds.
-static constexpr bool AreNear(std::int64_t size) {
-  return size <= std::int64_t{1} << 15;  // 256 KiB
-}
+/// Whether operands in so many doubles count as near: they take no more than half of this
+/// processor's second-level cache, or 256 KiB where that is more or the system does not tell.
+bool AreNear(std::int64_t size);
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
 struct VectorTerm {
@@ -196,6 +195,8 @@ struct Kernels {
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
   /// infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);
+  /// Fills them with kUnwrittenEntry.
+  void (*mark_unwritten)(double* values, int count);
   /// J_s := scale (I − a f fᵀ) J_s of `count` factors from `first` on, padding included, for the
   /// slots with a tangent offset. Offsets, f and scales begin with those of the first factor.
   void (*correct_factors)(const SlotJacobians* jacobians, int num_slots, int first, int count,

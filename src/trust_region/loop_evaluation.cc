@@ -25,7 +25,8 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       evaluator_(*evaluator),
       clock_(*clock),
       summary_(*summary),
-      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
+      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
+      runs_(FindRuns()) {
 }
 
 // Where one process cannot move, none does.
@@ -80,37 +81,34 @@ bool LoopEvaluation::IsUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
-// visit(begin, end) of the state's entries that move, in the order of the variables: neighbors in
-// memory at once.
-template <typename Visit>
-void LoopEvaluation::ForEachRun(const Visit& visit) const {
+// Neighbors in memory at once.
+std::vector<LoopEvaluation::Run> LoopEvaluation::FindRuns() const {
+  std::vector<Run> runs;
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
-  std::int64_t begin = 0, end = 0;
   for (std::size_t i = 0; i < variables.size(); ++i) {
     // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
     const std::int64_t offset = graph.StateOffset(variables[i]);
-    if (offset != end) {
-      visit(begin, end);
-      begin = offset;
+    if (runs.empty() || offset != runs.back().end) {
+      runs.push_back({offset, offset});
     }
-    end = offset + graph.AmbientSize(variables[i]);
+    runs.back().end += graph.AmbientSize(variables[i]);
   }
-  visit(begin, end);
+  return runs;
 }
 
 // Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
   const double* const x = evaluator_.points().current().data();
-  ForEachRun([&sum, x](std::int64_t begin, std::int64_t end) {
+  for (const auto [begin, end] : runs_) {
     for (std::int64_t k = begin; k < end; ++k) {
       sum += x[k] * x[k];
     }
-  });
+  }
   return std::sqrt(agreement_.Sum(sum));
 }
 
@@ -121,19 +119,19 @@ double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double largest = 0.0;
   const double* const from = evaluator_.points().current().data();
   const double* const to = evaluator_.points().candidate().data();
-  ForEachRun([&sum, from, to](std::int64_t begin, std::int64_t end) {
+  for (const auto [begin, end] : runs_) {
     for (std::int64_t k = begin; k < end; ++k) {
       const double difference = from[k] - to[k];
       sum += difference * difference;
     }
-  });
+  }
   // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
-    ForEachRun([&largest, from, to](std::int64_t begin, std::int64_t end) {
+    for (const auto [begin, end] : runs_) {
       for (std::int64_t k = begin; k < end; ++k) {
         largest = std::max(largest, std::fabs(from[k] - to[k]));
       }
-    });
+    }
     *max_norm = agreement_.Max(largest);
   }
   return std::sqrt(agreement_.Sum(sum));

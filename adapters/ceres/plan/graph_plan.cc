@@ -32,9 +32,12 @@ class Planner {
       PlanVariable(b);
     }
     for (const ResidualBlockView& residual : view_.residuals) {
-      const bool brings_blocks = !residual.fixed && !residual.like_previous;
-      for (int s = 0; brings_blocks && s < residual.num_slots; ++s) {
-        const int b = view_.SlotsOf(residual)[s];
+      if (residual.fixed || residual.like_previous) {
+        continue;  // brings no new ones
+      }
+      const int* const slots = view_.SlotsOf(residual);
+      for (const int* slot = slots; slot < slots + residual.num_slots; ++slot) {
+        const int b = *slot;
         if (variable_of_[At(b)] != -1) {
           continue;
         }

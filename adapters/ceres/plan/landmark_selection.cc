@@ -99,23 +99,25 @@ class Chooser {
     return count;
   }
 
+  // Lists where candidates stand, one or two places of the many in most residual blocks, and joins
+  // those that stand in the same place of a shape.
   void FindKinds() {
     std::vector<int> first_at_place(At(shapes_.num_places), -1);
+    places_.reserve(view_.residuals.size());
     for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
       const ResidualBlockView& residual = view_.residuals[r];
-      if (residual.fixed) {
-        continue;
-      }
-      int* first = first_at_place.data() + shapes_.ShapeOf(r).first_place;
-      for (int s = 0; s < residual.num_slots; ++s) {
-        const int b = view_.SlotsOf(residual)[s];
+      const int* blocks = view_.SlotsOf(residual);
+      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+        const int b = blocks[s];
         if (candidate_[At(b)] == 0) {
           continue;
         }
-        if (first[s] < 0) {
-          first[s] = b;
+        places_.push_back({static_cast<int>(r), b});
+        int& first = first_at_place[At(shapes_.ShapeOf(r).first_place + s)];
+        if (first < 0) {
+          first = b;
         } else {
-          kinds_.Join(b, first[s]);
+          kinds_.Join(b, first);
         }
       }
     }
@@ -130,20 +132,13 @@ class Chooser {
     };
     std::vector<Meeting> met(view_.blocks.size());
     std::vector<int> dropped;
-    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-      const ResidualBlockView& residual = view_.residuals[r];
-      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
-        const int b = view_.SlotsOf(residual)[s];
-        if (candidate_[At(b)] == 0) {
-          continue;
-        }
-        Meeting& meeting = met[At(kinds_.Find(b))];
-        if (meeting.residual == static_cast<int>(r)) {
-          dropped.push_back(b);
-          dropped.push_back(meeting.block);
-        }
-        meeting = {static_cast<int>(r), b};
+    for (const auto [r, b] : places_) {
+      Meeting& meeting = met[At(kinds_.Find(b))];
+      if (meeting.residual == r) {
+        dropped.push_back(b);
+        dropped.push_back(meeting.block);
       }
+      meeting = {r, b};
     }
     for (const int b : dropped) {
       candidate_[At(b)] = 0;
@@ -152,13 +147,9 @@ class Chooser {
 
   void IndexResiduals() {
     residuals_of_ = SortIntoRows(view_.blocks.size(), [this](const auto& add) {
-      for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-        const ResidualBlockView& residual = view_.residuals[r];
-        for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
-          const int b = view_.SlotsOf(residual)[s];
-          if (candidate_[At(b)] != 0) {
-            add(b, static_cast<int>(r));
-          }
+      for (const auto [r, b] : places_) {
+        if (candidate_[At(b)] != 0) {
+          add(b, r);
         }
       }
     });
@@ -190,11 +181,11 @@ class Chooser {
     seen_by_[At(b)] = b;
     for (const int r : residuals_of_[b]) {
       const ResidualBlockView& residual = view_.residuals[At(r)];
-      for (int s = 0; s < residual.num_slots; ++s) {
-        const int other = view_.SlotsOf(residual)[s];
-        if (seen_by_[At(other)] != b && !view_.block(other).constant) {
-          seen_by_[At(other)] = b;
-          size += view_.block(other).tangent_size;
+      const int* const blocks = view_.SlotsOf(residual);
+      for (const int* other = blocks; other < blocks + residual.num_slots; ++other) {
+        if (seen_by_[At(*other)] != b && !view_.block(*other).constant) {
+          seen_by_[At(*other)] = b;
+          size += view_.block(*other).tangent_size;
         }
       }
     }
@@ -249,7 +240,13 @@ class Chooser {
 
   const ProblemView& view_;
   const ShapeTable& shapes_;
+  // A residual block and a candidate of its blocks, in the order of its slots.
+  struct Place {
+    int residual;
+    int block;
+  };
   std::vector<char> candidate_;
+  std::vector<Place> places_;
   KindFinder kinds_;
   CompressedRows residuals_of_;  // each candidate
   std::vector<int> seen_by_;

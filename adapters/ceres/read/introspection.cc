@@ -112,10 +112,11 @@ class ResidualReader {
     view_.residuals.reserve(ids.size());
     view_.slots.reserve(3 * ids.size());
     ResidualLookUps look_ups(problem, view_);
-    while (view_.residuals.size() < ids.size()) {
-      look_ups.Take(ids, view_.residuals.size(), num_threads);
+    while (next_ < static_cast<int>(ids.size())) {
+      look_ups.Take(ids, At(next_), num_threads);
       for (const ResidualLookUp& found : look_ups.found()) {
-        Read(ids[view_.residuals.size()], found);
+        Read(ids[At(next_)], found);
+        ++next_;
       }
     }
     Count(residual_, repeats_);
@@ -150,15 +151,21 @@ class ResidualReader {
   }
 
   // Names the residual block in program order, which is the order Ceres's own messages use.
-  std::string ThisResidual() const {
-    return "residual block " + std::to_string(view_.residuals.size());
-  }
+  std::string ThisResidual() const { return "residual block " + std::to_string(next_); }
 
   // Whether the slots, which are still those of the residual block before, are right for this one
   // too; its neighbors' often are.
   bool RepeatsSlots(const ResidualLookUp& found) const {
-    return !view_.residuals.empty() && found.sizes_fit && found.num_slots == residual_.num_slots &&
-           std::equal(found.blocks, found.blocks + found.num_slots, view_.SlotsOf(residual_));
+    return next_ > 0 && found.sizes_fit && found.num_slots == residual_.num_slots &&
+           AreEqual(found.blocks, view_.SlotsOf(residual_), found.num_slots);
+  }
+
+  // From the last one on, where neighbors differ first.
+  static bool AreEqual(const int* a, const int* b, int count) {
+    while (count > 0 && a[count - 1] == b[count - 1]) {
+      --count;
+    }
+    return count == 0;
   }
 
   // Counts residual blocks with the same slots as this one, and the blocks they touch.
@@ -170,9 +177,9 @@ class ResidualReader {
     add(&view_.all);
     if (!residual.fixed) {
       add(&view_.reduced);
-      for (int s = 0; s < residual.num_slots; ++s) {
-        view_.blocks[static_cast<std::size_t>(view_.SlotsOf(residual)[s])].degree +=
-            repeats.num_residual_blocks;
+      const int* const slots = view_.SlotsOf(residual);
+      for (const int* b = slots; b < slots + residual.num_slots; ++b) {
+        view_.blocks[At(*b)].degree += repeats.num_residual_blocks;
       }
     }
   }
@@ -187,14 +194,14 @@ class ResidualReader {
       SetDefect(&view_, "the cost function of " + ThisResidual() +
                             " has changed its number of parameter blocks");
     }
+    view_.slots.insert(view_.slots.end(), found.blocks, found.blocks + found.num_slots);
     for (int s = 0; s < found.num_slots; ++s) {
-      const int b = found.blocks[s];
-      const ParameterBlockView& block = view_.block(b);
-      view_.slots.push_back(b);
-      residual_.fixed = residual_.fixed && block.constant;
-      Meet(b);
-      const auto k = static_cast<std::size_t>(s);
-      if (k < num_sizes && found.cost->parameter_block_sizes()[k] != block.ambient_size) {
+      residual_.fixed = residual_.fixed && view_.block(found.blocks[s]).constant;
+      Meet(found.blocks[s]);
+    }
+    for (std::size_t k = 0; k < std::min(num_sizes, At(found.num_slots)); ++k) {
+      const ParameterBlockView& block = view_.block(found.blocks[k]);
+      if (found.cost->parameter_block_sizes()[k] != block.ambient_size) {
         SetDefect(&view_, "the cost function of " + ThisResidual() +
                               " expects another size than that of " + Describe(block));
       }
@@ -203,16 +210,16 @@ class ResidualReader {
 
   // A block twice in one residual block shows at once.
   void Meet(int b) {
-    const int this_residual = static_cast<int>(view_.residuals.size());
-    int& last = last_residual_[static_cast<std::size_t>(b)];
-    if (last == this_residual) {
+    int& last = last_residual_[At(b)];
+    if (last == next_) {
       SetDefect(&view_, Describe(view_.block(b)) + " appears twice in " + ThisResidual());
     }
-    last = this_residual;
+    last = next_;
   }
 
   ProblemView& view_;
   std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
+  int next_ = 0;                    // the residual block that is read
   ResidualBlockView residual_;      // the last one: keeps what its neighbor repeats
   Repeats repeats_;
 };

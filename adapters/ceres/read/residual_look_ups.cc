@@ -31,8 +31,8 @@ void ResidualLookUps::Take(const std::vector<ceres::ResidualBlockId>& ids, std::
 }
 
 void ResidualLookUps::LookUp(const ceres::ResidualBlockId* ids, int begin, int end, Group* group) {
-  group->blocks.clear();
-  int previous = 0;  // where the residual block before has its blocks
+  int first = 0;     // where this residual block has its blocks
+  int previous = 0;  // and the one before
   for (int k = begin; k < end; ++k) {
     ResidualLookUp& residual = found_[At(k)];
     residual.cost = problem_.GetCostFunctionForResidualBlock(ids[k]);
@@ -42,13 +42,23 @@ void ResidualLookUps::LookUp(const ceres::ResidualBlockId* ids, int begin, int e
     residual.num_slots = static_cast<int>(group->pointers.size());
     const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
     residual.sizes_fit = sizes.size() == group->pointers.size();
-    const int first = static_cast<int>(group->blocks.size());
-    for (std::size_t s = 0; s < group->pointers.size(); ++s) {
-      const int b = FindBlock(*group, previous + static_cast<int>(s), first, group->pointers[s]);
-      group->blocks.push_back(b);
-      residual.sizes_fit = residual.sizes_fit && sizes[s] == view_.block(b).ambient_size;
+    if (group->blocks.size() < At(first + residual.num_slots)) {
+      group->blocks.resize(2 * At(first + residual.num_slots));
     }
+    int* const blocks = group->blocks.data();
+    bool sizes_fit = residual.sizes_fit;
+    for (int s = 0; s < residual.num_slots; ++s) {
+      const double* const pointer = group->pointers[At(s)];
+      // The slot of the residual block before often has the same.
+      const int near = previous + s < first ? blocks[previous + s] : -1;
+      const int b =
+          near >= 0 && view_.block(near).values == pointer ? near : view_.index.Find(pointer);
+      blocks[first + s] = b;
+      sizes_fit = sizes_fit && sizes[At(s)] == view_.block(b).ambient_size;
+    }
+    residual.sizes_fit = sizes_fit;
     previous = first;
+    first += residual.num_slots;
   }
   // The list has stopped moving.
   const int* next = group->blocks.data();
@@ -56,18 +66,6 @@ void ResidualLookUps::LookUp(const ceres::ResidualBlockId* ids, int begin, int e
     found_[At(k)].blocks = next;
     next += found_[At(k)].num_slots;
   }
-}
-
-// Of a slot, where the residual block before often has the same.
-int ResidualLookUps::FindBlock(const Group& group, int in_previous, int end_of_previous,
-                               const double* pointer) const {
-  if (in_previous < end_of_previous) {
-    const int b = group.blocks[At(in_previous)];
-    if (view_.block(b).values == pointer) {
-      return b;
-    }
-  }
-  return view_.index.Find(pointer);
 }
 
 }  // namespace inceres::internal

@@ -38,8 +38,6 @@ class ResidualLookUps {
   };
 
   void LookUp(const ceres::ResidualBlockId* ids, int begin, int end, Group* group);
-  int FindBlock(const Group& group, int in_previous, int end_of_previous,
-                const double* pointer) const;
 
   const ceres::Problem& problem_;
   const ProblemView& view_;

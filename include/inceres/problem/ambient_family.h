@@ -40,10 +40,13 @@ INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns
 constexpr int kMostTaken = 8;
 
 /// Checks and projects the Jacobians of `count` factors, at most kMostTaken; maps[n · map_stride]
-/// is that of factor n. Returns the first factor with an entry that is not finite or was not
-/// written, or −1.
-INCERES_EXPORT int TakeOver(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
-                            int count);
+/// is that of factor n, and all are alike. Returns the first factor with an entry that is not
+/// finite or was not written, or −1.
+INCERES_EXPORT int TakeAlike(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
+                             int count);
+
+/// As MarkUnwritten, of many entries.
+INCERES_EXPORT void MarkManyUnwritten(double* values, int count);
 
 /// A family with more slots keeps nothing.
 constexpr int kMostKeptSlots = 16;
@@ -150,6 +153,13 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
   static constexpr std::size_t kInlineSlots = 16;
 
+  // Where one factor after the other writes its Jacobians, slot by slot.
+  struct Outputs {
+    double** blocks;          // of one factor, whose function may change the array
+    double** next;            // those of the next one; null for a constant
+    std::ptrdiff_t* strides;  // from factor to factor
+  };
+
   // Where the ambient Jacobians of a few factors are written. Up to kInline doubles live on the
   // stack: small factors allocate nothing.
   struct Scratch {
@@ -158,9 +168,10 @@ class AmbientFamily : public FactorFamily {
     Scratch(const FactorFamily& family, const FactorBatch& batch) {
       const auto count = static_cast<std::size_t>(family.num_slots());
       if (count > kInlineSlots) {
-        heap_blocks.resize(count);
+        heap_blocks.resize(2 * count);
+        heap_strides.resize(count);
         heap_slots.resize(count);
-        blocks = heap_blocks.data();
+        outputs = {heap_blocks.data(), heap_blocks.data() + count, heap_strides.data()};
         slots = heap_slots.data();
       }
       std::size_t size = 0;
@@ -187,8 +198,6 @@ class AmbientFamily : public FactorFamily {
         heap.reset(new double[size]);  // not make_unique: it is filled at once
       }
       double* next = size > kInline ? heap.get() : stack;
-      values = next;
-      num_values = static_cast<int>(size);
       for (std::size_t s = 0; s < count; ++s) {
         slots[s].values = next;
         next += std::ptrdiff_t{group} * slots[s].size;
@@ -198,14 +207,14 @@ class AmbientFamily : public FactorFamily {
     Scratch& operator=(const Scratch&) = delete;
 
     double stack[kInline];
-    double* stack_blocks[kInlineSlots];
+    double* stack_blocks[2 * kInlineSlots];
+    std::ptrdiff_t stack_strides[kInlineSlots];
     internal::AmbientSlot stack_slots[kInlineSlots];
     std::unique_ptr<double[]> heap;
     std::vector<double*> heap_blocks;
+    std::vector<std::ptrdiff_t> heap_strides;
     std::vector<internal::AmbientSlot> heap_slots;
-    double* values;  // of all slots, one after the other
-    int num_values;
-    double** blocks = stack_blocks;  // what the user's code sees
+    Outputs outputs = {stack_blocks, stack_blocks + kInlineSlots, stack_strides};
     internal::AmbientSlot* slots = stack_slots;
     int group = 1;  // factors at a time
   };
@@ -229,9 +238,9 @@ class AmbientFamily : public FactorFamily {
     Scratch scratch(*this, batch);
     MarkResiduals(batch);
     const TangentMap* const* maps = Maps(batch);
-    for (int first = batch.begin; first < batch.end; first += scratch.group) {
-      const int end = std::min(first + scratch.group, batch.end);
-      MarkUnwritten(scratch.values, scratch.num_values);
+    for (int first = batch.begin; first < batch.end;) {
+      const int most = std::min(scratch.group, batch.end - first);
+      const int end = first + (batch.maps_are_alike ? most : CountAlike(maps, most));
       const int reached = EvaluateGroup(batch, first, end, &scratch);
       const EvaluationFailure bad = TakeGroup(maps, first, reached - first, &scratch);
       if (bad.failed()) {
@@ -241,6 +250,7 @@ class AmbientFamily : public FactorFamily {
         return FirstFault(batch, reached, {reached, kReturnedFalse});
       }
       maps += static_cast<std::ptrdiff_t>(end - first) * num_slots();
+      first = end;
     }
     return FirstFault(batch, batch.end, {});
   }
@@ -269,28 +279,55 @@ class AmbientFamily : public FactorFamily {
     return {};
   }
 
-  // The factors from first to end, or to one that returns false, which is returned.
+  // How many of `most` factors have maps like those of the first one, slot by slot.
+  int CountAlike(const TangentMap* const* maps, int most) const {
+    const int num_slots = this->num_slots();
+    const int num_entries = most * num_slots;
+    int k = num_slots;
+    while (k < num_entries && maps[k]->IsLike(*maps[k - num_slots])) {
+      ++k;
+    }
+    return k < num_entries ? k / num_slots : most;
+  }
+
+  // The factors from first to end, whose maps are alike, or to one that returns false, which is
+  // returned.
   int EvaluateGroup(const FactorBatch& batch, int first, int end, Scratch* scratch) const {
     const int num_slots = this->num_slots();
-    const std::ptrdiff_t entry = static_cast<std::ptrdiff_t>(first) * num_slots;
-    const double* const* parameters = batch.parameters + entry;
-    const TangentMap* const* maps = batch.tangent_maps + entry;
-    double* residuals = batch.residuals + static_cast<std::ptrdiff_t>(first) * residual_size();
-    for (int i = first; i < end; ++i, parameters += num_slots, maps += num_slots) {
-      for (int s = 0; s < num_slots; ++s) {
-        // What is unwanted is asked for all the same: code that never met a constant may not look
-        // for a null pointer.
-        const internal::AmbientSlot& slot = scratch->slots[s];
-        scratch->blocks[s] = maps[s]->kind == TangentMap::Kind::kConstant
-                                 ? nullptr
-                                 : slot.values + std::ptrdiff_t{i - first} * slot.size;
+    const TangentMap* const* maps =
+        batch.tangent_maps + static_cast<std::ptrdiff_t>(first) * num_slots;
+    for (int s = 0; s < num_slots; ++s) {
+      // What is unwanted is asked for all the same: code that never met a constant may not look for
+      // a null pointer.
+      const internal::AmbientSlot& slot = scratch->slots[s];
+      const bool constant = maps[s]->kind == TangentMap::Kind::kConstant;
+      scratch->outputs.next[s] = constant ? nullptr : slot.values;
+      scratch->outputs.strides[s] = constant ? 0 : slot.size;
+      if (!constant) {
+        internal::MarkManyUnwritten(slot.values, (end - first) * slot.size);
       }
-      if (!derived().EvaluateOne(i, parameters, residuals, scratch->blocks)) {
-        return i;
-      }
-      residuals += residual_size();
     }
-    return end;
+    return EvaluateEach(batch, first, end, scratch->outputs);
+  }
+
+  // The factors from first to end, or to one that returns false, which is returned.
+  int EvaluateEach(const FactorBatch& batch, int first, int end, const Outputs& outputs) const {
+    return internal::WithConstantSize(num_slots(), [this, &batch, first, end, outputs](auto count) {
+      const int rows = residual_size();
+      const double* const* parameters =
+          batch.parameters + static_cast<std::ptrdiff_t>(first) * count;
+      double* residuals = batch.residuals + static_cast<std::ptrdiff_t>(first) * rows;
+      for (int i = first; i < end; ++i, parameters += count, residuals += rows) {
+        for (int s = 0; s < count; ++s) {
+          outputs.blocks[s] = outputs.next[s];
+          outputs.next[s] += outputs.strides[s];
+        }
+        if (!derived().EvaluateOne(i, parameters, residuals, outputs.blocks)) {
+          return i;
+        }
+      }
+      return end;
+    });
   }
 
   // Of `count` factors from first on; of several with a bad Jacobian the first.
@@ -299,7 +336,7 @@ class AmbientFamily : public FactorFamily {
     EvaluationFailure failure;
     for (int s = 0; s < num_slots(); ++s) {
       internal::AmbientSlot& slot = scratch->slots[s];
-      const int bad = internal::TakeOver(slot, maps + s, num_slots(), count);
+      const int bad = internal::TakeAlike(slot, maps + s, num_slots(), count);
       if (bad >= 0) {
         failure =
             BadJacobian(first + bad, s, slot.values + std::ptrdiff_t{bad} * slot.size, slot.size);
@@ -361,7 +398,7 @@ class AmbientFamily : public FactorFamily {
   EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
     // as IsInPlace has seen
     const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));
-    double* blocks[kInlineSlots] = {};  // of one factor, whose function may change the array
+    double* blocks[kInlineSlots];
     double* next[kInlineSlots];
     std::ptrdiff_t strides[kInlineSlots];
     for (int s = 0; s < num_slots; ++s) {
@@ -380,20 +417,7 @@ class AmbientFamily : public FactorFamily {
       });
     }
     MarkResiduals(batch);
-    int i = batch.begin;
-    internal::WithConstantSize(num_slots, [this, &batch, &blocks, &next, &strides, &i](auto count) {
-      const double* const* parameters = Parameters(batch);
-      double* residual = Residuals(batch);
-      for (; i < batch.end; ++i, parameters += count, ++residual) {
-        for (int s = 0; s < count; ++s) {
-          blocks[s] = next[s];
-          next[s] += strides[s];
-        }
-        if (!derived().EvaluateOne(i, parameters, residual, blocks)) {
-          break;
-        }
-      }
-    });
+    const int i = EvaluateEach(batch, batch.begin, batch.end, {blocks, next, strides});
     const EvaluationFailure returned_false = {i, kReturnedFalse};
     return FirstFaultInPlace(batch, runs, num_runs, i,
                              i < batch.end ? returned_false : EvaluationFailure());

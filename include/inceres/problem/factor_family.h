@@ -43,6 +43,10 @@ struct TangentMap {
   /// six): there the product is a copy.
   int num_identity_columns = 0;
 
+  /// Whether Jacobians are projected by both in the same way.
+  bool IsLike(const TangentMap& other) const {
+    return kind == other.kind && num_identity_columns == other.num_identity_columns;
+  }
   /// Whether a Jacobian is to be written.
   bool wanted() const { return kind != Kind::kConstant && kind != Kind::kUnwanted; }
   /// Whether M = [I; 0]: the tangent Jacobian is the first columns of the ambient one.
@@ -83,6 +87,8 @@ struct FactorBatch {
   /// same parameters: an AmbientFamily keeps there what it computes, and looks there first. Null:
   /// nobody comes back. A family that is quick leaves it alone.
   internal::KeptEvaluations* kept = nullptr;
+  /// Slot by slot the tangent maps of all factors are alike (TangentMap::IsLike). Unset says nothing.
+  bool maps_are_alike = false;
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
