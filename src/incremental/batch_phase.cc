@@ -177,6 +177,12 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     summary->message = "What is left undone is below the function tolerance.";
     return {Termination::kConvergence, true};
   }
+  if (observer.stagnates()) {
+    summary->message =
+        "Steps bring next to nothing, and only with much damping: it is not proven that this is a "
+        "minimum.";
+    return {Termination::kNoConvergence, true};
+  }
   if (solved.termination == Termination::kUserSuccess ||
       solved.termination == Termination::kNoConvergence) {
     summary->message = "Stopped by a limit or by request; the state is the best so far.";

@@ -106,7 +106,7 @@ void TrustRegionMinimizer::Minimize() {
         return;
       }
     } else {
-      RejectStep();
+      RejectStep(trial_.cost());
     }
   }
 }
@@ -133,7 +133,9 @@ void TrustRegionMinimizer::BeginIteration() {
 
 // A step that has a model decrease; false: the judge ends the solve without it.
 bool TrustRegionMinimizer::IsWorthTrying() {
-  return loop_.judge == nullptr || loop_.judge->IsWorthTrying(iteration_, cost_) ||
+  return loop_.judge == nullptr ||
+         loop_.judge->IsWorthTrying(iteration_, cost_,
+                                    strategy_->HeldBack(model_, trial_.step())) ||
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
@@ -317,7 +319,11 @@ bool TrustRegionMinimizer::AcceptStep() {
       options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   // The cost has been asked for there: evaluation callbacks are told so.
-  if (!Linearize(/*new_point=*/false)) {
+  if (!evaluation_.Jacobians(/*new_point=*/false, &cost_)) {
+    return !recentered && loop_.judge != nullptr && loop_.judge->TakesBack() ? TakeBack()
+                                                                             : FailToLinearize();
+  }
+  if (!UpdateModel()) {
     return false;
   }
   iteration_.cost = cost_;
@@ -379,10 +385,25 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
   return {cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0};
 }
 
-void TrustRegionMinimizer::RejectStep() {
-  // Ceres records the cost of what was refused.
-  iteration_.cost = trial_.cost();
-  if (trial_.EndsBeyondBorder()) {
+// Where there are no Jacobians no solve goes on: the step has led beyond a border.
+bool TrustRegionMinimizer::TakeBack() {
+  evaluator_.points().SetCurrent(best_state_);
+  state_norm_ = evaluation_.StateNorm();
+  iteration_.step_is_successful = false;
+  // The culprit has ended a step, not the solve.
+  if (summary_.failed_step.empty()) {
+    summary_.failed_step = summary_.detail;
+  }
+  summary_.detail.clear();
+  RejectStep(std::numeric_limits<double>::max());
+  return Linearize(/*new_point=*/true);
+}
+
+// Ceres records the cost of what was refused: the largest number if it could not be evaluated.
+void TrustRegionMinimizer::RejectStep(double cost) {
+  iteration_.cost = cost;
+  if (options_.strategy == TrustRegionStrategyKind::kMarquardt &&
+      cost >= std::numeric_limits<double>::max()) {
     LeaveBorder();
   } else {
     strategy_->StepRejected();
@@ -392,11 +413,16 @@ void TrustRegionMinimizer::RejectStep() {
 // Costs and Jacobians at the current point, and all that follows from them alone: H and η in the
 // model, the gradient's norms.
 bool TrustRegionMinimizer::Linearize(bool new_point) {
-  if (!evaluation_.Jacobians(new_point, &cost_)) {
-    return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
-  }
+  return evaluation_.Jacobians(new_point, &cost_) ? UpdateModel() : FailToLinearize();
+}
+
+bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
   return ComputeGradientNorms();
+}
+
+bool TrustRegionMinimizer::FailToLinearize() {
+  return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
 }
 
 bool TrustRegionMinimizer::ComputeGradientNorms() {

@@ -71,12 +71,15 @@ class TrustRegionMinimizer {
   bool TolerancesReached();
   bool AcceptStep();
   bool FinishHere();
-  void RejectStep();
+  bool TakeBack();
+  void RejectStep(double cost);
   void LeaveBorder();
   void AdaptRadius();
   bool Recenter();
   StepQuality JudgeFromHere() const;
   bool Linearize(bool new_point);
+  bool UpdateModel();
+  bool FailToLinearize();
   bool ComputeGradientNorms();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
