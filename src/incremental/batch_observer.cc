@@ -111,7 +111,14 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
   const bool go_on = trace_.EndRow(cost_);
   *shown_state_ = nullptr;
   // After the row is written: the trace shows the iteration that these verdicts rest on.
-  settled_ = settled_ || IsRefusedForNothing(iteration) || HasStagnated(iteration);
+  if (!settled_ && IsRefusedForNothing(iteration)) {
+    settled_ = true;
+    rest_ = iteration.model_cost_change;
+  }
+  if (!settled_ && HasStagnated(iteration)) {
+    settled_ = true;
+    rest_ = -1.0;
+  }
   if (!go_on) {
     ended_by_user_ = true;
     // EndRow has written the termination that the observer asks for; the loop is told the same.

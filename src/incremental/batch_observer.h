@@ -68,7 +68,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
-  /// What the last step and those to come promise, where they are not taken.
+  /// What the last step and those to come promise, where they are not taken; -1: it is not known.
   double rest() const { return rest_; }
 
  private:

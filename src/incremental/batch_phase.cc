@@ -61,8 +61,11 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   if (summary->num_batch_iterations == 0) {
     summary->initial_cost = solved.initial_cost;
   }
-  summary->remaining_decrease =
-      observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  // Without a step that was proposed and not taken nothing is known of what is left.
+  summary->remaining_decrease = observer.settled() ? observer.rest()
+                                : solved.discarded_cost_change != 0.0
+                                    ? std::fabs(solved.discarded_cost_change)
+                                    : -1.0;
   // Iteration 0 is the start and no step.
   const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_batch_iterations += num_iterations;
