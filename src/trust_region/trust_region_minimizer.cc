@@ -32,6 +32,38 @@ constexpr double kLargeShare = 0.25;
 // Memory for most solves at once.
 constexpr std::size_t kExpectedIterations = 16;
 
+ObserverAction AskObservers(const SolverOptions& options, const IterationSummary& iteration,
+                            const double* best_state) {
+  if (options.progress) {
+    // A table, of which progress gets one line a call.
+    if (iteration.iteration == 0) {
+      options.progress(ProgressHeading());
+    }
+    options.progress(ProgressRow(iteration));
+  }
+  ObserverAction action = ObserverAction::kContinue;
+  if (options.observer != nullptr) {
+    action = options.observer->EndOfIteration(iteration, best_state);
+  }
+  // Both may be set: the callback is not asked once the observer ends the solve.
+  return action == ObserverAction::kContinue && options.callback
+             ? options.callback(iteration, best_state)
+             : action;
+}
+
+// Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
+// space, clamped to the bounds. The candidate's place is borrowed for it, since no step is on trial.
+bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
+                       std::vector<double>* negative_gradient, IterationSummary* iteration) {
+  std::transform(g.begin(), g.end(), negative_gradient->begin(),
+                 [](double entry) { return -entry; });
+  if (!evaluation->MoveCandidate(*negative_gradient)) {
+    return false;
+  }
+  iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
+  return true;
+}
+
 }  // namespace
 
 TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop,
@@ -257,28 +289,11 @@ bool TrustRegionMinimizer::CallbacksContinue() {
                                   !options_.callback)) {
     return true;
   }
-  const ObserverAction action = evaluation_.agreement().Ask([this] { return AskObservers(); });
+  const ObserverAction action = evaluation_.agreement().Ask(
+      [this] { return AskObservers(options_, iteration_, best_state_.data()); });
   // User code's time belongs to no stage.
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
-}
-
-ObserverAction TrustRegionMinimizer::AskObservers() {
-  if (options_.progress) {
-    // A table, of which progress gets one line a call.
-    if (iteration_.iteration == 0) {
-      options_.progress(ProgressHeading());
-    }
-    options_.progress(ProgressRow(iteration_));
-  }
-  ObserverAction action = ObserverAction::kContinue;
-  if (options_.observer != nullptr) {
-    action = options_.observer->EndOfIteration(iteration_, best_state_.data());
-  }
-  // Both may be set: the callback is not asked once the observer ends the solve.
-  return action == ObserverAction::kContinue && options_.callback
-             ? options_.callback(iteration_, best_state_.data())
-             : action;
 }
 
 // Ceres asks before a candidate is accepted. CeresRules::k22 leaves the norm of the first steps 0.
@@ -418,25 +433,12 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 
 bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
-  return ComputeGradientNorms();
+  return FindGradientNorms(model_.Gradient(), &evaluation_, &negative_gradient_, &iteration_) ||
+         Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
 }
 
 bool TrustRegionMinimizer::FailToLinearize() {
   return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
-}
-
-bool TrustRegionMinimizer::ComputeGradientNorms() {
-  // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-  // space, clamped to the bounds. The candidate's place is borrowed for it, since no step is on
-  // trial.
-  const std::vector<double>& g = model_.Gradient();
-  std::transform(g.begin(), g.end(), negative_gradient_.begin(),
-                 [](double entry) { return -entry; });
-  if (!evaluation_.MoveCandidate(negative_gradient_)) {
-    return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
-  }
-  iteration_.gradient_norm = evaluation_.CandidateDistance(&iteration_.gradient_max_norm);
-  return true;
 }
 
 bool TrustRegionMinimizer::Finish(Termination termination,

@@ -66,7 +66,6 @@ class TrustRegionMinimizer {
   void BeginIteration();
   bool FinalizeIterationAndContinue();
   bool CallbacksContinue();
-  ObserverAction AskObservers();
   bool IsWorthTrying();
   bool TolerancesReached();
   bool AcceptStep();
@@ -80,7 +79,6 @@ class TrustRegionMinimizer {
   bool Linearize(bool new_point);
   bool UpdateModel();
   bool FailToLinearize();
-  bool ComputeGradientNorms();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;
