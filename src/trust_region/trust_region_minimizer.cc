@@ -52,7 +52,7 @@ ObserverAction AskObservers(const SolverOptions& options, const IterationSummary
 }
 
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-// space, clamped to the bounds. The candidate's place is borrowed for it, since no step is on trial.
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
 bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
                        std::vector<double>* negative_gradient, IterationSummary* iteration) {
   std::transform(g.begin(), g.end(), negative_gradient->begin(),
