@@ -132,11 +132,11 @@ Status Report(const ModeResult& result) {
       "tolerances), %ld beside faults, "
       "%ld as far as stock; traces: %ld compared, %ld chaotic; %ld handed to stock, %ld failures "
       "with a cause, %ld ended by a "
-      "limit; %zu defects\n",
+      "limit (%ld unproven); %zu defects\n",
       result.mode.c_str(), static_cast<std::uintmax_t>(result.lives), c.edits, c.solves,
       result.seconds, c.judged, c.creeping, c.worst_creeping_excess, c.beside_faults, c.as_stock,
       c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures, c.not_converged,
-      result.defects.size());
+      c.unproven, result.defects.size());
   std::fflush(tools::Out());
   nlohmann::json line = ToJson(c);
   line.update({{"mode", result.mode},

@@ -27,7 +27,8 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
 }
 
 // A solve that ends here saves the evaluation of the candidate and the linearization behind it.
-bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost) {
+bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost,
+                                  double held_back) {
   const double promise = iteration.model_cost_change;
   // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
   // last_ratio_.
@@ -40,10 +41,16 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost
   // A small promise by itself is an end only where no other solver goes on from there.
   const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
   tried_radius_ = iteration.trust_region_radius;
+  held_back_ = held_back;
   // All of it only as far as the model sees weak directions: with much damping a promise is small
   // because steps are short.
-  settled_ = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
-  rest_ = !settled_ ? 0.0 : series ? rest : promise;
+  const bool claims = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
+  // Where nothing comes after the claim, a step that is worth it is tried first: near a saddle, or
+  // where the cost is less curved than its model, it gains more than it has promised.
+  tries_claim_ =
+      claims && end_ == BatchEnd::kToTheEnd && promise > tuning_.no_gain_share * Tolerance(cost);
+  settled_ = claims && !tries_claim_;
+  rest_ = !claims ? 0.0 : series ? rest : promise;
   promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
   last_promise_ = promise;
   return !settled_;
@@ -58,7 +65,14 @@ bool BatchObserver::IsLast(const IterationSummary& iteration) {
     previous_ratio_ = HUGE_VAL;
     return false;
   }
+  const double rest = rest_;
   settled_ = HasJustSettled(iteration);
+  // A claim that was tried holds if its model did.
+  if (!settled_ && tries_claim_ &&
+      std::fabs(iteration.relative_decrease - 1.0) <= 1.0 - tuning_.kept_promise) {
+    settled_ = true;
+    rest_ = std::max(rest - iteration.cost_change, 0.0);
+  }
   return settled_;
 }
 
@@ -97,7 +111,14 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
   const bool go_on = trace_.EndRow(cost_);
   *shown_state_ = nullptr;
   // After the row is written: the trace shows the iteration that these verdicts rest on.
-  settled_ = settled_ || IsRefusedForNothing(iteration) || HasStagnated(iteration);
+  if (!settled_ && IsRefusedForNothing(iteration)) {
+    settled_ = true;
+    rest_ = iteration.model_cost_change;
+  }
+  if (!settled_ && HasStagnated(iteration)) {
+    settled_ = true;
+    rest_ = -1.0;
+  }
   if (!go_on) {
     ended_by_user_ = true;
     // EndRow has written the termination that the observer asks for; the loop is told the same.
@@ -105,14 +126,14 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
                ? ObserverAction::kTerminateSuccessfully
                : ObserverAction::kAbort;
   }
-  if (iteration.iteration !=
-      last_judged_) {  // the start, a refused step, or one that made the cost another function
+  // Refused, the start, or one that made the cost another function: the next is compared with none.
+  if (!iteration.step_is_successful || iteration.iteration != last_judged_) {
     previous_gain_ = 0.0;
     previous_ratio_ = HUGE_VAL;
     last_ratio_ = 0.0;
   }
-  return settled_ || HasSpentBudget() ? ObserverAction::kTerminateSuccessfully
-                                      : ObserverAction::kContinue;
+  return settled_ || stagnates_ || HasSpentBudget() ? ObserverAction::kTerminateSuccessfully
+                                                    : ObserverAction::kContinue;
 }
 
 // On request, or all evaluations are made.
@@ -146,7 +167,8 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
       stagnation_.After(iteration, cost_, Tolerance(cost_), tried_radius_);
   // The end that no model confirms is named as such.
   trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
-  return verdict != Stagnation::Verdict::kGoOn;
+  stagnates_ = verdict == Stagnation::Verdict::kUnproven;
+  return verdict == Stagnation::Verdict::kProven || verdict == Stagnation::Verdict::kRefusals;
 }
 
 // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.
@@ -162,7 +184,8 @@ bool BatchObserver::IsRefusedForNothing(const IterationSummary& iteration) const
 // or at all, below the tolerance, in a solve that nothing follows; and whose series is below what
 // may be left.
 bool BatchObserver::HasJustSettled(const IterationSummary& iteration) {
-  const bool good = iteration.relative_decrease > tuning_.good_model;
+  // Gains far above the promise are as bad: so much less is the cost curved than its model.
+  const bool good = std::fabs(iteration.relative_decrease - 1.0) < 1.0 - tuning_.good_model;
   const double gain = good ? iteration.cost_change : 0.0;
   const double allowed = Allowed(iteration.cost);
   // Steps whose gains fall by a ratio r leave gain · r / (1 − r) undone.

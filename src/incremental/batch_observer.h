@@ -44,8 +44,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   BatchObserver& operator=(const BatchObserver&) = delete;
 
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
-  bool IsWorthTrying(const IterationSummary& iteration, double cost) override;
+  bool IsWorthTrying(const IterationSummary& iteration, double cost, double held_back) override;
   bool IsLast(const IterationSummary& iteration) override;
+  bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
   double LeastRadius() override {
     return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
@@ -55,6 +56,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
+  /// Steps have brought next to nothing, but for want of any that is damped by little: an end, and
+  /// no minimum that is proven.
+  bool stagnates() const { return stagnates_; }
   /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return best_cost_; }
   /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
@@ -64,7 +68,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
-  /// What the last step and those to come promise, where they are not taken.
+  /// What the last step and those to come promise, where they are not taken; -1: it is not known.
   double rest() const { return rest_; }
 
  private:
@@ -86,14 +90,18 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
   // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
   bool SeesAll() const {
-    return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
-                                             : !refused_lately();
+    return HoldsLittleBack() &&
+           (IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
+                                              : !refused_lately());
   }
-  // The same, or where steps with so little damping were refused lately, with a bit more.
+  // The same, or where steps with so little damping were refused lately, or others stagnate, with a
+  // bit more.
   bool SeesEnough() const {
     return SeesAll() ||
-           (IsByMarquardt() && tried_radius_ >= tuning_.proof_radius && steps_to_wait_ > 0);
+           (IsByMarquardt() && HoldsLittleBack() && tried_radius_ >= tuning_.proof_radius &&
+            (steps_to_wait_ > 0 || stagnation_.is_proving()));
   }
+  bool HoldsLittleBack() const { return held_back_ <= tuning_.held_back_share * Tolerance(cost_); }
   bool HasStagnated(const IterationSummary& iteration);
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
@@ -113,14 +121,17 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
   double tried_radius_ = 0.0;  // of the step under judgment
+  double held_back_ = 0.0;     // of it, by its damping
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
-  int steps_to_wait_ = 0;  // before a step is hardly damped again
-  int wait_ = 2;           // after the next refusal of one
-  bool is_near_ = false;   // the last step kept its promise, and gained few tolerances
+  int steps_to_wait_ = 0;     // before a step is hardly damped again
+  int wait_ = 2;              // after the next refusal of one
+  bool is_near_ = false;      // the last step kept its promise, and gained few tolerances
+  bool tries_claim_ = false;  // by the step under judgment
   bool settled_ = false;
+  bool stagnates_ = false;
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;
   Stagnation stagnation_;

@@ -61,8 +61,11 @@ void Count(const Summary& solved, const BatchObserver& observer, UpdateSummary* 
   if (summary->num_batch_iterations == 0) {
     summary->initial_cost = solved.initial_cost;
   }
-  summary->remaining_decrease =
-      observer.settled() ? observer.rest() : std::fabs(solved.discarded_cost_change);
+  // Without a step that was proposed and not taken nothing is known of what is left.
+  summary->remaining_decrease = observer.settled() ? observer.rest()
+                                : solved.discarded_cost_change != 0.0
+                                    ? std::fabs(solved.discarded_cost_change)
+                                    : -1.0;
   // Iteration 0 is the start and no step.
   const int num_iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary->num_batch_iterations += num_iterations;
@@ -176,6 +179,12 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   if (observer.settled()) {
     summary->message = "What is left undone is below the function tolerance.";
     return {Termination::kConvergence, true};
+  }
+  if (observer.stagnates()) {
+    summary->message =
+        "Steps bring next to nothing, and only with much damping: it is not proven that this is a "
+        "minimum.";
+    return {Termination::kNoConvergence, true};
   }
   if (solved.termination == Termination::kUserSuccess ||
       solved.termination == Termination::kNoConvergence) {

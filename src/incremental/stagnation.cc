@@ -19,6 +19,15 @@ namespace {
 // A step of which less than this was taken tells of a border, not of what is left to gain.
 constexpr double kLargeShare = 0.25;
 
+// Between two dampings that are tried one after the other at a border.
+constexpr double kBetween = 10.0;
+
+// Whether a step was cut before where a cost function refuses, or none of it could be evaluated.
+bool IsAtBorder(const IterationSummary& iteration) {
+  return iteration.step_share < kLargeShare ||
+         (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
+}
+
 }  // namespace
 
 void Stagnation::Begin(double cost) {
@@ -27,6 +36,7 @@ void Stagnation::Begin(double cost) {
   num_since_gain_ = 0;
   // What was being proven of another function is over, and so is what its steps have shown.
   widest_ = 0.0;
+  went_between_ = false;
   is_proving_ = false;
   restart_radius_ = 0.0;
 }
@@ -39,21 +49,25 @@ double Stagnation::TakeRestartRadius() {
 Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double cost,
                                       double tolerance, double radius) {
   if (IsStalled(iteration, cost, tolerance, radius)) {
-    // Since the last gain steps were tried from little damping on, and all lengths after them.
-    if (widest_ >= tuning_.proof_radius) {
+    // Since the last gain steps were tried from little damping on, and all lengths after them; at a
+    // border, where every second length is passed over, the others too.
+    const bool tried_all = widest_ >= tuning_.proof_radius;
+    if (tried_all && (went_between_ || !IsAtBorder(iteration))) {
       return Verdict::kRefusals;
     }
     // They were not: the descent goes on from there before it may end.
     num_since_gain_ = 0;
-    restart_radius_ = tuning_.proof_radius;
+    went_between_ = tried_all;
+    restart_radius_ = tuning_.proof_radius / (tried_all ? kBetween : 1.0);
   }
+  is_damped_hard_ |= radius < tuning_.proof_radius;
   // Refused steps say nothing of what steps gain, and neither do those cut short.
   if (!iteration.step_is_successful || iteration.step_share < kLargeShare) {
     return Verdict::kGoOn;
   }
   costs_.push_back(cost);
   if (is_proving_) {
-    return EndsProof(iteration, tolerance) ? Verdict::kProven : Verdict::kGoOn;
+    return EndProof(iteration, tolerance);
   }
   BeginProof(iteration, tolerance);
   return Verdict::kGoOn;
@@ -69,6 +83,7 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
     num_since_gain_ = 0;
     gained_from_ = cost;
     widest_ = 0.0;
+    went_between_ = false;
   }
   return num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration);
 }
@@ -77,17 +92,16 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
 bool Stagnation::IsAtLeastRadius(const IterationSummary& iteration) const {
   // At a border, steps are cut or their end cannot be evaluated; damping turns them only, and
   // shorter steps than these have been tried by the cut.
-  const bool at_border =
-      iteration.step_share < kLargeShare ||
-      (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
-  return iteration.trust_region_radius <= (at_border ? tuning_.border_radius : tuning_.min_radius);
+  return iteration.trust_region_radius <=
+         (IsAtBorder(iteration) ? tuning_.border_radius : tuning_.min_radius);
 }
 
 double Stagnation::GainOf(const IterationSummary& iteration) const {
-  // Hardly damped, a step goes down a flat valley as far as the model wants: more is taken as
+  // Hardly damped, a whole step goes down a flat valley as far as the model wants: more is taken as
   // nothing there.
-  return iteration.trust_region_radius >= tuning_.free_radius ? tuning_.free_stagnation_gain
-                                                              : tuning_.stagnation_gain;
+  const bool is_free =
+      iteration.trust_region_radius >= tuning_.free_radius && iteration.step_share >= 1.0;
+  return is_free ? tuning_.free_stagnation_gain : tuning_.stagnation_gain;
 }
 
 // Whether the last so many steps have brought no more than so many tolerances together. Gains that
@@ -107,6 +121,7 @@ void Stagnation::BeginProof(const IterationSummary& iteration, double tolerance)
       Brought(tuning_.quick_stagnation, tuning_.quick_stagnation_gain, iteration, tolerance);
   if (is_proving_) {
     restart_radius_ = tuning_.proof_radius;
+    is_damped_hard_ = false;
     // What the proof brings is measured from here.
     costs_ = {costs_.back()};
   } else if (static_cast<int>(costs_.size()) > tuning_.stagnation) {
@@ -116,13 +131,13 @@ void Stagnation::BeginProof(const IterationSummary& iteration, double tolerance)
 }
 
 // A proof that fails is over: what it has gained counts as any steps do.
-bool Stagnation::EndsProof(const IterationSummary& iteration, double tolerance) {
-  const bool proven =
+Stagnation::Verdict Stagnation::EndProof(const IterationSummary& iteration, double tolerance) {
+  const bool ends =
       Brought(tuning_.proof_steps, GainOf(iteration), iteration, tolerance) ||
       Brought(tuning_.quick_proof_steps, tuning_.quick_proof_gain, iteration, tolerance);
   // Until all its steps are taken.
-  is_proving_ = proven || static_cast<int>(costs_.size()) <= tuning_.proof_steps;
-  return proven;
+  is_proving_ = ends || static_cast<int>(costs_.size()) <= tuning_.proof_steps;
+  return !ends ? Verdict::kGoOn : is_damped_hard_ ? Verdict::kUnproven : Verdict::kProven;
 }
 
 }  // namespace inceres::internal

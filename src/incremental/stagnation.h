@@ -11,12 +11,13 @@ namespace inceres::internal {
 /// had any more, although its model promises more (docs/algorithms.md, "Stopping rule"):
 ///
 /// - the last steps have together brought next to nothing, and so have those that were then taken
-///   from little damping, as who knows nothing would go on from there;
+///   from little damping on, as who knows nothing would go on from there. If all of these were
+///   damped by little, that is proven; steps that are damped hard gain little for being short;
 /// - or hardly any could be taken for so long that all lengths have been tried, as at the border of
 ///   where a cost function evaluates.
 class Stagnation {
  public:
-  enum class Verdict { kGoOn, kProven, kRefusals };
+  enum class Verdict { kGoOn, kProven, kUnproven, kRefusals };
 
   explicit Stagnation(const Tuning::Batch& tuning) : tuning_(tuning) {}
 
@@ -25,6 +26,8 @@ class Stagnation {
   /// After an iteration that tried a step with this radius; `cost` is where it has led to, and
   /// `tolerance` what does not count of it.
   Verdict After(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  /// Whether steps are taken with little damping for the sake of a proof.
+  bool is_proving() const { return is_proving_; }
   /// The radius from which the descent is to go on, or 0; asked once.
   double TakeRestartRadius();
 
@@ -34,7 +37,7 @@ class Stagnation {
   double GainOf(const IterationSummary& iteration) const;
   bool Brought(int num_steps, double tolerances, const IterationSummary& last,
                double tolerance) const;
-  bool EndsProof(const IterationSummary& iteration, double tolerance);
+  Verdict EndProof(const IterationSummary& iteration, double tolerance);
   void BeginProof(const IterationSummary& iteration, double tolerance);
 
   const Tuning::Batch& tuning_;
@@ -43,7 +46,9 @@ class Stagnation {
   int num_since_gain_ = 0;
   double gained_from_ = 0.0;     // to this
   double widest_ = 0.0;          // radius of a step since then
+  bool went_between_ = false;    // the radii since then, to those that a border passes over
   bool is_proving_ = false;      // that steps stagnate
+  bool is_damped_hard_ = false;  // and some of these had to be damped hard
   double restart_radius_ = 0.0;  // to be asked for
 };
 

@@ -126,6 +126,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.steady_factor", &tuning->batch.steady_factor);
   real("batch.near_gain", &tuning->batch.near_gain);
   real("batch.seeing_radius", &tuning->batch.seeing_radius);
+  real("batch.held_back_share", &tuning->batch.held_back_share);
   count("batch.patience", &tuning->batch.patience);
   count("batch.stagnation", &tuning->batch.stagnation);
   real("batch.stagnation_gain", &tuning->batch.stagnation_gain);

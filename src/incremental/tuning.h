@@ -150,6 +150,8 @@ struct Tuning {
     /// Radius of Levenberg–Marquardt, one over its damping, from which on promises and gains tell
     /// of all directions.
     double seeing_radius = 1e8;
+    /// Of the tolerance: what damping may hold back of a step that a claim rests on.
+    double held_back_share = 0.1;
     /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes
     /// on with.
     int patience = 25;

@@ -79,7 +79,9 @@ std::string UpdateSummary::FullReport() const {
   std::string text = internal::ReportTitle("Update Summary", INCERES_VERSION_STRING);
   text += "Cost:\n" + ReportLine("Initial", initial_cost) + ReportLine("Final", final_cost) +
           ReportLine("Change", initial_cost - final_cost) +
-          ReportLine("Left undone", remaining_decrease) + "\n";
+          (remaining_decrease < 0.0 ? ReportLine("Left undone", "unknown")
+                                    : ReportLine("Left undone", remaining_decrease)) +
+          "\n";
   text += Work(*this) + "\n" + Seconds(*this) + "\n" +
           internal::ReportTermination(ToString(termination), message);
   // A refused step is told even where the Update went on and converged.

@@ -68,10 +68,15 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 
 UpdateTolerances::Verdict UpdateTolerances::Judge() {
   // The step first: it costs norms only.
-  if (context_.options.parameter_tolerance > 0.0 && IsLastStepShort()) {
-    return Verdict::kConverged;
+  const bool is_short = context_.options.parameter_tolerance > 0.0 && IsLastStepShort();
+  const Verdict verdict = is_short                                    ? Verdict::kConverged
+                          : context_.options.gradient_tolerance > 0.0 ? JudgeGradient()
+                                                                      : Verdict::kGoOn;
+  if (verdict == Verdict::kConverged) {
+    // No system was solved here: what the summary has is of before the last step, or of none.
+    context_.summary->remaining_decrease = -1.0;
   }
-  return context_.options.gradient_tolerance > 0.0 ? JudgeGradient() : Verdict::kGoOn;
+  return verdict;
 }
 
 bool UpdateTolerances::IsLastStepShort() {

@@ -166,6 +166,11 @@ void Dogleg::FollowTraditionalPath(double alpha, const LinearModel& model) {
   step_norm_ = Norm(model, p_);
 }
 
+// The regularization of the Gauss–Newton system, in the metric.
+double Dogleg::HeldBack(const LinearModel& /*model*/, const std::vector<double>& /*step*/) {
+  return gauss_newton_norm_ <= radius_ ? mu_ * gauss_newton_norm_ * gauss_newton_norm_ : HUGE_VAL;
+}
+
 // A Gauss–Newton step that could be used again is found again.
 bool Dogleg::Restore(const std::vector<double>& saved) {
   if (saved.size() != Save().size()) {

@@ -25,6 +25,7 @@ class Dogleg final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override;
   double Radius() const override { return radius_; }
+  double HeldBack(const LinearModel& model, const std::vector<double>& step) override;
   std::vector<double> Save() const override { return {radius_, mu_}; }
   bool Restore(const std::vector<double>& saved) override;
   void GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const override;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 namespace inceres::internal {
@@ -34,6 +35,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
   damping_.resize(scale.size());
+  damped_step_.resize(scale.size());
 }
 
 // LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²).
@@ -47,6 +49,12 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   }
   ++*num_solves;
   return model->Solve(damping_.data(), step);
+}
+
+double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<double>& step) {
+  std::transform(damping_.begin(), damping_.end(), step.begin(), damped_step_.begin(),
+                 std::multiplies<>());
+  return model.Dot(damped_step_, step);
 }
 
 std::vector<double> LevenbergMarquardt::Save() const {

@@ -17,6 +17,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   void StepRejected() override;
   void StepIsInvalid() override { StepRejected(); }
   double Radius() const override { return radius_; }
+  double HeldBack(const LinearModel& model, const std::vector<double>& step) override;
   void GetLastSolve(std::vector<double>* damping,
                     std::vector<double>* /*solution*/) const override {
     *damping = damping_;
@@ -39,6 +40,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   double growth_ = 0.0;  // of the radius, by Marquardt's rule
   int num_accepted_in_row_ = 0;
   std::vector<double> damping_;
+  std::vector<double> damped_step_;
 };
 
 }  // namespace inceres::internal

@@ -26,8 +26,9 @@ class StepJudge {
   virtual ~StepJudge() = default;
 
   /// Asked of every step that has a model decrease, before anything is evaluated there: false ends
-  /// the solve without it, at the best state, successfully. `cost` is that of the current state.
-  virtual bool IsWorthTrying(const IterationSummary& iteration, double cost) = 0;
+  /// the solve without it, at the best state, successfully. `cost` is that of the current state,
+  /// `held_back` what TrustRegionStrategy::HeldBack says of the step.
+  virtual bool IsWorthTrying(const IterationSummary& iteration, double cost, double held_back) = 0;
 
   /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the
   /// solve with it, successfully and without them. The summary of that iteration has the gradient
@@ -38,6 +39,10 @@ class StepJudge {
   /// damping the step would tell nothing of weak directions. If it is refused the radius is again
   /// what it was. 0: as it is.
   virtual double LeastRadius() { return 0.0; }
+
+  /// Whether a step that was accepted is taken back, and refused, where its end has a cost and no
+  /// Jacobians. By default that ends the solve, as in Ceres.
+  virtual bool TakesBack() { return false; }
 
   /// Asked before each step: the radius to begin anew with, or 0.
   virtual double RestartRadius() { return 0.0; }

@@ -35,6 +35,10 @@ class TrustRegionStrategy {
   virtual void StepRejected() = 0;
   virtual void StepIsInvalid() = 0;
   virtual double Radius() const = 0;
+  /// What the damping Λ holds back of the last step δ, δᵀΛδ; infinite where a radius has cut it. A
+  /// direction that Λ outweighs gains about this much in each step, and none tells how many more
+  /// there are to come.
+  virtual double HeldBack(const LinearModel& model, const std::vector<double>& step) = 0;
   /// Of the last linear solve its damping, and its solution where that is not the step
   /// (StepSystem).
   virtual void GetLastSolve(std::vector<double>* damping, std::vector<double>* solution) const = 0;

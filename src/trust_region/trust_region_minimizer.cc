@@ -32,6 +32,38 @@ constexpr double kLargeShare = 0.25;
 // Memory for most solves at once.
 constexpr std::size_t kExpectedIterations = 16;
 
+ObserverAction AskObservers(const SolverOptions& options, const IterationSummary& iteration,
+                            const double* best_state) {
+  if (options.progress) {
+    // A table, of which progress gets one line a call.
+    if (iteration.iteration == 0) {
+      options.progress(ProgressHeading());
+    }
+    options.progress(ProgressRow(iteration));
+  }
+  ObserverAction action = ObserverAction::kContinue;
+  if (options.observer != nullptr) {
+    action = options.observer->EndOfIteration(iteration, best_state);
+  }
+  // Both may be set: the callback is not asked once the observer ends the solve.
+  return action == ObserverAction::kContinue && options.callback
+             ? options.callback(iteration, best_state)
+             : action;
+}
+
+// Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
+bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
+                       std::vector<double>* negative_gradient, IterationSummary* iteration) {
+  std::transform(g.begin(), g.end(), negative_gradient->begin(),
+                 [](double entry) { return -entry; });
+  if (!evaluation->MoveCandidate(*negative_gradient)) {
+    return false;
+  }
+  iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
+  return true;
+}
+
 }  // namespace
 
 TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const LoopOptions& loop,
@@ -106,7 +138,7 @@ void TrustRegionMinimizer::Minimize() {
         return;
       }
     } else {
-      RejectStep();
+      RejectStep(trial_.cost());
     }
   }
 }
@@ -133,7 +165,9 @@ void TrustRegionMinimizer::BeginIteration() {
 
 // A step that has a model decrease; false: the judge ends the solve without it.
 bool TrustRegionMinimizer::IsWorthTrying() {
-  return loop_.judge == nullptr || loop_.judge->IsWorthTrying(iteration_, cost_) ||
+  return loop_.judge == nullptr ||
+         loop_.judge->IsWorthTrying(iteration_, cost_,
+                                    strategy_->HeldBack(model_, trial_.step())) ||
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
@@ -255,28 +289,11 @@ bool TrustRegionMinimizer::CallbacksContinue() {
                                   !options_.callback)) {
     return true;
   }
-  const ObserverAction action = evaluation_.agreement().Ask([this] { return AskObservers(); });
+  const ObserverAction action = evaluation_.agreement().Ask(
+      [this] { return AskObservers(options_, iteration_, best_state_.data()); });
   // User code's time belongs to no stage.
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
-}
-
-ObserverAction TrustRegionMinimizer::AskObservers() {
-  if (options_.progress) {
-    // A table, of which progress gets one line a call.
-    if (iteration_.iteration == 0) {
-      options_.progress(ProgressHeading());
-    }
-    options_.progress(ProgressRow(iteration_));
-  }
-  ObserverAction action = ObserverAction::kContinue;
-  if (options_.observer != nullptr) {
-    action = options_.observer->EndOfIteration(iteration_, best_state_.data());
-  }
-  // Both may be set: the callback is not asked once the observer ends the solve.
-  return action == ObserverAction::kContinue && options_.callback
-             ? options_.callback(iteration_, best_state_.data())
-             : action;
 }
 
 // Ceres asks before a candidate is accepted. CeresRules::k22 leaves the norm of the first steps 0.
@@ -317,7 +334,11 @@ bool TrustRegionMinimizer::AcceptStep() {
       options_.reduce_curvature_of_losses && iteration_.cost_change < kSteadyGain * cost_;
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   // The cost has been asked for there: evaluation callbacks are told so.
-  if (!Linearize(/*new_point=*/false)) {
+  if (!evaluation_.Jacobians(/*new_point=*/false, &cost_)) {
+    return !recentered && loop_.judge != nullptr && loop_.judge->TakesBack() ? TakeBack()
+                                                                             : FailToLinearize();
+  }
+  if (!UpdateModel()) {
     return false;
   }
   iteration_.cost = cost_;
@@ -379,10 +400,25 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
   return {cost_, options_.use_nonmonotonic_steps ? options_.max_consecutive_nonmonotonic_steps : 0};
 }
 
-void TrustRegionMinimizer::RejectStep() {
-  // Ceres records the cost of what was refused.
-  iteration_.cost = trial_.cost();
-  if (trial_.EndsBeyondBorder()) {
+// Where there are no Jacobians no solve goes on: the step has led beyond a border.
+bool TrustRegionMinimizer::TakeBack() {
+  evaluator_.points().SetCurrent(best_state_);
+  state_norm_ = evaluation_.StateNorm();
+  iteration_.step_is_successful = false;
+  // The culprit has ended a step, not the solve.
+  if (summary_.failed_step.empty()) {
+    summary_.failed_step = summary_.detail;
+  }
+  summary_.detail.clear();
+  RejectStep(std::numeric_limits<double>::max());
+  return Linearize(/*new_point=*/true);
+}
+
+// Ceres records the cost of what was refused: the largest number if it could not be evaluated.
+void TrustRegionMinimizer::RejectStep(double cost) {
+  iteration_.cost = cost;
+  if (options_.strategy == TrustRegionStrategyKind::kMarquardt &&
+      cost >= std::numeric_limits<double>::max()) {
     LeaveBorder();
   } else {
     strategy_->StepRejected();
@@ -392,25 +428,17 @@ void TrustRegionMinimizer::RejectStep() {
 // Costs and Jacobians at the current point, and all that follows from them alone: H and η in the
 // model, the gradient's norms.
 bool TrustRegionMinimizer::Linearize(bool new_point) {
-  if (!evaluation_.Jacobians(new_point, &cost_)) {
-    return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
-  }
-  model_.Refresh();
-  return ComputeGradientNorms();
+  return evaluation_.Jacobians(new_point, &cost_) ? UpdateModel() : FailToLinearize();
 }
 
-bool TrustRegionMinimizer::ComputeGradientNorms() {
-  // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-  // space, clamped to the bounds. The candidate's place is borrowed for it, since no step is on
-  // trial.
-  const std::vector<double>& g = model_.Gradient();
-  std::transform(g.begin(), g.end(), negative_gradient_.begin(),
-                 [](double entry) { return -entry; });
-  if (!evaluation_.MoveCandidate(negative_gradient_)) {
-    return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
-  }
-  iteration_.gradient_norm = evaluation_.CandidateDistance(&iteration_.gradient_max_norm);
-  return true;
+bool TrustRegionMinimizer::UpdateModel() {
+  model_.Refresh();
+  return FindGradientNorms(model_.Gradient(), &evaluation_, &negative_gradient_, &iteration_) ||
+         Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
+}
+
+bool TrustRegionMinimizer::FailToLinearize() {
+  return Finish(Termination::kFailure, {"Residual and Jacobian evaluation failed."});
 }
 
 bool TrustRegionMinimizer::Finish(Termination termination,

@@ -66,18 +66,19 @@ class TrustRegionMinimizer {
   void BeginIteration();
   bool FinalizeIterationAndContinue();
   bool CallbacksContinue();
-  ObserverAction AskObservers();
   bool IsWorthTrying();
   bool TolerancesReached();
   bool AcceptStep();
   bool FinishHere();
-  void RejectStep();
+  bool TakeBack();
+  void RejectStep(double cost);
   void LeaveBorder();
   void AdaptRadius();
   bool Recenter();
   StepQuality JudgeFromHere() const;
   bool Linearize(bool new_point);
-  bool ComputeGradientNorms();
+  bool UpdateModel();
+  bool FailToLinearize();
   bool Finish(Termination termination, std::initializer_list<const char*> words);
 
   const SolverOptions& options_;

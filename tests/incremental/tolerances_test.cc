@@ -132,6 +132,8 @@ TEST(Tolerances, WhatHasEndedAnUpdateDoesNotSayWhatIsLeft) {
     bundle.Apply();
     const UpdateSummary early = bundle.solver.Update();
     ASSERT_EQ(early.message.rfind(by_gradient ? "Gradient" : "Parameter", 0), 0u) << early.message;
+    EXPECT_EQ(early.remaining_decrease, -1.0);
+    EXPECT_NE(early.FullReport().find(" unknown\n"), std::string::npos) << early.FullReport();
     // Next to nothing comes, but much is left of before.
     bundle.solver.SetOptions(options);
     bundle.AddPrior(bundle.frames()[3], 1e-6);

@@ -181,6 +181,7 @@ Verdict Judge(World* world, double function_tolerance) {
   if (!verdict.judged) {
     return verdict;
   }
+  verdict.costs = descent.costs();
   verdict.cost = descent.costs().front();
   verdict.best = descent.costs().back();
   const double variable = std::max(verdict.best - fixed_cost, 0.0);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "tools/fuzz/world.h"
 
 namespace inceres::fuzz {
@@ -11,7 +13,8 @@ struct Verdict {
   double best = 0.0;    ///< where it ends
   /// Accepted steps until it had gained kExcessTolerances, or all of them.
   int steps = 0;
-  double excess = 0.0;  ///< (cost − best) / (best − fixed cost)
+  std::vector<double> costs;  ///< at the point and after each of its steps
+  double excess = 0.0;        ///< (cost − best) / (best − fixed cost)
   /// above kExcessTolerances × tolerance × (best − fixed cost), and above what rounding explains
   bool is_excess = false;
   /// an excess of which kCreepingSteps steps gained less than kExcessTolerances

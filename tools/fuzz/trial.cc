@@ -25,6 +25,14 @@ std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summar
   return lines;
 }
 
+std::string StepsOf(const std::vector<double>& costs, double tolerance) {
+  std::string lines = costs.empty() ? "" : "  judge, gains in tolerances:";
+  for (std::size_t i = 1; i < costs.size(); ++i) {
+    lines += Text(" %.2g", (costs[i - 1] - costs[i]) / (tolerance * costs[i]));
+  }
+  return lines + (costs.empty() ? "" : "\n");
+}
+
 }  // namespace
 
 std::string Text(const char* format, ...) {
@@ -79,6 +87,7 @@ std::optional<Finding> Trial::Run() {
   }
   if (finding) {
     finding->iterations = IterationsOf("ours", summary_) +
+                          StepsOf(costs_of_judge_, options_.function_tolerance) +
                           (stock_ != nullptr ? IterationsOf("stock", stock_->summary()) : "");
   }
   return finding;

@@ -14,7 +14,7 @@ namespace inceres::fuzz {
 struct Finding {
   std::string kind;
   std::string detail;
-  std::string iterations = {};  ///< of the solve, and of stock's where it was asked
+  std::string iterations = {};  ///< of the solve; of stock and the judge where they were asked
 };
 
 /// What was looked at; what was seen and let pass has a number of its own.
@@ -25,9 +25,11 @@ struct Counts {
   /// with a cause: a start that cannot be evaluated, a cost function that is faulty, or stock fails
   /// too
   long failures = 0;
-  long not_converged = 0;  ///< a limit ended it
-  long judged = 0;         ///< ends from which plain LM was let go on
-  long creeping = 0;       ///< … an excess in a valley too flat to hold it against anyone
+  long not_converged = 0;  ///< a limit ended it, or it found no proof
+  /// … it found no proof at the minimum, before its iterations were used up
+  long unproven = 0;
+  long judged = 0;    ///< ends from which plain LM was let go on
+  long creeping = 0;  ///< … an excess in a valley too flat to hold it against anyone
   /// … an excess while a cost function is faulty, and stock's end has one too
   long beside_faults = 0;
   long as_stock = 0;         ///< … an excess in exact mode, and stock's end has one as large

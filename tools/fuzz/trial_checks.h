@@ -58,6 +58,7 @@ class Trial {
   bool start_evaluates_ = false;  // cost and Jacobians
 
   double start_cost_ = 0.0;
+  std::vector<double> costs_of_judge_;  // where it goes on from an excess
   ceres::Solver::Summary summary_;
   std::unique_ptr<StockTraces> stock_;
 };

@@ -46,7 +46,7 @@ std::optional<Finding> Trial::Termination() {
   return CheckLimit();
 }
 
-// Ours has used up its iterations: is it for nothing, or behind stock?
+// Ours has used up its iterations, or has found no proof: is it for nothing, or behind stock?
 std::optional<Finding> Trial::CheckLimit() {
   const ceres::Solver::Summary& stock = Stock().summary();
   if (stock.termination_type != ceres::CONVERGENCE ||
@@ -63,6 +63,10 @@ std::optional<Finding> Trial::CheckLimit() {
   }
   if (const Verdict of_stock = StockVerdict(); !of_stock.judged || of_stock.is_excess) {
     ++counts_->creeping;  // stock has not come to a minimum either
+    return std::nullopt;
+  }
+  if (is_there && static_cast<int>(summary_.iterations.size()) <= options_.max_num_iterations) {
+    ++counts_->unproven;  // which is no more than said
     return std::nullopt;
   }
   return Finding{
@@ -145,6 +149,7 @@ std::optional<Finding> Trial::End() {
   const Verdict verdict = Judge(world_, options_.function_tolerance);
   counts_->judged += verdict.judged ? 1 : 0;
   if (verdict.judged && verdict.is_excess) {
+    costs_of_judge_ = verdict.costs;
     return CheckExcess(verdict);
   }
   return std::nullopt;

@@ -38,8 +38,9 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
     return update.message;
   }
   if (update.termination == Termination::kConvergence) {
-    const double share =
-        update.final_cost > 0.0 ? std::fabs(update.remaining_decrease) / update.final_cost : 0.0;
+    const double share = update.final_cost > 0.0
+                             ? std::max(update.remaining_decrease, 0.0) / update.final_cost
+                             : 0.0;
     return std::string("Function tolerance reached. |cost_change|/cost: ") +
            Scientific(share).text() + " <= " + Scientific(options.function_tolerance).text();
   }

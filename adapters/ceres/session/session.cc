@@ -203,7 +203,10 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   };
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
+  const int others_left = iterations_left() - share;
   Part part = GoOnInBatch(input, kGoOn, share, report, summary);
+  // It has found no proof, and would find none from there again.
+  const bool ended_by_itself = iterations_left() > others_left;
   if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
     return part != Part::kAborted;
   }
@@ -229,7 +232,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   summary->termination_type = termination;
   summary->message = message;
-  if (termination == ceres::CONVERGENCE || part == Part::kNone ||
+  if (termination == ceres::CONVERGENCE || ended_by_itself || part == Part::kNone ||
       !IsUnfinished(input, core, *report, *summary)) {
     return true;
   }

@@ -1,0 +1,164 @@
+// What a one-time solve may call convergence, and how it goes on where a point that it has accepted
+// has no Jacobians.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "incremental/one_time_solve.h"
+#include "incremental/stagnation.h"
+#include "support/classic_problems.h"
+#include "support/test_families.h"
+
+namespace inceres {
+namespace {
+
+using internal::Stagnation;
+using test::FunctionFamily;
+
+UpdateSummary SolvePlane(int num_residuals, const FunctionFamily::Function& function, double* xy) {
+  FactorGraph graph;
+  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
+      num_residuals, std::vector<FactorFamily::Slot>{{2, 2}}, function));
+  graph.AddFactor(family, 0, {graph.AddVariable(xy, 2, Role::kFrame)});
+  Solver solver(/*max_bytes=*/0);
+  UpdateSummary summary;
+  internal::SolveOnce(IncrementalOptions(), &solver, &graph, &summary);
+  xy[0] = graph.state()[0];
+  xy[1] = graph.state()[1];
+  return summary;
+}
+
+// Along x a saddle at 0, and minima at ±√½: the model has a curvature of one there, and the cost of
+// minus one. y is at its minimum after a step.
+bool Saddle(int /*i*/, const double* const* p, double* f, double** J) {
+  const double x = p[0][0], y = p[0][1];
+  f[0] = 1.0 - x * x;
+  f[1] = x;
+  f[2] = 100.0 * (y - 1.0);
+  if (J != nullptr && J[0] != nullptr) {
+    const double rows[6] = {-2.0 * x, 0.0, 1.0, 0.0, 0.0, 100.0};
+    std::copy(rows, rows + 6, J[0]);
+  }
+  return true;
+}
+
+// At the claim the model promises less than a tenth of the tolerance; the step gains three times
+// that.
+TEST(OneTimeClaims, AreTriedByAStepNearASaddle) {
+  double xy[2] = {1.5e-4, 1.0 - 9e-5};
+  const UpdateSummary summary = SolvePlane(3, Saddle, xy);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_NEAR(xy[0], std::sqrt(0.5), 1e-2);
+}
+
+// Where x and y differ is 1e-10 times as stiff as their sum, and a constant keeps the tolerance
+// from falling.
+bool WeakDifference(int /*i*/, const double* const* p, double* f, double** J) {
+  f[0] = 100.0 + p[0][0] + p[0][1];
+  f[1] = 1e-5 * (p[0][0] - p[0][1] - 500.0);
+  f[2] = 1.0;
+  if (J != nullptr && J[0] != nullptr) {
+    const double rows[6] = {1.0, 1.0, 1e-5, -1e-5, 0.0, 0.0};
+    std::copy(rows, rows + 6, J[0]);
+  }
+  return true;
+}
+
+TEST(OneTimeClaims, DoNotRestOnAStepThatDampingHoldsBack) {
+  double xy[2] = {0.0, 0.0};
+  const UpdateSummary summary = SolvePlane(3, WeakDifference, xy);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LT(summary.final_cost, 0.5 * (1.0 + 2e-6));
+}
+
+// Rosenbrock's function, and a factor that has a cost everywhere, and once no Jacobian.
+TEST(OneTimeClaims, AStepWhoseEndHasNoJacobiansIsTakenBack) {
+  FactorGraph graph;
+  test::MakeRosenbrock(&graph);
+  int num_jacobians = 0;
+  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{2, 2}},
+      [&num_jacobians](int, const double* const*, double* f, double** J) {
+        f[0] = 0.0;
+        if (J != nullptr) {
+          J[0][0] = J[0][1] = 0.0;
+        }
+        return J == nullptr || num_jacobians++ != 3;
+      }));
+  graph.AddFactor(family, 0, {0});
+  Solver solver(/*max_bytes=*/0);
+  UpdateSummary summary;
+  internal::SolveOnce(IncrementalOptions(), &solver, &graph, &summary);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_NE(summary.failed_step.find("factor 0 of function"), std::string::npos)
+      << summary.failed_step;
+  EXPECT_NEAR(graph.state()[0], 1.0, 1e-3);
+  ASSERT_GT(summary.iterations.size(), 4u);
+  EXPECT_FALSE(summary.iterations[3].step_is_successful);
+  EXPECT_EQ(summary.final_cost, summary.iterations.back().cost);
+}
+
+// Steps that gain a hundredth of the tolerance each.
+Stagnation::Verdict Walk(double radius, double* restart_radius) {
+  const internal::Tuning::Batch tuning;
+  Stagnation stagnation(tuning);
+  double cost = 1.0;
+  stagnation.Begin(cost);
+  IterationSummary iteration;
+  iteration.step_is_successful = true;
+  iteration.cost_change = 1e-8;
+  iteration.trust_region_radius = radius;
+  for (int i = 0; i < 15; ++i) {
+    cost -= iteration.cost_change;
+    const Stagnation::Verdict verdict = stagnation.After(iteration, cost, 1e-6, radius);
+    *restart_radius = std::max(*restart_radius, stagnation.TakeRestartRadius());
+    if (verdict != Stagnation::Verdict::kGoOn) {
+      return verdict;
+    }
+  }
+  return Stagnation::Verdict::kGoOn;
+}
+
+TEST(Stagnation, IsProvenByStepsWithLittleDampingOnly) {
+  const double proof_radius = internal::Tuning::Batch().proof_radius;
+  for (const double radius : {1e-5, 0.1 * proof_radius, proof_radius, 1e8}) {
+    double restart_radius = 0.0;
+    EXPECT_EQ(Walk(radius, &restart_radius), radius >= proof_radius
+                                                 ? Stagnation::Verdict::kProven
+                                                 : Stagnation::Verdict::kUnproven)
+        << radius;
+    EXPECT_EQ(restart_radius, proof_radius);
+  }
+}
+
+// At a border every second decade of the damping is passed over: those are tried before the end.
+TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
+  const internal::Tuning::Batch tuning;
+  Stagnation stagnation(tuning);
+  stagnation.Begin(1.0);
+  IterationSummary refused;
+  refused.cost = std::numeric_limits<double>::max();
+  std::vector<double> restarts;
+  double radius = tuning.proof_radius;
+  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
+  for (int i = 0; i < 50 && verdict == Stagnation::Verdict::kGoOn; ++i) {
+    refused.trust_region_radius = 1e-2 * radius;
+    verdict = stagnation.After(refused, 1.0, 1e-6, radius);
+    const double restart = stagnation.TakeRestartRadius();
+    radius = restart > 0.0 ? restart : refused.trust_region_radius;
+    if (restart > 0.0) {
+      restarts.push_back(restart);
+    }
+  }
+  EXPECT_EQ(verdict, Stagnation::Verdict::kRefusals);
+  EXPECT_EQ(restarts, std::vector<double>{0.1 * tuning.proof_radius});
+}
+
+}  // namespace
+}  // namespace inceres
