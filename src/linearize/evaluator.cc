@@ -52,6 +52,12 @@ bool HasAlikeMaps(const Linearization& cache) {
   return true;
 }
 
+void FindAlikeMaps(std::vector<Linearization>* families) {
+  for (Linearization& cache : *families) {
+    cache.maps_are_alike = HasAlikeMaps(cache);
+  }
+}
+
 }  // namespace
 
 Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
@@ -178,12 +184,6 @@ void Evaluator::MakeRoomToKeep() {
       Take(cache.BytesToKeep(), "the Jacobians of coordinate descent");
       cache.MakeRoomToKeep();
     }
-  }
-}
-
-void Evaluator::KeepEvaluations(bool keep) {
-  for (Linearization& cache : families_) {
-    cache.KeepEvaluations(keep);
   }
 }
 
@@ -371,13 +371,11 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
     }
   }
   if (points_.TakeKindsChanged()) {
-    for (Linearization& cache : families_) {
-      cache.maps_are_alike = HasAlikeMaps(cache);
-    }
+    FindAlikeMaps(&families_);
   }
   const Status status = EvaluateAll(/*jacobians=*/true, known_point, cost);
   // Nobody comes back to this point.
-  KeepEvaluations(false);
+  KeepEvaluations(false, &families_);
   return status;
 }
 

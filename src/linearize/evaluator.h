@@ -40,11 +40,8 @@ class Evaluator {
   const Executor& executor() const { return executor_; }
   JacobianStorage storage() const { return storage_; }
 
-  /// Room for KeepEvaluations, where it is not too much.
+  /// Room for KeepEvaluations of the families, where it is not too much.
   void MakeRoomToKeep();
-  /// Each factor's last evaluation with Jacobians is kept, for whoever comes back to its values:
-  /// until the next EvaluateJacobians, or until this is taken back. Nothing is without room.
-  void KeepEvaluations(bool keep);
 
   /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
   void PointToCandidate() { points_.PointTo(/*candidate=*/true); }

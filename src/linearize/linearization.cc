@@ -204,6 +204,12 @@ void Linearization::KeepEvaluations(bool keep) {
   }
 }
 
+void KeepEvaluations(bool keep, std::vector<Linearization>* families) {
+  for (Linearization& family : *families) {
+    family.KeepEvaluations(keep);
+  }
+}
+
 // Without Jacobians tangent maps are not needed.
 FactorBatch Linearization::CandidateBatch(int begin, int end) {
   FactorBatch batch;

@@ -86,7 +86,7 @@ struct Linearization {
   /// EvaluateCandidate, or of Linearize, that follow ask for: an ascending list.
   EvaluationFailure Prepare(bool jacobians, const std::vector<std::int32_t>& factors);
 
-  /// Evaluator::MakeRoomToKeep and KeepEvaluations, of this family.
+  /// Evaluator::MakeRoomToKeep and KeepEvaluations below, of this family.
   std::int64_t BytesToKeep() const;
   std::int64_t BytesKept() const { return kept_ != nullptr ? BytesToKeep() : 0; }
   void MakeRoomToKeep();
@@ -153,6 +153,10 @@ struct Linearization {
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };
+
+/// Each factor's last evaluation with Jacobians is kept, for whoever comes back to its values,
+/// until this is taken back. Nothing is without room.
+void KeepEvaluations(bool keep, std::vector<Linearization>* families);
 
 /// failures[k] := evaluate(k) for all k, in tasks. What lies behind one that failed is left out, as
 /// Ceres calls nothing more after a failure: returns the first that failed, or -1.

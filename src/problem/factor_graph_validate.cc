@@ -2,7 +2,6 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "problem/edit_state.h"
 #include "problem/find_fault.h"
@@ -175,69 +174,49 @@ Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double*
   return Status::Ok();
 }
 
-// A variable as most factors find it: small enough to look at all of a family's at once.
-struct Glance {
-  std::int32_t ambient_size = -1;  // of no slot
-  std::int32_t tangent_size = 0;   // 0: of a constant, which fits any
-  bool is_landmark = false;        // and moves
-  bool has_manifold = false;       // likewise
-};
-
-std::vector<Glance> GlanceAt(const VariableTable& variables) {
-  std::vector<Glance> glances(static_cast<std::size_t>(variables.size()));
-  for (VariableId id = 0; id < variables.size(); ++id) {
-    const VariableRecord& variable = variables[id];
-    Glance& glance = glances[internal::IndexOf(id)];
-    if (variable.removed) {
-      continue;
-    }
-    const bool moves = !variable.constant && variable.tangent_size > 0;
-    glance = {variable.ambient_size, moves ? variable.tangent_size : 0,
-              moves && variable.role == Role::kLandmark, moves && variable.manifold != nullptr};
-  }
-  return glances;
-}
-
-// The rules of a factor (FindFault) for those that are obviously in order, which nearly all are.
+// The rules of a factor (FindFault) for those that are obviously in order, which nearly all are:
+// without calls.
 class ObviousFactors {
  public:
-  ObviousFactors(const FactorFamily& family, const std::vector<Glance>& glances)
-      : glances_(glances), count_(static_cast<VariableId>(glances.size())) {
-    for (int s = 0; s < family.num_slots(); ++s) {
+  ObviousFactors(const FactorFamily& family, const VariableTable& variables)
+      : variables_(variables), num_variables_(variables.size()), num_slots_(family.num_slots()) {
+    for (int s = 0; s < num_slots_ && num_slots_ <= kMostSlots; ++s) {
       const FactorFamily::Slot& slot = family.slot(s);
-      slots_.push_back({slot.ambient_size, slot.tangent_size, family.Space(s) == SlotSpace::kAny});
+      slots_[s] = {slot.ambient_size, slot.tangent_size, family.Space(s) == SlotSpace::kAny};
     }
   }
 
   bool Have(const VariableId* ids) const {
     int num_landmarks = 0;
-    const VariableId* id = ids;
-    for (const Slot& slot : slots_) {
-      if (*id < 0 || *id >= count_) {
+    for (int s = 0; s < num_slots_; ++s) {
+      if (num_slots_ > kMostSlots || ids[s] < 0 || ids[s] >= num_variables_) {
         return false;
       }
-      const Glance& glance = glances_[internal::IndexOf(*id)];
-      const bool fits = glance.ambient_size == slot.ambient_size &&
-                        (glance.tangent_size == 0 || glance.tangent_size == slot.tangent_size) &&
-                        (slot.takes_any_manifold || !glance.has_manifold);
-      if (!fits || internal::IsAmong(*id, ids, static_cast<int>(id - ids))) {
+      const VariableRecord& variable = variables_[ids[s]];
+      const Slot& slot = slots_[s];
+      const bool moves = !variable.constant && variable.tangent_size > 0;
+      const bool fits = !variable.removed && variable.ambient_size == slot.ambient_size &&
+                        (!moves || (variable.tangent_size == slot.tangent_size &&
+                                    (slot.takes_any_manifold || variable.manifold == nullptr)));
+      if (!fits || internal::IsAmong(ids[s], ids, s)) {
         return false;
       }
-      num_landmarks += glance.is_landmark ? 1 : 0;
-      ++id;
+      num_landmarks += moves && variable.role == Role::kLandmark ? 1 : 0;
     }
     return num_landmarks <= 1;
   }
 
  private:
+  static constexpr int kMostSlots = 8;
   struct Slot {
     std::int32_t ambient_size;
     std::int32_t tangent_size;
     bool takes_any_manifold;
   };
-  const std::vector<Glance>& glances_;
-  const VariableId count_;
-  std::vector<Slot> slots_;
+  const VariableTable& variables_;
+  const VariableId num_variables_;
+  const int num_slots_;
+  Slot slots_[kMostSlots];
 };
 
 // Whether a factor touches what the one before it does. Free places have ids of −1, so a factor
@@ -252,8 +231,7 @@ bool RepeatsIds(const VariableId* ids, int num_slots) {
 
 // `edited`: an edit was checked.
 Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
-                      const std::vector<Glance>& glances, const FamilyRecord& record, FamilyId id,
-                      bool edited) {
+                      const FamilyRecord& record, FamilyId id, bool edited) {
   const FactorFamily& family = *record.family;
   if (family.residual_size() <= 0) {
     return Invalid(FamilyName(id, family) + " has residual size " +
@@ -275,7 +253,7 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
   const bool all_alike = all_live && record.num_factors > 0 &&
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
-  const ObviousFactors obvious(family, glances);
+  const ObviousFactors obvious(family, variables);
   internal::AcceptedManifolds accepted;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
@@ -352,9 +330,8 @@ Status FactorGraph::Validate() const {
     const VariableId id = bounded->first;
     status = ValidateBounds(id, bounded->second, Values(id), IsConstant(id));
   }
-  const std::vector<Glance> glances = GlanceAt(variables_);
   for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
-    status = ValidateFamily(*this, variables_, glances, factors_[id], id, is_edited_);
+    status = ValidateFamily(*this, variables_, factors_[id], id, is_edited_);
   }
   return status;
 }

@@ -53,7 +53,7 @@ void CoordinateDescent::Run() {
   // Parameters of all factors point to the candidate, which variables are moved in.
   evaluator_.PointToCandidate();
   // Where a group leaves its variables the next one begins, or the next iteration.
-  evaluator_.KeepEvaluations(true);
+  KeepEvaluations(true, &evaluator_.families());
   const Executor& executor = evaluator_.executor();
   for (const std::vector<VariableId>& group : groups_) {
     const int count = static_cast<int>(group.size());

@@ -25,14 +25,13 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       evaluator_(*evaluator),
       clock_(*clock),
       summary_(*summary),
-      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
-      runs_(FindRuns()) {
+      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
 }
 
 // Where one process cannot move, none does.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   // Those of a candidate before.
-  evaluator_.KeepEvaluations(false);
+  KeepEvaluations(false, &evaluator_.families());
   return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
 }
 
@@ -81,34 +80,37 @@ bool LoopEvaluation::IsUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
-// Neighbors in memory at once.
-std::vector<LoopEvaluation::Run> LoopEvaluation::FindRuns() const {
-  std::vector<Run> runs;
+// visit(begin, end) of the state's entries that move, in the order of the variables: neighbors in
+// memory at once.
+template <typename Visit>
+void LoopEvaluation::ForEachRun(const Visit& visit) const {
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  std::int64_t begin = 0, end = 0;
   for (std::size_t i = 0; i < variables.size(); ++i) {
     // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
     const std::int64_t offset = graph.StateOffset(variables[i]);
-    if (runs.empty() || offset != runs.back().end) {
-      runs.push_back({offset, offset});
+    if (offset != end) {
+      visit(begin, end);
+      begin = offset;
     }
-    runs.back().end += graph.AmbientSize(variables[i]);
+    end = offset + graph.AmbientSize(variables[i]);
   }
-  return runs;
+  visit(begin, end);
 }
 
 // Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
   const double* const x = evaluator_.points().current().data();
-  for (const auto [begin, end] : runs_) {
+  ForEachRun([&sum, x](std::int64_t begin, std::int64_t end) {
     for (std::int64_t k = begin; k < end; ++k) {
       sum += x[k] * x[k];
     }
-  }
+  });
   return std::sqrt(agreement_.Sum(sum));
 }
 
@@ -119,19 +121,19 @@ double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double largest = 0.0;
   const double* const from = evaluator_.points().current().data();
   const double* const to = evaluator_.points().candidate().data();
-  for (const auto [begin, end] : runs_) {
+  ForEachRun([&sum, from, to](std::int64_t begin, std::int64_t end) {
     for (std::int64_t k = begin; k < end; ++k) {
       const double difference = from[k] - to[k];
       sum += difference * difference;
     }
-  }
+  });
   // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
-    for (const auto [begin, end] : runs_) {
+    ForEachRun([&largest, from, to](std::int64_t begin, std::int64_t end) {
       for (std::int64_t k = begin; k < end; ++k) {
         largest = std::max(largest, std::fabs(from[k] - to[k]));
       }
-    }
+    });
     *max_norm = agreement_.Max(largest);
   }
   return std::sqrt(agreement_.Sum(sum));

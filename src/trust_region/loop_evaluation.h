@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -42,14 +41,9 @@ class LoopEvaluation {
   double CandidateDistance(double* max_norm) const;
 
  private:
-  // Entries of the state.
-  struct Run {
-    std::int64_t begin;
-    std::int64_t end;
-  };
-
   bool IsUsable(double cost) const;
-  std::vector<Run> FindRuns() const;
+  template <typename Visit>
+  void ForEachRun(const Visit& visit) const;
 
   const SolverOptions& options_;
   const LoopOptions& loop_;
@@ -58,7 +52,6 @@ class LoopEvaluation {
   Summary& summary_;
   const Agreement alone_;
   const Agreement& agreement_;
-  const std::vector<Run> runs_;  // of the variables that move, in their order
 };
 
 }  // namespace inceres::internal
