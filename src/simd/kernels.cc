@@ -1,8 +1,5 @@
 #include "simd/kernels.h"
 
-#include <unistd.h>
-
-#include <algorithm>
 #include <initializer_list>
 
 #include "simd/small_kernels.h"
@@ -110,20 +107,6 @@ const Kernels& BestKernels() {
 const SmallKernels& BestSmallKernels() {
   static const SmallKernels& best = *SmallKernelsFor(BestSet());
   return best;
-}
-
-// Half, for the other operand of a product and for sums there is room beside them. What is fetched
-// ahead changes no bit.
-bool AreNear(std::int64_t size) {
-  static const std::int64_t near = [] {
-    constexpr std::int64_t kLeast = 256 << 10;
-#ifdef _SC_LEVEL2_CACHE_SIZE
-    return std::max(kLeast, static_cast<std::int64_t>(sysconf(_SC_LEVEL2_CACHE_SIZE)) / 2);
-#else
-    return kLeast;
-#endif
-  }();
-  return size * static_cast<std::int64_t>(sizeof(double)) <= near;
 }
 
 }  // namespace inceres::internal

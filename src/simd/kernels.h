@@ -54,9 +54,10 @@ struct BlockProducts {
   bool is_near = false;
 };
 
-/// Whether operands in so many doubles count as near: they take no more than half of this
-/// processor's second-level cache, or 256 KiB where that is more or the system does not tell.
-bool AreNear(std::int64_t size);
+/// Whether operands in so many doubles count as near: no more than the second-level cache holds.
+static constexpr bool AreNear(std::int64_t size) {
+  return size <= std::int64_t{1} << 15;  // 256 KiB
+}
 
 /// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
 struct VectorTerm {
