@@ -127,8 +127,7 @@ TEST(GraphFile, GivesBackEverything) {
 TEST(GraphFile, AFileOfThisVersionStaysReadable) {
   FactorGraph graph, loaded;
   test::MakeEverything(&graph);
-  const Status status =
-      LoadGraph(INCERES_STORAGE_TEST_DIR "/everything_version_1.graph", &loaded);
+  const Status status = LoadGraph(INCERES_STORAGE_TEST_DIR "/everything_version_1.graph", &loaded);
   ASSERT_TRUE(status.ok()) << status.message;
   ASSERT_EQ(graph.num_families(), loaded.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
