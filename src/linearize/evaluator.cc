@@ -25,9 +25,6 @@ namespace {
 
 // factors per task on one thread, at most: a few tens of microseconds of built-in Jacobians
 constexpr int kChunkSize = 256;
-// Entries of J, at most, whose memory has mostly served an earlier solve: it would be written twice
-// if it were zeroed. That of larger ones comes from the system as zero pages.
-constexpr std::ptrdiff_t kMostRecycled = 1 << 18;
 constexpr int kEntryGrain = 8192;  // connections per task, a few nanoseconds each
 
 // Whether the values of any variable lie in memory that is not the graph's.
@@ -38,24 +35,6 @@ bool BorrowsValues(const FactorGraph& graph) {
     }
   }
   return false;
-}
-
-// Of a family without free places.
-bool HasAlikeMaps(const Linearization& cache) {
-  const std::vector<const TangentMap*>& maps = cache.tangent_maps;
-  const auto num_slots = static_cast<std::size_t>(cache.num_slots);
-  for (std::size_t k = 0; k < maps.size(); ++k) {
-    if (maps[k] == nullptr || (k >= num_slots && !maps[k]->IsLike(*maps[k - num_slots]))) {
-      return false;
-    }
-  }
-  return true;
-}
-
-void FindAlikeMaps(std::vector<Linearization>* families) {
-  for (Linearization& cache : *families) {
-    cache.maps_are_alike = HasAlikeMaps(cache);
-  }
 }
 
 }  // namespace
@@ -148,14 +127,11 @@ void Evaluator::Rebind(const FactorGraph& graph) {
 void Evaluator::BuildFamily(FamilyId id) {
   Linearization& cache = families_.emplace_back(*graph_, id);
   const int num_places = graph_->NumFactors(id);
-  const bool recycled =
-      storage_ == JacobianStorage::kBySlot && cache.FactorSize() * num_places <= kMostRecycled;
   if (storage_ == JacobianStorage::kWholeRows) {
     cache.GrowTables(num_places);
     PlaceWholeRows(layout_, &cache);
   } else if (storage_ == JacobianStorage::kBySlot) {
-    cache.Grow(num_places, num_places,
-               recycled ? Linearization::Fresh::kUnwritten : Linearization::Fresh::kZero);
+    cache.Grow(num_places, num_places);
   } else {
     cache.PlaceByFactor(num_places, storage_ == JacobianStorage::kByFactorInSingle &&
                                         Linearization::MayKeepSingles(*cache.family, num_places));
@@ -171,9 +147,6 @@ void Evaluator::BuildFamily(FamilyId id) {
       PlaceInTangent(layout_, begin, end, &cache);
     }
   });
-  if (recycled) {
-    ClearUnwritten(0, num_places, &cache);
-  }
   FindParameters(id);
   BindFamily(id);
 }
@@ -369,9 +342,6 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
     if (!status.ok()) {
       return status;
     }
-  }
-  if (points_.TakeKindsChanged()) {
-    FindAlikeMaps(&families_);
   }
   const Status status = EvaluateAll(/*jacobians=*/true, known_point, cost);
   // Nobody comes back to this point.

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "inceres/problem/constant_size.h"
-
 namespace inceres::internal {
 
 // Two layouts of a family's Jacobians (JacobianStorage). By slot: the blocks of one slot one after
@@ -66,28 +64,6 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   for (std::ptrdiff_t k = begin; k < end; ++k) {
     const int position = ids[k] < 0 ? -1 : layout.position[ids[k]];  // a free place has none
     cache->tangent_offsets[k] = position < 0 ? -1 : layout.quad_offset[position];
-  }
-}
-
-void ClearUnwritten(int begin, int end, Linearization* cache) {
-  for (int s = 0; s < cache->num_slots; ++s) {
-    const SlotJacobians& slot = cache->slots[s];
-    const std::int32_t* const offsets = cache->tangent_offsets.data() + s;
-    WithConstantSize(slot.row_stride - slot.columns,
-                     [=, rows = cache->residual_size, num_slots = cache->num_slots](auto padding) {
-                       for (int i = begin; i < end; ++i) {
-                         double* const J = slot.data + i * slot.factor_stride;
-                         if (offsets[std::ptrdiff_t{i} * num_slots] < 0) {
-                           std::fill_n(J, slot.factor_stride, 0.0);
-                           continue;
-                         }
-                         for (int r = 0; r < rows; ++r) {
-                           for (int c = 0; c < padding; ++c) {
-                             J[r * slot.row_stride + slot.columns + c] = 0.0;
-                           }
-                         }
-                       }
-                     });
   }
 }
 

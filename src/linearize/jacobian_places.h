@@ -21,10 +21,6 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache);
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache);
 
-/// Writes the zeros of these factors, stored by slot, that evaluating leaves alone: padding, and
-/// blocks without a tangent offset.
-void ClearUnwritten(int begin, int end, Linearization* cache);
-
 /// Takes the tangent offsets of blocks that are all zeros away again, of these factors.
 void LeaveOutZeroBlocks(int begin, int end, Linearization* cache);
 

@@ -60,7 +60,7 @@ void Linearization::GrowTables(int num_places) {
 }
 
 // Kept values move to the new place; new ones are zero.
-void Linearization::Grow(int num_places, int new_capacity, Fresh fresh) {
+void Linearization::Grow(int num_places, int new_capacity) {
   const int before = num_factors;
   if (new_capacity > capacity) {
     capacity = new_capacity;
@@ -70,8 +70,7 @@ void Linearization::Grow(int num_places, int new_capacity, Fresh fresh) {
     }
     // All slots in one array, each with room for `capacity` factors: with more room all of them
     // move.
-    const std::size_t J_size = static_cast<std::size_t>(size) * capacity;
-    ZeroedArray J = fresh == Fresh::kZero ? ZeroedArray(J_size) : ZeroedArray::Unwritten(J_size);
+    ZeroedArray J(static_cast<std::size_t>(size) * capacity);
     double* next = J.data();
     for (int s = 0; s < num_slots; ++s) {
       SlotJacobians& slot = slots[s];
@@ -231,7 +230,6 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   batch.residuals = residuals.data();
   batch.jacobians = views.data();
   batch.kept = keeps_ ? kept_.get() : nullptr;
-  batch.maps_are_alike = maps_are_alike;
   return batch;
 }
 

@@ -40,12 +40,9 @@ struct Linearization {
 
   /// Room for so many factors in the columns of entries and in the residuals.
   void GrowTables(int num_places);
-  /// What new Jacobians hold: zeros, or anything, for who writes zeros where nobody else writes
-  /// (ClearUnwritten).
-  enum class Fresh { kZero, kUnwritten };
   /// And in those of the candidate and the Jacobians. `capacity` of them fit in before they lie
   /// elsewhere.
-  void Grow(int num_places, int capacity, Fresh fresh = Fresh::kZero);
+  void Grow(int num_places, int capacity);
 
   /// Whether a family with so many places is kept in single precision where that is asked for: one
   /// so large that its strip in double does not take what is saved. Not those that are told
@@ -135,7 +132,6 @@ struct Linearization {
   // where it is linearized, null if where it is; empty without any
   std::vector<const double*> pins;
   std::vector<const TangentMap*> tangent_maps;
-  bool maps_are_alike = false;  // as FactorBatch says it
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
   std::vector<std::int32_t> tangent_offsets;

@@ -95,7 +95,7 @@ void PointPair::AcceptCandidate() {
   points_to_candidate_ = !points_to_candidate_;
   // Others' maps are the identity everywhere.
   for (const VariableId id : curved_) {
-    kinds_changed_ |= tangents_[id].AcceptCandidate();
+    tangents_[id].AcceptCandidate();
   }
 }
 
@@ -121,7 +121,6 @@ Status PointPair::ComputeTangentsAt(const std::vector<double>& state, const Comp
 }
 
 Status PointPair::ComputeTangents() {
-  kinds_changed_ = true;
   return ComputeTangentsAt(current_, [this](Tangent* tangent, VariableId id, const double* x) {
     return tangent->Compute(*graph_, id, x);
   });

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "inceres/problem/factor_graph.h"
@@ -53,9 +52,6 @@ class PointPair {
   Status ComputeTangents();
   Status ComputeCandidateTangents();
 
-  /// Whether, since the last call, the map of a variable may have become unlike the one before it.
-  bool TakeKindsChanged() { return std::exchange(kinds_changed_, false); }
-
   std::int64_t Bytes() const;
 
  private:
@@ -69,7 +65,6 @@ class PointPair {
   std::vector<double> current_;
   std::vector<double> candidate_;
   bool points_to_candidate_ = false;
-  bool kinds_changed_ = true;
   std::vector<Tangent> tangents_;   // per VariableId
   std::vector<VariableId> curved_;  // those of layout_.variables with a manifold, in this order
   // per entry of layout_.variables, null if free; empty if all are

@@ -159,12 +159,11 @@ const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, c
 }
 
 // Classified only now: the kind may differ from point to point.
-bool Tangent::AcceptCandidate() {
+void Tangent::AcceptCandidate() {
   // Told by a flag and not by the matrix, whose memory stays: the one of an older candidate would
   // pass for this one's.
   if (!curved_->has_candidate) {
-    MarkMoved();  // nobody has asked
-    return true;
+    return MarkMoved();  // nobody has asked
   }
   curved_->has_candidate = false;
   curved_->stale = false;
@@ -173,12 +172,9 @@ bool Tangent::AcceptCandidate() {
   curved_->M.swap(curved_->candidate_M);
   const bool same = map_.plus_jacobian != nullptr && curved_->M == curved_->candidate_M;
   map_.plus_jacobian = curved_->M.data();
-  if (same) {
-    return false;
+  if (!same) {
+    ClassifyTangentMap(&map_, curved_->selection.data());
   }
-  const TangentMap before = map_;
-  ClassifyTangentMap(&map_, curved_->selection.data());
-  return !map_.IsLike(before);
 }
 
 }  // namespace inceres::internal

@@ -45,9 +45,8 @@ class Tangent {
   const char* ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x);
   /// The candidate is another point now: what was computed at the one before is no longer its map.
   void DropCandidate() { curved_->has_candidate = false; }
-  /// The candidate is the point now. Its map is stale unless it was computed there. Returns whether
-  /// the map may be unlike the one before (TangentMap::IsLike).
-  bool AcceptCandidate();
+  /// The candidate is the point now. Its map is stale unless it was computed there.
+  void AcceptCandidate();
 
  private:
   struct Curved {

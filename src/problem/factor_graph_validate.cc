@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <string>
 
 #include "problem/edit_state.h"
@@ -174,51 +173,6 @@ Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double*
   return Status::Ok();
 }
 
-// The rules of a factor (FindFault) for those that are obviously in order, which nearly all are:
-// without calls.
-class ObviousFactors {
- public:
-  ObviousFactors(const FactorFamily& family, const VariableTable& variables)
-      : variables_(variables), num_variables_(variables.size()), num_slots_(family.num_slots()) {
-    for (int s = 0; s < num_slots_ && num_slots_ <= kMostSlots; ++s) {
-      const FactorFamily::Slot& slot = family.slot(s);
-      slots_[s] = {slot.ambient_size, slot.tangent_size, family.Space(s) == SlotSpace::kAny};
-    }
-  }
-
-  bool Have(const VariableId* ids) const {
-    int num_landmarks = 0;
-    for (int s = 0; s < num_slots_; ++s) {
-      if (num_slots_ > kMostSlots || ids[s] < 0 || ids[s] >= num_variables_) {
-        return false;
-      }
-      const VariableRecord& variable = variables_[ids[s]];
-      const Slot& slot = slots_[s];
-      const bool moves = !variable.constant && variable.tangent_size > 0;
-      const bool fits = !variable.removed && variable.ambient_size == slot.ambient_size &&
-                        (!moves || (variable.tangent_size == slot.tangent_size &&
-                                    (slot.takes_any_manifold || variable.manifold == nullptr)));
-      if (!fits || internal::IsAmong(ids[s], ids, s)) {
-        return false;
-      }
-      num_landmarks += moves && variable.role == Role::kLandmark ? 1 : 0;
-    }
-    return num_landmarks <= 1;
-  }
-
- private:
-  static constexpr int kMostSlots = 8;
-  struct Slot {
-    std::int32_t ambient_size;
-    std::int32_t tangent_size;
-    bool takes_any_manifold;
-  };
-  const VariableTable& variables_;
-  const VariableId num_variables_;
-  const int num_slots_;
-  Slot slots_[kMostSlots];
-};
-
 // Whether a factor touches what the one before it does. Free places have ids of −1, so a factor
 // after one is looked at. From the last slot on, where neighbors differ first.
 bool RepeatsIds(const VariableId* ids, int num_slots) {
@@ -253,13 +207,12 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
   const bool all_alike = all_live && record.num_factors > 0 &&
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
-  const ObviousFactors obvious(family, variables);
   internal::AcceptedManifolds accepted;
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
       continue;
     }
-    if (obvious.Have(ids) || (factor > 0 && RepeatsIds(ids, num_slots))) {
+    if (factor > 0 && RepeatsIds(ids, num_slots)) {
       continue;  // the one before was found to be in order
     }
     const FactorFault fault = internal::FindFault(

@@ -239,8 +239,7 @@ class AmbientFamily : public FactorFamily {
     MarkResiduals(batch);
     const TangentMap* const* maps = Maps(batch);
     for (int first = batch.begin; first < batch.end;) {
-      const int most = std::min(scratch.group, batch.end - first);
-      const int end = first + (batch.maps_are_alike ? most : CountAlike(maps, most));
+      const int end = first + CountAlike(maps, std::min(scratch.group, batch.end - first));
       const int reached = EvaluateGroup(batch, first, end, &scratch);
       const EvaluationFailure bad = TakeGroup(maps, first, reached - first, &scratch);
       if (bad.failed()) {

@@ -87,8 +87,6 @@ struct FactorBatch {
   /// same parameters: an AmbientFamily keeps there what it computes, and looks there first. Null:
   /// nobody comes back. A family that is quick leaves it alone.
   internal::KeptEvaluations* kept = nullptr;
-  /// Slot by slot the tangent maps of all factors are alike (TangentMap::IsLike); false: perhaps.
-  bool maps_are_alike = false;
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
