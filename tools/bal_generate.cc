@@ -30,6 +30,9 @@ DEFINE_string(output, "",
 DEFINE_string(truth, "",
               "also write the true cameras and points with exact observations, as a BAL file of "
               "the same order");
+DEFINE_bool(by_photo, false,
+            "write the observations photo by photo, as programs have them that extend a map by "
+            "photos, instead of point by point");
 
 namespace {
 
@@ -106,6 +109,9 @@ Status Run() {
   inceres::SimulatedBal scene;
   Status status = CheckFlags();
   status = status.ok() ? inceres::tools::MakeScene(FLAGS_preset, &scene) : status;
+  if (status.ok() && FLAGS_by_photo) {
+    scene.SortByCamera();
+  }
   status = status.ok() ? WriteTo(FLAGS_output, scene.problem) : status;
   if (!status.ok()) {
     return status;

@@ -85,6 +85,10 @@ expect_printed 'RMS error  *\([0-9.]*\) px at the start values, \1 px at the tru
 observations() { awk 'NR > 1 && NF == 4' "$1"; }
 observations "$work/city.txt" > "$work/city.obs"
 observations "$work/true.txt" | cmp -s - "$work/city.obs" || fail "--true_start changed the observations"
+expect_success --preset city-50 --by_photo --output "$work/by_photo.txt"
+observations "$work/by_photo.txt" > "$work/by_photo.obs"
+sort -s -n -k 1,1 "$work/city.obs" | cmp -s - "$work/by_photo.obs" || fail "--by_photo is another problem, or order"
+cmp -s "$work/city.obs" "$work/by_photo.obs" && fail "--by_photo changes nothing"
 expect_success --preset collection-20 --output "$work/photos.txt" --truth "$work/truth.txt"
 [ "$(head -n 1 "$work/photos.txt")" = "20 6513 19663" ] || fail "wrong counts: $(head -n 1 "$work/photos.txt")"
 [ "$(wc -l < "$work/photos.txt")" -eq "$(wc -l < "$work/truth.txt")" ] || fail "the truth has other counts"
@@ -98,7 +102,7 @@ expect_failure 2 "street_width is 3, not between 8 and 200" --preset city-50 --s
 expect_success --help
 for flag in output truth preset num_cameras num_points num_observations points_per_camera track_length laps loop_fraction \
   camera_spacing pixel_noise rotation_noise position_noise focal_noise distortion_noise point_noise outlier_fraction \
-  outlier_pixels seed street_width drift true_start; do
+  outlier_pixels seed street_width drift true_start by_photo; do
   expect_printed "--$flag "
 done
 

@@ -13,6 +13,8 @@ struct SimulatedBal {
   std::vector<double> true_cameras, true_points;  ///< in the order of the problem's
   std::vector<int> outliers;  ///< indices of the observations that are outliers, ascending
 
+  /// Observations photo by photo, and within each in the order of before.
+  void SortByCamera();
   /// The problem becomes the truth: true cameras and points, exact projections; what it was is
   /// gone.
   void BecomeTruth();
