@@ -43,15 +43,29 @@ void PointPair::Rebind(const FactorGraph& graph) {
 }
 
 // curved_ has the variables whose map depends on the point, in the order of the layout, so that
-// PlusJacobian is called in one order.
+// PlusJacobian is called in one order. Maps of the others are shared: a pass over the factors then
+// reads few maps instead of one a variable.
 void PointPair::BuildTangents() {
-  tangents_.resize(graph_->num_variables());
+  const auto is_curved = [this](VariableId id) {
+    return layout_.position[id] >= 0 && graph_->manifold(id) != nullptr &&
+           graph_->TangentSize(id) > 0;
+  };
+  maps_.resize(graph_->num_variables());
   for (VariableId id = 0; id < graph_->num_variables(); ++id) {
-    // Only variables that move have a map; for others it says "constant".
-    tangents_[id].Set(*graph_, id, /*wanted=*/layout_.position[id] >= 0);
+    if (!is_curved(id)) {
+      const bool moves = layout_.position[id] >= 0;
+      Tangent& flat = flat_[{graph_->AmbientSize(id), graph_->TangentSize(id), moves}];
+      flat.Set(*graph_, id, /*wanted=*/moves);  // the same each time
+      maps_[id] = &flat.map();
+    }
   }
   std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),
-               [this](VariableId id) { return tangents_[id].is_curved(); });
+               is_curved);
+  tangents_.resize(curved_.size());
+  for (std::size_t k = 0; k < curved_.size(); ++k) {
+    tangents_[k].Set(*graph_, curved_[k], /*wanted=*/true);
+    maps_[curved_[k]] = &tangents_[k].map();
+  }
 }
 
 void PointPair::BuildBounds() {
@@ -70,8 +84,8 @@ void PointPair::SetCurrent(const std::vector<double>& state) {
 
 // Variable by variable; Plus is not concurrent, as Ceres promises for manifolds.
 bool PointPair::MoveCandidate(const double* delta) {
-  for (const VariableId id : curved_) {
-    tangents_[id].DropCandidate();
+  for (Tangent& tangent : tangents_) {
+    tangent.DropCandidate();
   }
   for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
     const VariableId id = layout_.variables[i];
@@ -94,8 +108,8 @@ void PointPair::AcceptCandidate() {
   current_.swap(candidate_);
   points_to_candidate_ = !points_to_candidate_;
   // Others' maps are the identity everywhere.
-  for (const VariableId id : curved_) {
-    tangents_[id].AcceptCandidate();
+  for (Tangent& tangent : tangents_) {
+    tangent.AcceptCandidate();
   }
 }
 
@@ -110,8 +124,9 @@ void PointPair::PointTo(bool candidate) {
 // compute(tangent, id, x) of all that have a manifold; it returns what is wrong.
 template <typename Compute>
 Status PointPair::ComputeTangentsAt(const std::vector<double>& state, const Compute& compute) {
-  for (const VariableId id : curved_) {
-    if (const char* fault = compute(&tangents_[id], id, graph_->ValuesIn(state.data(), id))) {
+  for (std::size_t k = 0; k < curved_.size(); ++k) {
+    const VariableId id = curved_[k];
+    if (const char* fault = compute(&tangents_[k], id, graph_->ValuesIn(state.data(), id))) {
       return Status::Error(
           StatusCode::kEvaluationFailed,
           "PlusJacobian of the manifold of variable " + std::to_string(id) + " " + fault);

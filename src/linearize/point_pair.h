@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <tuple>
 #include <vector>
 
 #include "inceres/problem/factor_graph.h"
@@ -24,8 +26,8 @@ class PointPair {
   const std::vector<double>& candidate() const { return candidate_; }
   /// The candidate itself, for who moves variables without a manifold one by one.
   std::vector<double>& mutable_candidate() { return candidate_; }
-  /// Its address stays.
-  const TangentMap& tangent_map(VariableId id) const { return tangents_[id].map(); }
+  /// Its address stays. Variables without a manifold have one in common if they are as large.
+  const TangentMap& tangent_map(VariableId id) const { return *maps_[id]; }
 
   /// Whether any variable that moves has bounds.
   bool IsConstrained() const { return !bounds_.empty(); }
@@ -65,8 +67,11 @@ class PointPair {
   std::vector<double> current_;
   std::vector<double> candidate_;
   bool points_to_candidate_ = false;
-  std::vector<Tangent> tangents_;   // per VariableId
-  std::vector<VariableId> curved_;  // those of layout_.variables with a manifold, in this order
+  std::vector<const TangentMap*> maps_;  // per VariableId
+  // of those without a manifold, or that do not move: by sizes, and whether they do
+  std::map<std::tuple<int, int, bool>, Tangent> flat_;
+  std::vector<VariableId> curved_;  // the others, in the order of layout_.variables
+  std::vector<Tangent> tangents_;   // of those
   // per entry of layout_.variables, null if free; empty if all are
   std::vector<const VariableBounds*> bounds_;
 };

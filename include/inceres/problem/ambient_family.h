@@ -346,7 +346,7 @@ class AmbientFamily : public FactorFamily {
     return failure;
   }
 
-  // Whether all factors touch the same variables by Jacobians of one row that are their own tangent
+  // Whether all factors have the same maps, and Jacobians of one row that are their own tangent
   // ones, as in curve fitting.
   bool IsInPlace(const FactorBatch& batch) const {
     const int num_slots = this->num_slots();
