@@ -54,12 +54,12 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
   CutStrips();
 }
 
-// The chunks of a family that keeps Jacobians in single precision, as many as fit into its strip;
-// those of the others as they come.
+// The chunks of a family that has strips, as many as fit into one; those of the others as they
+// come.
 void Evaluator::CutStrips() {
   for (int k = 0; k < static_cast<int>(chunks_.size()); ++k) {
     const Chunk& chunk = chunks_[k];
-    const int family = families_[chunk.family].keeps_singles() ? chunk.family : -1;
+    const int family = families_[chunk.family].has_strips() ? chunk.family : -1;
     const bool goes_on = !strips_.empty() && strips_.back().family == family &&
                          (family < 0 || chunk.end - chunks_[strips_.back().begin].begin <=
                                             Linearization::kStripSize);
@@ -68,12 +68,14 @@ void Evaluator::CutStrips() {
     }
     strips_.back().end = k + 1;
   }
-  const auto keeps = [](const Strip& strip) { return strip.family >= 0; };
-  if (std::none_of(strips_.begin(), strips_.end(), keeps)) {
+  const auto has_strips = [](const Linearization& cache) { return cache.has_strips(); };
+  const auto keeps_singles = [](const Linearization& cache) { return cache.keeps_singles(); };
+  if (std::none_of(families_.begin(), families_.end(), has_strips)) {
     strips_.clear();
-    return;
   }
-  gradient_.resize(static_cast<std::size_t>(layout_.quad_offset.back()) * kQuad);
+  if (std::any_of(families_.begin(), families_.end(), keeps_singles)) {
+    gradient_.resize(static_cast<std::size_t>(layout_.quad_offset.back()) * kQuad);
+  }
 }
 
 // Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both
@@ -133,8 +135,10 @@ void Evaluator::BuildFamily(FamilyId id) {
   } else if (storage_ == JacobianStorage::kBySlot) {
     cache.Grow(num_places, num_places);
   } else {
-    cache.PlaceByFactor(num_places, storage_ == JacobianStorage::kByFactorInSingle &&
-                                        Linearization::MayKeepSingles(*cache.family, num_places));
+    cache.PlaceByFactor(num_places,
+                        storage_ == JacobianStorage::kByFactorInSingle &&
+                            Linearization::MayKeepSingles(*cache.family, num_places),
+                        RecordsByLandmark(*graph_, layout_, id));
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.
@@ -218,6 +222,9 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
     if (jacobians && leaves_out_zero_blocks_) {
       LeaveOutZeroBlocks(chunk.begin, chunk.end, &cache);
     }
+    if (jacobians && cache.has_strips() && !failure.failed()) {
+      cache.KeepStrip(chunk.begin, chunk.end);
+    }
   }
   return failure;
 }
@@ -281,9 +288,9 @@ Status Evaluator::EvaluateChunks(bool jacobians, bool known_point, int begin, in
                                             chunk_failures_[first_failed]);
 }
 
-// With Jacobians, some of which are in double for a strip of factors at a time.
+// With Jacobians, some of them a strip of factors at a time.
 Status Evaluator::EvaluateStrips(bool known_point) {
-  executor_.For(layout_.quad_offset.back(), kEntryGrain, [&](int begin, int end) {
+  executor_.For(static_cast<int>(gradient_.size()) / kQuad, kEntryGrain, [&](int begin, int end) {
     std::fill(gradient_.begin() + std::ptrdiff_t{begin} * kQuad,
               gradient_.begin() + std::ptrdiff_t{end} * kQuad, 0.0);
   });
@@ -293,8 +300,11 @@ Status Evaluator::EvaluateStrips(bool known_point) {
     }
     const Status status = EvaluateChunks(/*jacobians=*/true, known_point, strip.begin, strip.end);
     if (strip.family >= 0) {
-      if (status.ok()) {
-        KeepStrip(strip);
+      if (status.ok() && families_[strip.family].keeps_singles()) {
+        // Where strips end depends on the chunks, and so on the number of threads; a variable's sum
+        // goes on from strip to strip, factor by factor, and does not.
+        AddGradient(families_[strip.family], chunks_[strip.begin].begin, chunks_[strip.end - 1].end,
+                    executor_, gradient_.data());
       }
       families_[strip.family].EndStrip();
     }
@@ -303,16 +313,6 @@ Status Evaluator::EvaluateStrips(bool known_point) {
     }
   }
   return Status::Ok();
-}
-
-void Evaluator::KeepStrip(const Strip& strip) {
-  Linearization& cache = families_[strip.family];
-  const int first = chunks_[strip.begin].begin, last = chunks_[strip.end - 1].end;
-  // Where strips end depends on the chunks, and so on the number of threads; a variable's sum goes
-  // on from strip to strip, factor by factor, and does not.
-  AddGradient(cache, first, last, executor_, gradient_.data());
-  executor_.For(last - first, kChunkSize,
-                [&](int begin, int end) { cache.KeepSingles(first + begin, first + end); });
 }
 
 // PlusJacobian at the candidate comes first, as in Ceres, and a failure there is one of the
@@ -354,9 +354,11 @@ std::int64_t Evaluator::Bytes() const {
   for (const Linearization& cache : families_) {
     bytes += static_cast<std::int64_t>(
         sizeof(double) *
-        (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.single_values.size()));
+        (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.strip_values.size()));
     bytes += static_cast<std::int64_t>(cache.parameters.size() *
                                        (2 * sizeof(void*) + sizeof(std::int32_t)));
+    bytes += static_cast<std::int64_t>((cache.records.size() + cache.record_offsets.size()) *
+                                       sizeof(std::int32_t));
     bytes += cache.BytesKept();
     bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*) +
                                        cache.loss_values.size() * sizeof(LossValue));

@@ -59,7 +59,7 @@ class Evaluator {
 
   /// Jᵀf of the families that keep Jacobians in single precision, padded, summed from those in
   /// double; null if there are none. Of the last EvaluateJacobians.
-  const double* strip_gradient() const { return strips_.empty() ? nullptr : gradient_.data(); }
+  const double* strip_gradient() const { return gradient_.empty() ? nullptr : gradient_.data(); }
 
   /// Residuals, Jacobians and cost at the current point. `known_point`: it was a candidate whose
   /// cost EvaluateCandidateCost has evaluated: tangent maps are known, and losses of factors whose
@@ -96,9 +96,9 @@ class Evaluator {
     int first_sum;  // in sums_
   };
 
-  // Chunks, one after the other, whose Jacobians are in double at the same time.
+  // Chunks, one after the other, that are linearized at the same time.
   struct Strip {
-    int family;  // that keeps them in single precision, or -1
+    int family;  // that has strips, or -1
     int begin;   // of chunks_
     int end;
   };
@@ -112,7 +112,6 @@ class Evaluator {
   Status EvaluateAll(bool jacobians, bool known_point, double* cost);
   Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
   Status EvaluateStrips(bool known_point);
-  void KeepStrip(const Strip& strip);
   Status Prepare(bool jacobians, FamilyId id);
   Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
 
@@ -130,8 +129,8 @@ class Evaluator {
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;
   std::vector<std::int32_t> announced_;  // scratch of Prepare
-  std::vector<Strip> strips_;            // empty: all is in double
-  AlignedVector<double> gradient_;       // padded; of the strips
+  std::vector<Strip> strips_;            // empty: no family has any
+  AlignedVector<double> gradient_;       // padded; of families in single precision
 };
 
 }  // namespace inceres::internal

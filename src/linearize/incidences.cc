@@ -48,6 +48,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   CutIntoChunks(quads_per_chunk);
   PlaceBlocks(layout);
   SetTargets();
+  NameRecords(evaluator);
 }
 
 // Per family and slot, the factors of each landmark. A slot that holds a landmark in one factor
@@ -81,7 +82,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       };
       // The list's memory stays where it is when the outer vector moves: entries point into it.
       std::vector<int> start;
-      std::vector<std::int32_t>& list = factor_lists_.emplace_back();
+      std::vector<std::int32_t>& list =
+          factor_lists_.emplace_back(FactorList{cache.id, {}}).factors;
       CountingSort(num_landmarks, for_each_factor, &start, &list);
       for (std::size_t l = 0; l < num_landmarks; ++l) {
         if (start[l + 1] > start[l]) {
@@ -95,7 +97,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
           // Jᵀf of families in single precision is Evaluator::strip_gradient.
           entry.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
           entry.y_targets = targets.data();
-          entry.tangent_offsets = cache.tangent_offsets.data();
+          entry.tangent_offsets = cache.RecordOffsets();
           found.emplace_back(static_cast<int>(l), entry);
         }
       }
@@ -136,9 +138,10 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
       const int first_incidence = begin.back();
       // In the order in which the kernels go through the factors.
       for (int n = 0; n < entry.count; ++n) {
-        const auto first = static_cast<std::ptrdiff_t>(entry.factors[n]) * entry.num_slots;
+        const int factor = entry.factors[n];
+        std::int32_t* const target = targets + owner->Entry(owner->Record(factor));
         for (int s = 0; s < entry.num_slots; ++s) {
-          const int frame = layout.FrameOf(ids[first + s]);
+          const int frame = layout.FrameOf(ids[owner->Entry(factor) + s]);
           if (frame < 0) {
             continue;
           }
@@ -154,7 +157,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
             frames.push_back(frame);
             landmarks.push_back(static_cast<std::int32_t>(l));
           }
-          targets[first + s] = 2 * seen + (known ? 1 : 0);
+          target[s] = 2 * seen + (known ? 1 : 0);
         }
       }
     }
@@ -247,6 +250,17 @@ void LandmarkIncidences::SetTargets() {
       if (target >= 0) {
         target = 2 * incidences[target >> 1].y + (target & 1);
       }
+    }
+  }
+}
+
+// Kernels know factors by their records.
+void LandmarkIncidences::NameRecords(const Evaluator& evaluator) {
+  for (FactorList& list : factor_lists_) {
+    const Linearization& cache = evaluator.families()[list.family];
+    if (!cache.records.empty()) {
+      std::transform(list.factors.begin(), list.factors.end(), list.factors.begin(),
+                     [&](std::int32_t factor) { return cache.Record(factor); });
     }
   }
 }

@@ -44,7 +44,7 @@ struct LandmarkIncidences {
   std::vector<int> frame_incidences;    // incidence index
   std::vector<std::int32_t> landmarks;  // landmark index per incidence
 
-  // Per landmark: its factors, one entry a family (and slot).
+  // Per landmark: its factors, one entry a family (and slot), by their records.
   std::vector<int> factors_begin;  // num_landmarks + 1
   std::vector<LandmarkFactors> factors;
 
@@ -60,9 +60,14 @@ struct LandmarkIncidences {
   void CutIntoChunks(std::int64_t quads_per_chunk);
   void PlaceBlocks(const Layout& layout);
   void SetTargets();
+  void NameRecords(const Evaluator& evaluator);
 
-  std::vector<std::vector<std::int32_t>> factor_lists_;  // per (family, slot): factors by landmark
-  std::vector<std::vector<std::int32_t>> y_targets_;     // per family
+  struct FactorList {  // of a family and slot
+    FamilyId family;
+    std::vector<std::int32_t> factors;  // by landmark
+  };
+  std::vector<FactorList> factor_lists_;
+  std::vector<std::vector<std::int32_t>> y_targets_;  // per family
 };
 
 }  // namespace inceres::internal

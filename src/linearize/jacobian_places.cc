@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/counting_sort.h"
+
 namespace inceres::internal {
 
-// Two layouts of a family's Jacobians (JacobianStorage). By slot: the blocks of one slot one after
-// the other, rows padded to quads, each block with the tangent offset of its variable. Whole rows:
+// Layouts of a family's Jacobians (JacobianStorage). By slot: the blocks of one slot one after the
+// other, rows padded to quads, each block with the tangent offset of its variable. By factor: in an
+// order of records, which is that of landmarks where factors were added in another one. Whole rows:
 // a small dense J, one row a residual over all columns, where a family writes its blocks straight
 // into place.
 
@@ -15,6 +18,16 @@ namespace {
 // What whole rows serve.
 constexpr int kMaxWholeColumns = 16;
 constexpr std::int64_t kMaxWholeRows = 1024;
+
+// The first variable of the factor that is one, or -1.
+template <typename Is>
+VariableId FirstOf(const FactorGraph& graph, FamilyId id, int factor, const Is& is) {
+  const VariableId* const ids = graph.Variables(id, factor);
+  const VariableId* const end = ids + graph.family(id).num_slots();
+  const VariableId* const first =
+      std::find_if(ids, end, [&](VariableId variable) { return variable >= 0 && is(variable); });
+  return first == end ? -1 : *first;
+}
 
 }  // namespace
 
@@ -57,6 +70,52 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   }
 }
 
+bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id) {
+  std::vector<char> is_over(graph.num_variables(), 0);
+  VariableId last = -1;
+  for (int i = 0; i < graph.NumFactors(id); ++i) {
+    const VariableId landmark = FirstOf(graph, id, i, [&](VariableId variable) {
+      return graph.role(variable) == Role::kLandmark && !graph.IsConstant(variable);
+    });
+    if (landmark < 0 || landmark == last) {
+      continue;
+    }
+    if (is_over[landmark] != 0) {
+      return false;
+    }
+    if (last >= 0) {
+      is_over[last] = 1;
+    }
+    last = landmark;
+  }
+  return true;
+}
+
+std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
+                                            FamilyId id) {
+  const int num_factors = graph.NumFactors(id);
+  const int num_landmarks = layout.num_landmarks();
+  if (num_landmarks == 0 || !Linearization::MayHaveStrips(num_factors) ||
+      LandmarksLieTogether(graph, id)) {
+    return {};
+  }
+  // The factors of one landmark stay in the family's order, and with them the sums over them.
+  std::vector<std::int32_t> begin, order;
+  const auto for_each_factor = [&](const auto& add) {
+    for (std::int32_t i = 0; i < num_factors; ++i) {
+      const VariableId landmark = FirstOf(
+          graph, id, i, [&](VariableId variable) { return layout.LandmarkOf(variable) >= 0; });
+      add(landmark < 0 ? num_landmarks : layout.LandmarkOf(landmark), i);
+    }
+  };
+  CountingSort(static_cast<std::size_t>(num_landmarks) + 1, for_each_factor, &begin, &order);
+  std::vector<std::int32_t> records(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    records[order[k]] = static_cast<std::int32_t>(k);
+  }
+  return records;
+}
+
 // By entry, so that tasks may share a family.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache) {
@@ -64,6 +123,11 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   for (std::ptrdiff_t k = begin; k < end; ++k) {
     const int position = ids[k] < 0 ? -1 : layout.position[ids[k]];  // a free place has none
     cache->tangent_offsets[k] = position < 0 ? -1 : layout.quad_offset[position];
+    if (!cache->records.empty()) {
+      const auto factor = static_cast<int>(k / cache->num_slots);
+      cache->record_offsets[cache->Entry(cache->Record(factor)) + k % cache->num_slots] =
+          cache->tangent_offsets[k];
+    }
   }
 }
 

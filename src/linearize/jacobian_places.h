@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <vector>
 
 #include "linearize/layout.h"
 #include "linearize/linearization.h"
@@ -16,6 +18,16 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 
 /// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
 void PlaceWholeRows(const Layout& layout, Linearization* cache);
+
+/// Whether the factors of each landmark that moves are neighbors in the family, but for factors
+/// without one between them.
+bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id);
+
+/// Linearization::records in the order of landmarks, each factor with the first that it touches and
+/// those without any last: passes over J go from landmark to landmark. Empty where landmarks are to
+/// be eliminated and lie together, and of families without strips, for small ones stay in the cache.
+std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
+                                            FamilyId id);
 
 /// Tangent offsets of the entries (factor and slot) from begin to end, stored by slot.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,

@@ -23,6 +23,13 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
   *array = std::move(larger);
 }
 
+// The address so many doubles before `data`, whatever is there.
+double* BeforeBy(std::ptrdiff_t count, const double* data) {
+  const std::uintptr_t address =
+      reinterpret_cast<std::uintptr_t>(data) - static_cast<std::uintptr_t>(count) * sizeof(double);
+  return reinterpret_cast<double*>(address);  // NOLINT(performance-no-int-to-ptr)
+}
+
 }  // namespace
 
 // Sizes only; memory comes with the factors. Data pointers stay null until Grow.
@@ -90,7 +97,8 @@ void Linearization::Grow(int num_places, int new_capacity) {
 
 // A factor's blocks follow each other: of a BAL problem 24 entries, three lines of the cache, where
 // slots apart take 32. Whole quads, since offsets of blocks are counted in these.
-void Linearization::PlaceByFactor(int num_places, bool in_singles) {
+void Linearization::PlaceByFactor(int num_places, bool in_singles,
+                                  std::vector<std::int32_t> order) {
   int size = 0;
   for (SlotJacobians& slot : slots) {
     slot.row_stride = slot.columns;
@@ -104,20 +112,35 @@ void Linearization::PlaceByFactor(int num_places, bool in_singles) {
   for (SlotJacobians& slot : slots) {
     slot.factor_stride = factor_stride;
   }
-  jacobian_values = ZeroedArray(room(in_singles ? kStripSize : num_places));
+  records = std::move(order);
+  jacobian_values = ZeroedArray(in_singles ? room(num_places) / 2 : room(num_places));
   if (in_singles) {
-    single_values = ZeroedArray(room(num_places) / 2);
-    auto* next = reinterpret_cast<float*>(single_values.data());  // of nothing but zeros as yet
+    auto* next = reinterpret_cast<float*>(jacobian_values.data());  // of nothing but zeros as yet
     for (SlotJacobians& slot : slots) {
       slot.single = next;
       next += residual_size * slot.columns;
     }
+  }
+  if (in_singles || !records.empty()) {
+    strip_values = ZeroedArray(room(kStripSize) +
+                               (records.empty() ? 0 : std::size_t{kStripSize} * residual_size));
+    EndStrip();
   } else {
-    BeginStrip(0);
+    PlaceSlots(jacobian_values.data());
   }
   candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
   GrowTables(num_places);
   tangent_offsets.resize(parameters.size(), -1);
+  record_offsets.resize(records.empty() ? 0 : parameters.size(), -1);
+}
+
+void Linearization::PlaceSlots(double* first) {
+  for (int s = 0; s < num_slots; ++s) {
+    SlotJacobians& slot = slots[s];
+    slot.data = first;
+    views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+    first += residual_size * slot.columns;
+  }
 }
 
 std::ptrdiff_t Linearization::FactorSize() const {
@@ -130,33 +153,55 @@ std::ptrdiff_t Linearization::FactorSize() const {
 // Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
 // where the Jacobians of factor 0 would be. That address is a number only: none of it is used.
 void Linearization::BeginStrip(int first) {
-  const double* next = jacobian_values.data();
-  for (int s = 0; s < num_slots; ++s) {
-    SlotJacobians& slot = slots[s];
-    const auto begin = reinterpret_cast<std::uintptr_t>(next);
-    const std::uintptr_t of_zero =
-        begin - static_cast<std::uintptr_t>(first * slot.factor_stride) * sizeof(double);
-    slot.data = reinterpret_cast<double*>(of_zero);  // NOLINT(performance-no-int-to-ptr)
-    views[s] = {slot.data, slot.factor_stride, slot.row_stride};
-    next += residual_size * slot.columns;
-  }
+  strip_begin_ = first;
+  PlaceSlots(BeforeBy(first * slots[0].factor_stride, strip_values.data()));
 }
 
-// Who reads Jacobians in double by mistake reads nothing, rather than those of other factors.
+// Who reads Jacobians in double by mistake where they are in single precision, or writes to a strip
+// that is over, meets nothing, rather than those of other factors.
 void Linearization::EndStrip() {
-  for (int s = 0; s < num_slots; ++s) {
-    slots[s].data = nullptr;
-    views[s].data = nullptr;
+  if (keeps_singles()) {
+    for (SlotJacobians& slot : slots) {
+      slot.data = nullptr;
+    }
+  } else {
+    PlaceSlots(jacobian_values.data());
+  }
+  for (JacobianView& view : views) {
+    view.data = nullptr;
   }
 }
 
-void Linearization::KeepSingles(int begin, int end) {
-  // Of all slots, for a factor's blocks lie together.
+// In the strip behind its Jacobians, where the order of records is another one.
+double* Linearization::WrittenResiduals() const {
+  if (records.empty()) {
+    return residuals.data();
+  }
+  const double* const strip_end = strip_values.data() + strip_values.size();
+  return BeforeBy(std::ptrdiff_t{strip_begin_ + kStripSize} * residual_size, strip_end);
+}
+
+// Of all slots, for a factor's blocks lie together.
+void Linearization::KeepStrip(int begin, int end) {
   const SlotJacobians& first = slots[0];
-  const double* const from = first.data + begin * first.factor_stride;
-  std::transform(from, from + (end - begin) * first.factor_stride,
-                 first.single + begin * first.factor_stride,
-                 [](double entry) { return static_cast<float>(entry); });
+  const double* const f = WrittenResiduals();
+  for (int i = begin; i < end;) {
+    const int count = records.empty() ? end - i : 1;
+    const std::ptrdiff_t record = Record(i);
+    const double* const J = first.data + i * first.factor_stride;
+    const std::ptrdiff_t size = count * first.factor_stride;
+    if (keeps_singles()) {
+      std::transform(J, J + size, first.single + record * first.factor_stride,
+                     [](double entry) { return static_cast<float>(entry); });
+    } else {
+      std::copy_n(J, size, jacobian_values.data() + record * first.factor_stride);
+    }
+    if (!records.empty()) {
+      std::copy_n(f + std::ptrdiff_t{i} * residual_size, residual_size,
+                  residuals.data() + record * residual_size);
+    }
+    i += count;
+  }
 }
 
 void Linearization::Connect(std::size_t entry, const double* x, const double* pinned,
@@ -227,7 +272,7 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   batch.end = end;
   batch.parameters = parameters.data();
   batch.tangent_maps = tangent_maps.data();
-  batch.residuals = residuals.data();
+  batch.residuals = WrittenResiduals();
   batch.jacobians = views.data();
   batch.kept = keeps_ ? kept_.get() : nullptr;
   return batch;
@@ -278,7 +323,7 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   return failure;
 }
 
-// As the kernels see a range of factors.
+// As the kernels see a range of records.
 FactorRows Linearization::Rows(int begin, int end) const {
   FactorRows rows;
   rows.begin = begin;
@@ -287,7 +332,7 @@ FactorRows Linearization::Rows(int begin, int end) const {
   rows.num_slots = static_cast<int>(slots.size());
   rows.jacobians = slots.data();
   rows.residuals = residuals.data();
-  rows.tangent_offsets = tangent_offsets.data();
+  rows.tangent_offsets = RecordOffsets();
   return rows;
 }
 

@@ -44,26 +44,31 @@ struct Linearization {
   /// elsewhere.
   void Grow(int num_places, int capacity);
 
-  /// Whether a family with so many places is kept in single precision where that is asked for: one
-  /// so large that its strip in double does not take what is saved. Not those that are told
+  /// Whether a family with so many places may be linearized strip by strip: one so large that a
+  /// strip does not take what is saved.
+  static bool MayHaveStrips(int num_places) { return num_places > 2 * kStripSize; }
+  /// Whether it is kept in single precision where that is asked for. Not those that are told
   /// beforehand what they will be asked (FactorFamily::Prepares), for they may write all Jacobians
   /// at once.
   static bool MayKeepSingles(const FactorFamily& family, int num_places) {
-    return num_places > 2 * kStripSize && !family.Prepares();
+    return MayHaveStrips(num_places) && !family.Prepares();
   }
-  /// Factors that such a family has Jacobians in double of, at a time.
+  /// Factors of a strip, at most.
   static constexpr int kStripSize = 2048;
 
-  /// Instead of Grow, once: room for so many factors, those of each together; `in_singles` for all
-  /// places in single precision and for a strip of them in double.
-  void PlaceByFactor(int num_places, bool in_singles);
-  bool keeps_singles() const { return single_values.size() > 0; }
-  /// Until EndStrip Jacobians of up to kStripSize factors from `first` on have a place in double.
+  /// Instead of Grow, once: room for so many factors, those of each together, in single precision
+  /// or in double, and in this order (`records`). Where either is not how factors are written, a
+  /// strip of them has room as they are written.
+  void PlaceByFactor(int num_places, bool in_singles, std::vector<std::int32_t> order);
+  bool has_strips() const { return strip_values.size() > 0; }
+  bool keeps_singles() const { return !slots.empty() && slots[0].single != nullptr; }
+  /// Until EndStrip residuals and Jacobians of up to kStripSize factors from `first` on are
+  /// written, and found by their factors, in the strip.
   void BeginStrip(int first);
   void EndStrip();
-  /// Keeps those of [begin, end), which are of the strip, in single precision. Several threads may
-  /// do so, each with factors of its own.
-  void KeepSingles(int begin, int end);
+  /// Copies those of [begin, end), which are of the strip, to their records. Several threads may do
+  /// so, each with factors of its own.
+  void KeepStrip(int begin, int end);
 
   /// Where the entry's variable is and where a pin linearizes it, or null; and its tangent map.
   void Connect(std::size_t entry, const double* x, const double* pinned, const TangentMap& map);
@@ -101,6 +106,14 @@ struct Linearization {
            Entry(factor);
   }
   std::ptrdiff_t Entry(int factor) const { return std::ptrdiff_t{factor} * num_slots; }
+  /// Where passes over J find the factor: its index into residuals and Jacobians, outside of strips,
+  /// and into RecordOffsets.
+  int Record(int factor) const { return records.empty() ? factor : records[factor]; }
+  const std::int32_t* RecordOffsets() const {
+    return (records.empty() ? tangent_offsets : record_offsets).data();
+  }
+  /// The residual of factor 0 as linearizing writes it; those of the others follow.
+  double* WrittenResiduals() const;
   bool has_whole_rows() const { return storage == JacobianStorage::kWholeRows; }
   /// What products with J take for one factor: all of a family's whole rows are one.
   int num_blocks() const { return has_whole_rows() ? std::min(num_factors, 1) : num_factors; }
@@ -119,9 +132,10 @@ struct Linearization {
   JacobianStorage storage = JacobianStorage::kBySlot;
   ZeroedArray residuals;
   ZeroedArray candidate_residuals;
-  // all slots, one after the other, or factors, or whole rows, or a strip of factors
+  // all slots, one after the other, or records, or whole rows; records may be floats, two in the
+  // place of a double
   ZeroedArray jacobian_values;
-  ZeroedArray single_values;         // floats, two in the place of a double; mostly empty
+  ZeroedArray strip_values;          // Jacobians, then residuals; mostly empty
   std::vector<SlotJacobians> slots;  // of whole rows there is one
   // the same places slot by slot, as the public interface calls them
   std::vector<JacobianView> views;
@@ -135,14 +149,19 @@ struct Linearization {
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
   std::vector<std::int32_t> tangent_offsets;
+  // Per factor: Record; empty where each is its own. And tangent_offsets in that order.
+  std::vector<std::int32_t> records;
+  std::vector<std::int32_t> record_offsets;
   // per factor: its loss at the candidate that was evaluated last; empty where nobody keeps it
   std::vector<LossValue> loss_values;
 
  private:
+  void PlaceSlots(double* first);
   bool IsPinned(int factor) const;
   FactorBatch LinearizationBatch(int begin, int end);
   EvaluationFailure LinearizePinned(FactorBatch batch);
 
+  int strip_begin_ = 0;
   bool prepared_ = false;  // what is evaluated next
   bool keeps_ = false;
   std::unique_ptr<KeptEvaluations> kept_;           // null: no room

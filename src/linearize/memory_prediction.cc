@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "linearize/jacobian_places.h"
 #include "linearize/linearization.h"
 #include "simd/kernels.h"
 
@@ -27,6 +28,8 @@ constexpr std::int64_t kIncidence = 36;
 constexpr std::int64_t kTarget = sizeof(std::int32_t);
 // Per variable: the tangent map, and where it is in the layout.
 constexpr std::int64_t kVariable = 64;
+// Of a factor and of each of its connections, where records have an order of their own.
+constexpr std::int64_t kRecord = sizeof(std::int32_t);
 constexpr std::int64_t kPoints = 2;  // current and candidate
 constexpr std::int64_t kLossValue = 4 * kDouble;
 
@@ -53,18 +56,30 @@ bool IsByFactor(JacobianStorage storage) {
   return storage == JacobianStorage::kByFactor || storage == JacobianStorage::kByFactorInSingle;
 }
 
-std::int64_t BytesOfJacobians(const FactorFamily& family, int num_places, JacobianStorage storage) {
+// As they are kept, with what it takes to know where; and of a strip of them as they are written.
+std::int64_t BytesOfJacobians(const FactorGraph& graph, FamilyId id, JacobianStorage storage) {
+  const FactorFamily& family = graph.family(id);
+  const std::int64_t num_places = graph.NumFactors(id);
   std::int64_t entries = 0;  // of a factor
   for (int s = 0; s < family.num_slots(); ++s) {
     const int columns = family.slot(s).tangent_size;
     entries += family.residual_size() * (IsByFactor(storage) ? columns : PadToQuad(columns));
   }
   const std::int64_t in_double = kDouble * PadToQuad(static_cast<int>(entries));
-  if (storage != JacobianStorage::kByFactorInSingle ||
-      !Linearization::MayKeepSingles(family, num_places)) {
-    return num_places * in_double;
+  const bool in_single = storage == JacobianStorage::kByFactorInSingle &&
+                         Linearization::MayKeepSingles(family, graph.NumFactors(id));
+  const bool has_records = IsByFactor(storage) &&
+                           Linearization::MayHaveStrips(graph.NumFactors(id)) &&
+                           !LandmarksLieTogether(graph, id);
+  std::int64_t bytes = num_places * in_double / (in_single ? 2 : 1);
+  if (in_single || has_records) {
+    bytes += Linearization::kStripSize * in_double;
   }
-  return num_places * in_double / 2 + Linearization::kStripSize * in_double;
+  if (has_records) {
+    bytes += Linearization::kStripSize * kDouble * family.residual_size() +
+             num_places * kRecord * (1 + family.num_slots());
+  }
+  return bytes;
 }
 
 // The largest block of a slot, padded or not, or all of a factor's blocks together.
@@ -113,7 +128,7 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianS
     counts.largest_block_quads = QuadsOfBlock(family, storage);
     CheckCounts(counts);
     // Residuals at both points, Jacobians at one.
-    budget->Take(BytesOfJacobians(family, graph.NumFactors(id), storage) +
+    budget->Take(BytesOfJacobians(graph, id, storage) +
                      counts.num_factors *
                          (kDouble * kPoints * counts.residual_size +
                           kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),

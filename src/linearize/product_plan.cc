@@ -378,8 +378,9 @@ class PlanBuilder {
           // Offsets in quads from the beginning of a slot's Jacobians, the column's first.
           const auto column_quads =
               static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
+          const std::int32_t record = cache.Record(factor);
           visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
-                ProductTerm{factor * column_quads, factor * row_quads});
+                ProductTerm{record * column_quads, record * row_quads});
         }
       }
     }
@@ -399,7 +400,8 @@ class PlanBuilder {
     for (const std::int32_t* i = begin; i < end; ++i) {
       const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(*i) * num_slots]);
       if (column >= 0 && column <= row) {
-        visit(column, source, ProductTerm{*i * column_quads, *i * row_quads});
+        const std::int32_t record = cache.Record(*i);
+        visit(column, source, ProductTerm{record * column_quads, record * row_quads});
       }
     }
   }

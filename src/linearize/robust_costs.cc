@@ -41,7 +41,7 @@ double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, 
                           Linearization* family, GroupScales* scales, EvaluationFailure* failure) {
   const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id) + begin;
   LossValue* const values = family->loss_values.data() + begin;
-  const double* f = family->residuals.data() + std::ptrdiff_t{begin} * rows;
+  const double* f = family->WrittenResiduals() + std::ptrdiff_t{begin} * rows;
   const bool takes_negative =
       curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
   double cost = 0.0;
@@ -77,7 +77,7 @@ double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, 
 void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int end,
              Linearization* family) {
   const auto num_slots = static_cast<int>(family->slots.size());
-  double* const f = family->residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  double* const f = family->WrittenResiduals() + std::ptrdiff_t{begin} * family->residual_size;
   // Whole rows have one slot with offset 0 for all factors.
   if (!family->has_whole_rows() && scales.are_finite) {
     BestKernels().correct_factors(family->slots.data(), num_slots, begin, end - begin,
@@ -110,7 +110,8 @@ double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int 
                 Linearization* family, EvaluationFailure* failure) {
   // One pass over the residuals, as the sum of squares needs no loss.
   if (!family->graph->HasLosses(family->id)) {
-    const double* const f = (linearized ? family->residuals : family->candidate_residuals).data();
+    const double* const f =
+        linearized ? family->WrittenResiduals() : family->candidate_residuals.data();
     return PlainCost(f + std::ptrdiff_t{begin} * family->residual_size,
                      std::ptrdiff_t{end - begin} * family->residual_size);
   }

@@ -38,7 +38,7 @@ void AddOfOwner(const Linearization& cache, int begin, int end, int owner, int n
   for (int i = begin; i < end; ++i) {
     const std::int32_t* const offsets = cache.tangent_offsets.data() + cache.Entry(i);
     const double* const f =
-        cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * cache.residual_size;
+        cache.WrittenResiduals() + static_cast<std::ptrdiff_t>(i) * cache.residual_size;
     for (int s = 0; s < cache.num_slots; ++s) {
       if (offsets[s] < 0 || OwnerOf(offsets[s], num_owners) != owner) {
         continue;

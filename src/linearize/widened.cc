@@ -43,6 +43,7 @@ void AccumulateWidened(const Kernels& kernels, const BlockProducts& products, co
   widened.a = A;
   widened.b = B;
   widened.terms = terms;
+  widened.is_near = true;
   for (int first = 0; first < products.count; first += batch) {
     widened.count = std::min(batch, products.count - first);
     for (int k = 0; k < widened.count; ++k) {
@@ -57,14 +58,14 @@ void AccumulateWidened(const Kernels& kernels, const BlockProducts& products, co
   }
 }
 
-const double* WidenedBlock(const SlotJacobians& slot, std::ptrdiff_t factor, int num_rows,
+const double* WidenedBlock(const SlotJacobians& slot, std::ptrdiff_t record, int num_rows,
                            std::vector<double>* scratch) {
   if (slot.single == nullptr) {
-    return slot.data + factor * slot.factor_stride;
+    return slot.data + record * slot.factor_stride;
   }
   const std::ptrdiff_t count = std::ptrdiff_t{num_rows} * slot.row_stride;
   scratch->resize(std::max(scratch->size(), static_cast<std::size_t>(count)));
-  Widen(slot.single + factor * slot.factor_stride, count, scratch->data());
+  Widen(slot.single + record * slot.factor_stride, count, scratch->data());
   return scratch->data();
 }
 

@@ -14,8 +14,8 @@ namespace inceres::internal {
 void AccumulateWidened(const Kernels& kernels, const BlockProducts& products, const float* a,
                        const float* b, double* C);
 
-/// A factor's block of a slot, so many rows: where it is, or widened to `scratch`.
-const double* WidenedBlock(const SlotJacobians& slot, std::ptrdiff_t factor, int num_rows,
+/// A record's block of a slot, so many rows: where it is, or widened to `scratch`.
+const double* WidenedBlock(const SlotJacobians& slot, std::ptrdiff_t record, int num_rows,
                            std::vector<double>* scratch);
 
 }  // namespace inceres::internal

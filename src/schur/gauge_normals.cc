@@ -123,8 +123,9 @@ void GaugeNormals::AddFactor(const Source& source, int factor, int frame, const 
       {0, 0, 1, y, -x, 0, z, 0}};
   const SlotJacobians& of_point = cache.slots[source.landmark_slot];
   const SlotJacobians& of_frame = cache.slots[source.slot];
-  const double* const J_l = WidenedBlock(of_point, factor, cache.residual_size, &scratch->landmark);
-  const double* const J_c = WidenedBlock(of_frame, factor, cache.residual_size, &scratch->frame);
+  const int record = cache.Record(factor);
+  const double* const J_l = WidenedBlock(of_point, record, cache.residual_size, &scratch->landmark);
+  const double* const J_c = WidenedBlock(of_frame, record, cache.residual_size, &scratch->frame);
   // A factor of two frames appears in the rows of both, and ‖J_l w‖² counts once.
   bool counts_here = true;  // its first frame counts the factor
   for (int s = 0; s < source.slot; ++s) {
@@ -167,9 +168,9 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, const 
     const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
     double* const out = sums->C.data() + pattern_.value_begin[block];
     const SlotJacobians& of_other = cache.slots[s];
-    const double* const J_o =
-        s == source.slot ? J_c
-                         : WidenedBlock(of_other, factor, cache.residual_size, &scratch->other);
+    const double* const J_o = s == source.slot ? J_c
+                                               : WidenedBlock(of_other, cache.Record(factor),
+                                                              cache.residual_size, &scratch->other);
     for (int r = 0; r < cache.residual_size; ++r) {
       for (int i = 0; i < of_frame.columns; ++i) {
         const double a = J_c[r * of_frame.row_stride + i];

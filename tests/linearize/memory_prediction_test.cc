@@ -39,6 +39,17 @@ class PointGraph {
       graph_.Connect(family_, variables);
     }
   }
+  // A second camera sees all of them, after the first one has.
+  void SeeAgain() {
+    const double camera[9] = {0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 100.0, 0.0, 0.0};
+    const int num_points = graph_.NumFactors(family_);
+    const VariableId seen_from = graph_.AddVariable(camera, 9, Role::kFrame);
+    for (int i = 0; i < num_points; ++i) {
+      const VariableId variables[] = {seen_from, graph_.Variables(family_, i)[1]};
+      family_->Add({1.0, 2.0});
+      graph_.Connect(family_, variables);
+    }
+  }
   FactorGraph& graph() { return graph_; }
   FamilyId family() const { return family_; }
 
@@ -110,6 +121,23 @@ TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
   EXPECT_EQ(Predict(few.graph(), true, JacobianStorage::kByFactor),
             Predict(few.graph(), true, JacobianStorage::kByFactorInSingle))
       << "a strip takes what would be saved: they stay in double";
+}
+
+TEST(MemoryPrediction, CountsTheOrderOfLandmarksWhereFactorsComeInAnotherOne) {
+  constexpr std::int64_t kNumFactors = 60000;
+  PointGraph points(static_cast<int>(kNumFactors / 2));
+  points.SeeAgain();
+  const Layout layout(points.graph(), true);
+  const Executor executor(1);
+  const Evaluator by_slot(points.graph(), layout, executor);
+  const Evaluator by_factor(points.graph(), layout, executor, JacobianStorage::kByFactor);
+  // Less the order and two offsets of each factor, and a strip with its residuals; behind the last
+  // factor of either there is a quad.
+  constexpr std::int64_t kSaved = (64 - 12) * kNumFactors - (192 + 16) * 2048;
+  EXPECT_EQ(by_slot.Bytes() - by_factor.Bytes(), kSaved - 2 * 32);
+  EXPECT_EQ(
+      Predict(points.graph(), true) - Predict(points.graph(), true, JacobianStorage::kByFactor),
+      kSaved);
 }
 
 }  // namespace

@@ -108,11 +108,28 @@ class BundleMaker {
     for (int l = 0; l < options_.num_landmarks; ++l) {
       MakeLandmark(l);
     }
+    std::stable_sort(waiting_.begin(), waiting_.end(),
+                     [](const auto& a, const auto& b) { return FrameOf(a) < FrameOf(b); });
+    for (const Observation& observation : waiting_) {
+      Connect(observation);
+    }
     graph_.Perturb(options_.perturbation);
     return std::move(result_);
   }
 
  private:
+  struct Observation {
+    int residual_size;
+    std::vector<VariableId> ids;  // the landmark last
+    std::shared_ptr<const Loss> loss;
+  };
+  static VariableId FrameOf(const Observation& observation) {
+    return observation.ids[observation.ids.size() - 2];
+  }
+  void Connect(const Observation& observation) {
+    graph_.Connect(observation.residual_size, observation.ids, observation.loss, options_.noise);
+  }
+
   static int InTurn(const std::vector<int>& sizes, int i) {
     return sizes[static_cast<std::size_t>(i) % sizes.size()];
   }
@@ -153,8 +170,13 @@ class BundleMaker {
       if (options_.hosted) {
         ids.insert(ids.begin(), frames_[static_cast<std::size_t>(first)]);
       }
-      graph_.Connect(InTurn(options_.residual_sizes, l + v), ids, MakeLoss(num_observations_++),
-                     options_.noise);
+      const Observation observation{InTurn(options_.residual_sizes, l + v), ids,
+                                    MakeLoss(num_observations_++)};
+      if (options_.by_frame) {
+        waiting_.push_back(observation);
+      } else {
+        Connect(observation);
+      }
     }
   }
 
@@ -162,6 +184,7 @@ class BundleMaker {
   std::unique_ptr<RandomGraph> result_;
   RandomGraph& graph_;
   std::vector<VariableId> frames_;
+  std::vector<Observation> waiting_;  // until all landmarks are there
   int num_observations_ = 0;
 };
 

@@ -61,6 +61,7 @@ struct BundleOptions {
   std::vector<int> residual_sizes = {2};  ///< of observations, taken in turn
   int num_views = 3;                      ///< frames that see each landmark
   bool hosted = false;                    ///< observations touch the landmark's first frame as well
+  bool by_frame = false;  ///< observations are added frame by frame, not landmark by landmark
   /// quaternions, spheres, subsets and poses instead of some Euclidean variables
   bool manifolds = false;
   bool losses = false;        ///< Huber, Cauchy or Tolerant on two of three observations

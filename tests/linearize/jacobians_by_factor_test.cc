@@ -1,10 +1,12 @@
-// Jacobians in single precision: what is summed from them is what doubles give, to their rounding;
-// the gradient to that of doubles.
+// Jacobians by factor, in the order of landmarks whatever that of the factors is, and in single
+// precision: what is summed from them is what Jacobians by slot give, of single ones to their
+// rounding; the gradient to that of doubles.
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <iterator>
 #include <memory>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -19,13 +21,17 @@ namespace {
 
 // Observations are one family of 12,000 or more factors, which takes six strips; between frames,
 // and priors, there are few.
-std::unique_ptr<test::RandomGraph> Bundle(bool hosted) {
+enum class Kind { kPlain, kHosted, kByFrame };
+
+std::unique_ptr<test::RandomGraph> Bundle(Kind kind) {
+  const bool hosted = kind == Kind::kHosted;
   test::BundleOptions bundle;
   bundle.num_frames = 12;
   bundle.num_landmarks = 3000;
   bundle.num_views = hosted ? 5 : 4;
   bundle.frame_sizes = {hosted ? 6 : 9};
   bundle.hosted = hosted;
+  bundle.by_frame = kind == Kind::kByFrame;
   bundle.losses = bundle.constants = true;
   bundle.perturbation = 0.1;
   return test::MakeBundle(bundle);
@@ -92,9 +98,9 @@ void ExpectLinearSums(const Sums& actual, const Sums& expected, double tolerance
   EXPECT_LT(Distance(actual.decrease, expected.decrease), tolerance);
 }
 
-class SinglePrecision : public ::testing::TestWithParam<bool> {};
+class JacobiansByFactor : public ::testing::TestWithParam<Kind> {};
 
-TEST_P(SinglePrecision, SumsAreThoseOfDoublesToTheRoundingOfAJacobian) {
+TEST_P(JacobiansByFactor, InSingleHaveTheSumsOfDoublesToTheirRounding) {
   const auto bundle = Bundle(GetParam());
   constexpr std::int64_t kOneChunk = std::int64_t{1} << 40;
   for (const std::int64_t quads_per_chunk : {LandmarkIncidences::kQuadsPerChunk, kOneChunk}) {
@@ -107,7 +113,7 @@ TEST_P(SinglePrecision, SumsAreThoseOfDoublesToTheRoundingOfAJacobian) {
   }
 }
 
-TEST_P(SinglePrecision, SumsOfJacobiansByFactorAreThoseOfJacobiansBySlot) {
+TEST_P(JacobiansByFactor, HaveTheSumsOfJacobiansBySlot) {
   const auto bundle = Bundle(GetParam());
   const Sums by_slot(bundle->graph(), JacobianStorage::kBySlot);
   const Sums by_factor(bundle->graph(), JacobianStorage::kByFactor);
@@ -116,25 +122,51 @@ TEST_P(SinglePrecision, SumsOfJacobiansByFactorAreThoseOfJacobiansBySlot) {
   ExpectLinearSums(by_factor, by_slot, 1e-12);
 }
 
-TEST_P(SinglePrecision, SumsHaveTheSameBitsForAnyNumberOfThreads) {
+// Each landmark's one after the other, in the order of its factors; those without one last.
+TEST_P(JacobiansByFactor, LieInTheOrderOfLandmarks) {
   const auto bundle = Bundle(GetParam());
-  const Sums one(bundle->graph(), JacobianStorage::kByFactorInSingle);
-  for (const int num_threads : {2, 4}) {
-    const Sums many(bundle->graph(), JacobianStorage::kByFactorInSingle, num_threads);
-    EXPECT_EQ(many.core.cost, one.core.cost);
-    EXPECT_EQ(many.gradient, one.gradient);
-    EXPECT_EQ(many.C, one.C);
-    EXPECT_EQ(many.P, one.P);
-    EXPECT_EQ(many.S, one.S);
-    EXPECT_EQ(many.b, one.b);
-    EXPECT_EQ(many.coupled, one.coupled);
-    EXPECT_EQ(many.step, one.step);
-    EXPECT_EQ(many.decrease, one.decrease);
+  const test::CorePipeline core(bundle->graph(), true, 1, LandmarkIncidences::kQuadsPerChunk,
+                                JacobianStorage::kByFactor);
+  int num_sorted = 0;
+  for (const Linearization& cache : core.evaluator.families()) {
+    num_sorted += cache.records.empty() ? 0 : 1;
+    std::vector<std::tuple<int, int, int>> places;  // landmark, factor, record
+    for (int i = 0; i < cache.num_factors; ++i) {
+      const VariableId* ids = core.evaluator.graph().Variables(cache.id, i);
+      const int landmark = core.layout.LandmarkOf(ids[cache.num_slots - 1]);
+      places.emplace_back(landmark < 0 ? core.layout.num_landmarks() : landmark, i,
+                          cache.Record(i));
+    }
+    std::sort(places.begin(), places.end());
+    for (int k = 0; k < cache.num_factors && !cache.records.empty(); ++k) {
+      ASSERT_EQ(std::get<2>(places[static_cast<std::size_t>(k)]), k);
+    }
+  }
+  EXPECT_EQ(num_sorted, GetParam() == Kind::kByFrame ? 1 : 0);
+}
+
+TEST_P(JacobiansByFactor, HaveTheSameBitsForAnyNumberOfThreads) {
+  const auto bundle = Bundle(GetParam());
+  for (const JacobianStorage storage :
+       {JacobianStorage::kByFactor, JacobianStorage::kByFactorInSingle}) {
+    const Sums one(bundle->graph(), storage);
+    for (const int num_threads : {2, 4}) {
+      const Sums many(bundle->graph(), storage, num_threads);
+      EXPECT_EQ(many.core.cost, one.core.cost);
+      EXPECT_EQ(many.gradient, one.gradient);
+      EXPECT_EQ(many.C, one.C);
+      EXPECT_EQ(many.P, one.P);
+      EXPECT_EQ(many.S, one.S);
+      EXPECT_EQ(many.b, one.b);
+      EXPECT_EQ(many.coupled, one.coupled);
+      EXPECT_EQ(many.step, one.step);
+      EXPECT_EQ(many.decrease, one.decrease);
+    }
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Bundles, SinglePrecision, ::testing::Bool(),
-                         [](const auto& hosted) { return hosted.param ? "hosted" : "plain"; });
+INSTANTIATE_TEST_SUITE_P(Bundles, JacobiansByFactor,
+                         ::testing::Values(Kind::kPlain, Kind::kHosted, Kind::kByFrame));
 
 }  // namespace
 }  // namespace inceres::internal
