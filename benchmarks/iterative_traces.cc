@@ -4,7 +4,11 @@
 // asked of stock Ceres and of itself with the residual blocks in reverse order: where that comes
 // apart, there is nothing left to compare with.
 //
-//   build/bin/iterative_traces [--steps N] PROBLEM...     ten steps unless told
+//   build/bin/iterative_traces [--steps N] [--iterations N] [--only TEXT] PROBLEM...
+//
+// Ten steps unless told, with Ceres's most iterations of conjugate gradients for each, which are
+// 500; --only: of the preconditioners those with TEXT in their names, as SUBSET. A bound on both
+// makes large problems with dear iterations comparable in minutes.
 //
 // PROBLEM: as ab_compare takes it, bal:FILE or vio:cubic. Prints a table; a row that is not "same"
 // is followed by the iterations of each step. Exit code 1 if ours leaves stock where stock does not
@@ -141,7 +145,14 @@ void ChooseSubset(Subset subset, const ceres::Problem& problem, bool is_reversed
 
 enum class Who { kOurs, kStock, kStockReversed };
 
-Trace SolveAs(Who who, const Way& way, int num_steps, const ProblemSource& source) {
+struct Arguments {
+  int num_steps = 10;
+  int max_iterations = ceres::Solver::Options().max_linear_solver_iterations;
+  std::string only;
+  std::vector<std::string> problems;
+};
+
+Trace SolveAs(Who who, const Way& way, const Arguments& arguments, const ProblemSource& source) {
   ProblemSource::CeresInstance instance;
   const inceres::Status made = source.MakeCeresInstance({}, &instance);
   Trace failed;
@@ -157,7 +168,8 @@ Trace SolveAs(Who who, const Way& way, int num_steps, const ProblemSource& sourc
   ceres::Solver::Options options;
   options.linear_solver_type = way.solver;
   options.preconditioner_type = way.preconditioner;
-  options.max_num_iterations = num_steps;
+  options.max_num_iterations = arguments.num_steps;
+  options.max_linear_solver_iterations = arguments.max_iterations;
   options.logging_type = ceres::SILENT;
   if (way.solver == ceres::ITERATIVE_SCHUR) {
     options.linear_solver_ordering = instance.landmarks_first;
@@ -242,7 +254,7 @@ bool PrintRow(const std::string& problem, const Way& way, const Trace& ours, con
   return excused;
 }
 
-bool CompareProblem(const std::string& name, int num_steps, bool* all_same) {
+bool CompareProblem(const std::string& name, const Arguments& arguments, bool* all_same) {
   std::unique_ptr<ProblemSource> source;
   const inceres::Status status = inceres::tools::OpenProblem(name, &source);
   if (!status.ok()) {
@@ -251,9 +263,12 @@ bool CompareProblem(const std::string& name, int num_steps, bool* all_same) {
   }
   const std::string file = name.substr(name.find_last_of('/') + 1);
   for (const Way& way : kWays) {
-    const Trace stock = SolveAs(Who::kStock, way, num_steps, *source);
-    const Trace reversed = SolveAs(Who::kStockReversed, way, num_steps, *source);
-    const Trace ours = SolveAs(Who::kOurs, way, num_steps, *source);
+    if (NameOf(way).find(arguments.only) == std::string::npos) {
+      continue;
+    }
+    const Trace stock = SolveAs(Who::kStock, way, arguments, *source);
+    const Trace reversed = SolveAs(Who::kStockReversed, way, arguments, *source);
+    const Trace ours = SolveAs(Who::kOurs, way, arguments, *source);
     *all_same = PrintRow(file, way, ours, stock, reversed) && *all_same;
   }
   return true;
@@ -264,25 +279,30 @@ bool CompareProblem(const std::string& name, int num_steps, bool* all_same) {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   constexpr int kUsage = 2;
-  int num_steps = 10;
-  std::vector<std::string> problems;
+  Arguments arguments;
   for (int k = 1; k < argc; ++k) {
-    if (std::strcmp(argv[k], "--steps") == 0 && k + 1 < argc) {
-      num_steps = std::atoi(argv[++k]);
+    const bool has_value = k + 1 < argc;
+    if (std::strcmp(argv[k], "--steps") == 0 && has_value) {
+      arguments.num_steps = std::atoi(argv[++k]);
+    } else if (std::strcmp(argv[k], "--iterations") == 0 && has_value) {
+      arguments.max_iterations = std::atoi(argv[++k]);
+    } else if (std::strcmp(argv[k], "--only") == 0 && has_value) {
+      arguments.only = argv[++k];
     } else {
-      problems.emplace_back(argv[k]);
+      arguments.problems.emplace_back(argv[k]);
     }
   }
-  if (problems.empty() || num_steps < 1) {
-    std::fprintf(stderr, "usage: iterative_traces [--steps N] PROBLEM...\n");
+  if (arguments.problems.empty() || arguments.num_steps < 1 || arguments.max_iterations < 1) {
+    std::fprintf(stderr,
+                 "usage: iterative_traces [--steps N] [--iterations N] [--only TEXT] PROBLEM...\n");
     return kUsage;
   }
   std::printf(
       "| problem | linear solver | preconditioner | steps | of stock | compared | iterations in "
       "these | of stock | | stock with itself |\n|---|---|---|---|---|---|---|---|---|---|\n");
   bool all_same = true;
-  for (const std::string& problem : problems) {
-    if (!CompareProblem(problem, num_steps, &all_same)) {
+  for (const std::string& problem : arguments.problems) {
+    if (!CompareProblem(problem, arguments, &all_same)) {
       return kUsage;
     }
   }
