@@ -24,8 +24,8 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache);
 bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id);
 
 /// Linearization::records in the order of landmarks, each factor with the first that it touches and
-/// those without any last: passes over J go from landmark to landmark. Empty where landmarks are to
-/// be eliminated and lie together, and of families without strips, for small ones stay in the cache.
+/// those without any last: passes over J go from landmark to landmark. Empty where none are
+/// eliminated, where they lie together, and of small families, which stay in the cache.
 std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
                                             FamilyId id);
 

@@ -185,22 +185,19 @@ double* Linearization::WrittenResiduals() const {
 void Linearization::KeepStrip(int begin, int end) {
   const SlotJacobians& first = slots[0];
   const double* const f = WrittenResiduals();
-  for (int i = begin; i < end;) {
-    const int count = records.empty() ? end - i : 1;
+  for (int i = begin; i < end; ++i) {
     const std::ptrdiff_t record = Record(i);
     const double* const J = first.data + i * first.factor_stride;
-    const std::ptrdiff_t size = count * first.factor_stride;
     if (keeps_singles()) {
-      std::transform(J, J + size, first.single + record * first.factor_stride,
+      std::transform(J, J + first.factor_stride, first.single + record * first.factor_stride,
                      [](double entry) { return static_cast<float>(entry); });
     } else {
-      std::copy_n(J, size, jacobian_values.data() + record * first.factor_stride);
+      std::copy_n(J, first.factor_stride, jacobian_values.data() + record * first.factor_stride);
     }
     if (!records.empty()) {
       std::copy_n(f + std::ptrdiff_t{i} * residual_size, residual_size,
                   residuals.data() + record * residual_size);
     }
-    i += count;
   }
 }
 

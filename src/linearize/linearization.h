@@ -106,8 +106,8 @@ struct Linearization {
            Entry(factor);
   }
   std::ptrdiff_t Entry(int factor) const { return std::ptrdiff_t{factor} * num_slots; }
-  /// Where passes over J find the factor: its index into residuals and Jacobians, outside of strips,
-  /// and into RecordOffsets.
+  /// Where passes over J find the factor: its index into RecordOffsets and, outside of strips, into
+  /// residuals and Jacobians.
   int Record(int factor) const { return records.empty() ? factor : records[factor]; }
   const std::int32_t* RecordOffsets() const {
     return (records.empty() ? tangent_offsets : record_offsets).data();

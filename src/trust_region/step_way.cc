@@ -13,18 +13,19 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // All in flops of the dense Cholesky that take as long, in processor time of one thread, from steps
 // in cities of 300 and 1,000 cameras with streets of 16 and 64 m, a path of 400, and 300 and 1,000
-// photos.
+// photos (benchmarks/step_ways.cc).
 
 // A number of the Jacobians, or of S, that a product reads; a flop of what forms S.
-constexpr double kPerNumberRead = 25.0;
+constexpr double kPerNumberRead = 9.0;
 constexpr double kPerEntryOfS = 55.0;
 constexpr double kPerFormingFlop = 2.5;
 constexpr double kPerNumberWritten = 170.0;  // read before, of the blocks that a chunk adds to
-// Iterations of a step, on the way to convergence and near it. Blocks: so many for each step from
-// end to end of the scene (8 to 12 on the way, twice as many near the end). Two levels: about as
-// many wherever it was tried, and each takes so much longer.
-constexpr double kIterationsPerLength = 15.0;
-constexpr double kFewestIterations = 5.0;
+// Iterations of a step, on the way to convergence and near it. Blocks: few where all frames are
+// neighbors of neighbors, set-up among them, and so many for each step that the scene is longer.
+// Two levels: about as many wherever it was tried, and each takes so much longer.
+constexpr double kFewestIterations = 15.0;
+constexpr double kShortLength = 2.0;
+constexpr double kIterationsPerLength = 25.0;
 constexpr double kTwoLevelIterations = 12.0;
 constexpr double kTwoLevelPenalty = 1.6;
 // To make two levels: modes for each number of the Jacobians; the fine and the coarse part for each
@@ -52,7 +53,8 @@ class Prediction {
     const double frame_size = scene_.size() / std::max(1.0, scene_.num_frames());
     fill_ = sample.fill;
     const double entries = 0.5 * fill_ * scene_.size() * (scene_.size() + 1.0);
-    const double blocks = kFewestIterations + kIterationsPerLength * scene_.Length();
+    const double blocks =
+        kFewestIterations + kIterationsPerLength * std::max(0.0, scene_.Length() - kShortLength);
     const double numbers = scene_.numbers_read();
     const double modes = kModesPerNumber * numbers;
     const double two_levels = kTwoLevelPenalty * kTwoLevelIterations;
