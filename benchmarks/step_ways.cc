@@ -195,7 +195,14 @@ double Print(const StepCosts& predicted, const Problem& problem, double seconds_
       ++(*biases)[k].count;
     }
   }
-  const Measured& automatic = problem.automatic;
+  // Where it goes one of the ways it is that solve, bit for bit, and was measured twice.
+  Measured automatic = problem.automatic;
+  for (const Measured& way : problem.ways) {
+    if (way.solver == automatic.solver && way.cost == automatic.cost) {
+      automatic.seconds = std::min(automatic.seconds, way.seconds);
+      best = std::min(best, automatic.seconds);
+    }
+  }
   std::printf("\nautomatic: %s, %.0f steps, %.3f s, %.2f of the best, final cost %.6g\n",
               automatic.solver.c_str(), automatic.num_steps, automatic.seconds,
               automatic.seconds / best, automatic.cost);
