@@ -26,6 +26,8 @@ constexpr double kPerNumberWritten = 170.0;  // read before, of the blocks that 
 constexpr double kFewestIterations = 15.0;
 constexpr double kShortLength = 2.0;
 constexpr double kIterationsPerLength = 25.0;
+// Their steps are the less exact ones: to convergence it takes so many times as many.
+constexpr double kMoreSteps = 1.2;
 constexpr double kTwoLevelIterations = 12.0;
 constexpr double kTwoLevelPenalty = 1.6;
 // To make two levels: modes for each number of the Jacobians; the fine and the coarse part for each
@@ -63,12 +65,12 @@ class Prediction {
                    frame_size;
     StepCosts costs;
     costs.of.fill(kInfinity);
-    costs[StepWay::kBlocks] = blocks * kPerNumberRead * numbers;
+    costs[StepWay::kBlocks] = kMoreSteps * blocks * kPerNumberRead * numbers;
     costs[StepWay::kTwoLevel] = modes + kLevelsPerNumber * numbers +
                                 kLevelsPerFormingFlop * scene_.product_flops() +
                                 two_levels * kPerNumberRead * numbers;
     if (HasRoomFor(BytesOfS(entries, scene_))) {
-      costs[StepWay::kBlocksOnS] = forming_ + blocks * kPerEntryOfS * entries;
+      costs[StepWay::kBlocksOnS] = kMoreSteps * (forming_ + blocks * kPerEntryOfS * entries);
       costs[StepWay::kTwoLevelOnS] =
           forming_ + modes + (kLevelsPerEntryOfS + two_levels * kPerEntryOfS) * entries;
       costs[StepWay::kFactor] = Factor(*std::min_element(costs.of.begin(), costs.of.end()));

@@ -12,8 +12,8 @@ namespace inceres::internal {
 enum class StepWay { kFactor, kBlocks, kBlocksOnS, kTwoLevel, kTwoLevelOnS };
 inline constexpr int kNumStepWays = 5;
 
-/// What a step takes each way, in flops of the dense Cholesky that take as long; infinite where
-/// there is no memory for it.
+/// What a step takes each way, in flops of the dense Cholesky that take as long, and more where it
+/// takes more steps; infinite where there is no memory for it.
 struct StepCosts {
   std::array<double, kNumStepWays> of{};
 
