@@ -50,6 +50,17 @@ double* Copy(const double* from, int count, double* to) {
   return to + count;
 }
 
+// The processor sees by itself that a longer record goes on.
+constexpr std::ptrdiff_t kMostPrefetched = 64;
+
+// To be written, for most are.
+void Prefetch(const double* record, std::ptrdiff_t count) {
+  constexpr std::ptrdiff_t kLine = 64 / sizeof(double);
+  for (std::ptrdiff_t k = 0; k < count; k += kLine) {
+    __builtin_prefetch(record + k, /*rw=*/1);
+  }
+}
+
 }  // namespace
 
 std::int64_t KeptEvaluations::Bytes(const FactorFamily& family, int num_factors) {
@@ -96,6 +107,9 @@ bool KeptEvaluations::Fetch(const FactorBatch& batch, int i, double** blocks) {
   const TangentMap* const* const maps = batch.tangent_maps + Entry(i);
   double* const residuals = batch.residuals + std::ptrdiff_t{i} * residual_size_;
   double* const record = Record(i);
+  if (batch.next >= 0) {
+    Prefetch(Record(batch.next), std::min(stride_, kMostPrefetched));
+  }
   double* J = record + num_values_ + residual_size_;
   std::uint32_t wanted = 0;
   for (std::size_t s = 0; s < slots_.size(); J += slots_[s].size, ++s) {

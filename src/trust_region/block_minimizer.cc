@@ -42,14 +42,19 @@ constexpr double kLargePromise = 10.0 * kFunctionTolerance;
 // and the next iteration: the Jacobians of all variables of its factors are computed and kept.
 constexpr double kLastPromise = 0.1;
 
+// Sightings from the one that is evaluated to the one whose memory is asked for. Factors of a
+// variable lie apart where they are stored by another one, and their cost functions anywhere.
+constexpr int kAhead = 8;
+
 double NormOf(const std::vector<double>& x) {
   return std::sqrt(std::inner_product(x.begin(), x.end(), x.begin(), 0.0));
 }
 
 }  // namespace
 
-BlockMinimizer::BlockMinimizer(CeresRules rules, Evaluator* evaluator)
-    : evaluator_(*evaluator),
+BlockMinimizer::BlockMinimizer(CeresRules rules, const Sighting* last, Evaluator* evaluator)
+    : last_(last),
+      evaluator_(*evaluator),
       graph_(evaluator->graph()),
       infinite_cost_is_failure_(rules == CeresRules::k22) {
   constant_.kind = TangentMap::Kind::kConstant;
@@ -144,6 +149,9 @@ bool BlockMinimizer::Evaluate(Asked asked, double* cost) {
   for (const Sighting* s = begin_; s != end_; ++s) {
     Linearization& factors = evaluator_.families()[s->family];
     FactorBatch batch = factors.CandidateBatch(s->factor, s->factor + 1);
+    if (last_ - s > kAhead && s[kAhead].family == s->family) {
+      batch.next = s[kAhead].factor;  // of the next variable, near the end of this one's
+    }
     if (jacobians) {
       AskForJacobians(asked, *s, row, &batch);
     }

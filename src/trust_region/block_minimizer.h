@@ -28,7 +28,9 @@ struct Sighting {
 /// Least Squares Problems", 2004, algorithm 3.16.
 class BlockMinimizer {
  public:
-  BlockMinimizer(CeresRules rules, Evaluator* evaluator);
+  /// `last`: one after the last of all sightings, those of variables one after the other in the
+  /// order in which they are minimized most likely.
+  BlockMinimizer(CeresRules rules, const Sighting* last, Evaluator* evaluator);
 
   /// Moves the variable in the evaluator's candidate. `begin` to `end`: where it stands.
   void Minimize(VariableId id, const Sighting* begin, const Sighting* end);
@@ -55,6 +57,7 @@ class BlockMinimizer {
   bool TryStep(bool* successful);
   void ShrinkRadius();
 
+  const Sighting* const last_;
   Evaluator& evaluator_;
   const FactorGraph& graph_;
   const bool infinite_cost_is_failure_;

@@ -62,7 +62,7 @@ void CoordinateDescent::Run() {
     const int grain =
         std::clamp(count / (kTasksPerThread * executor.num_threads()), 1, kMaxVariablesPerTask);
     executor.For(count, grain, [&](int begin, int end) {
-      BlockMinimizer minimizer(rules_, &evaluator_);
+      BlockMinimizer minimizer(rules_, sightings_.data() + sightings_.size(), &evaluator_);
       for (int k = begin; k < end; ++k) {
         const int index = index_[group[k]];
         minimizer.Minimize(group[k], sightings_.data() + begin_[index],

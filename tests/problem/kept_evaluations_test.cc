@@ -19,6 +19,7 @@ class CountingFamily final : public AmbientFamily<CountingFamily> {
   CountingFamily() : AmbientFamily(2, {{7, 6}, {3, 3}}) {}
   int size() const override { return 2; }
   const char* Name() const override { return "counting"; }
+  void Prefetch(int i) const { prefetched = i; }
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const {
     ++num_calls;
@@ -35,6 +36,7 @@ class CountingFamily final : public AmbientFamily<CountingFamily> {
   }
 
   mutable int num_calls = 0;
+  mutable int prefetched = -1;
   bool has_bad_residual = false;
   bool forgets_an_entry = false;
   bool returns_false = false;
@@ -60,6 +62,7 @@ class KeptEvaluations : public testing::Test {
     const JacobianView views[2] = {{J_pose_.data(), 16, 8}, {J_point_.data(), 8, 4}};
     FactorBatch batch{0, 2, parameters_, maps, residuals_.data(), views};
     batch.kept = keeps ? &kept_ : nullptr;
+    batch.next = next_;
     return family_.Evaluate(batch);
   }
 
@@ -77,6 +80,7 @@ class KeptEvaluations : public testing::Test {
 
   CountingFamily family_;
   internal::KeptEvaluations kept_{family_, 2};
+  int next_ = -1;
   double pose_[7] = {0.3, 0.1, -2.0, 0.5, 0.5, 0.5, 0.5};
   double points_[2][3] = {{1.0, 2.0, 0.0}, {4.0, 5.0, 6.0}};
   const double* parameters_[4] = {pose_, points_[0], pose_, points_[1]};
@@ -100,6 +104,19 @@ TEST_F(KeptEvaluations, ServeWhoeverComesBackToTheValues) {
   pose_[0] += 1.0;
   ExpectAsAnew(kPoint, constant_, 2);
   kept_.Forget();
+  ExpectAsAnew(kPoint, constant_, 2);
+}
+
+// The factor named next is another one, or this one again.
+TEST_F(KeptEvaluations, AHintOfWhatComesNextChangesNothing) {
+  ExpectAsAnew(kPose, unwanted_, 2);
+  EXPECT_EQ(family_.prefetched, -1);
+  for (next_ = 0; next_ < 2; ++next_) {
+    ExpectAsAnew(kBoth, unwanted_, 0);
+    EXPECT_EQ(family_.prefetched, next_);
+  }
+  pose_[0] += 1.0;
+  next_ = 1;
   ExpectAsAnew(kPoint, constant_, 2);
 }
 

@@ -138,6 +138,9 @@ class AmbientFamily : public FactorFamily {
 
   /// Calls EvaluateOne for each factor, checks what it wrote and projects its Jacobians.
   EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    if (batch.next >= 0) {
+      derived().Prefetch(batch.next);
+    }
     if (batch.jacobians == nullptr) {
       return EvaluateResiduals(batch);
     }
@@ -146,6 +149,10 @@ class AmbientFamily : public FactorFamily {
     }
     return IsInPlace(batch) ? EvaluateInPlace(batch) : EvaluateAndProject(batch);
   }
+
+  /// Asks for the memory of a factor that is evaluated soon (FactorBatch::next). Here nothing;
+  /// Derived may have its own.
+  void Prefetch(int /*i*/) const {}
 
  private:
   static constexpr const char* kReturnedFalse = "the cost function returned false";

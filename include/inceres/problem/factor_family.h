@@ -83,6 +83,10 @@ struct FactorBatch {
   const JacobianView* jacobians = nullptr;
   /// FactorFamily::Prepare has been told of these factors, at the same parameters.
   bool prepared = false;
+  /// A hint of who calls for one factor at a time, in an order of his own: a factor that he calls
+  /// for soon, or −1. A family whose factors are objects that lie anywhere in memory may ask for
+  /// that one's already. Changes no result.
+  int next = -1;
   /// Of a call with Jacobians, where who asks will soon come back to some of these factors at the
   /// same parameters: an AmbientFamily keeps there what it computes, and looks there first. Null:
   /// nobody comes back. A family that is quick leaves it alone.

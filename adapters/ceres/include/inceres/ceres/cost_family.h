@@ -54,6 +54,8 @@ class CeresCostFamily : public AmbientFamily<CeresCostFamily> {
     return internal::DescribeObject("cost function", at(i).get());
   }
 
+  /// Asks for the cost function's memory; for AmbientFamily.
+  void Prefetch(int i) const { __builtin_prefetch(at(i).get()); }
   /// Calls the cost function; for AmbientFamily.
   bool EvaluateOne(int i, const double* const* parameters, double* residuals,
                    double** jacobians) const {
