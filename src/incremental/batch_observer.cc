@@ -168,6 +168,9 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
   // The end that no model confirms is named as such.
   trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
   stagnates_ = verdict == Stagnation::Verdict::kUnproven;
+  if (verdict != Stagnation::Verdict::kGoOn) {
+    words_ = stagnation_.InWords(verdict, cost_);
+  }
   return verdict == Stagnation::Verdict::kProven || verdict == Stagnation::Verdict::kRefusals;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <string>
 
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_options.h"
@@ -56,6 +57,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
+  /// What that rests on, where it is not what the model sees left.
+  const std::string& words() const { return words_; }
   /// Steps have brought next to nothing, but for want of any that is damped by little: an end, and
   /// no minimum that is proven.
   bool stagnates() const { return stagnates_; }
@@ -124,6 +127,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double held_back_ = 0.0;     // of it, by its damping
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
+  std::string words_;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
   int steps_to_wait_ = 0;     // before a step is hardly damped again

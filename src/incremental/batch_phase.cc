@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "incremental/batch_part.h"
+#include "incremental/claim_in_words.h"
 
 namespace inceres::internal {
 
@@ -177,13 +178,16 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     return {solved.termination, true};
   }
   if (observer.settled()) {
-    summary->message = "What is left undone is below the function tolerance.";
+    summary->message = observer.words();
+    if (summary->message.empty()) {
+      ClaimInWords words;
+      words.SayLittleLeft(observer.rest(), summary->final_cost, options.function_tolerance);
+      words.WriteTo(&summary->message);
+    }
     return {Termination::kConvergence, true};
   }
   if (observer.stagnates()) {
-    summary->message =
-        "Steps bring next to nothing, and only with much damping: it is not proven that this is a "
-        "minimum.";
+    summary->message = observer.words();
     return {Termination::kNoConvergence, true};
   }
   if (solved.termination == Termination::kUserSuccess ||

@@ -44,6 +44,7 @@ Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning)
 void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop,
                                     UpdateTrace* trace) {
   context_.Begin(mostly_new, stop, trace);
+  words_.Forget();
   landmarks_.Begin();
   linearization_.ForgetFreed();
   tolerances_.NoteStep(-1.0);
@@ -70,8 +71,7 @@ bool IncrementalMinimizer::Run() {
       return false;
     }
     if (verdict == Verdict::kConverged) {
-      context_.Finish(Termination::kConvergence,
-                      "What is left undone is below the function tolerance.");
+      FinishConverged();
       return true;
     }
     // The refused iteration still gets its row; an observer that ends the Update there has the last
@@ -88,6 +88,24 @@ bool IncrementalMinimizer::Run() {
     }
   }
   return false;
+}
+
+// With what the claim rests on.
+void IncrementalMinimizer::FinishConverged() {
+  const double cost = context_.system.cost();
+  if (words_.empty() && context_.stop.stagnated_gain() >= 0.0) {
+    words_.Say(
+        "Steps stagnate: the last %d iterations have gained %e of the cost, and the model sees "
+        "%e left.",
+        context_.tuning.stop.stagnation, context_.stop.stagnated_gain() / cost,
+        context_.summary->remaining_decrease / cost);
+  }
+  if (words_.empty()) {
+    words_.SayLittleLeft(context_.summary->remaining_decrease, cost,
+                         context_.options.function_tolerance);
+  }
+  words_.WriteTo(&context_.summary->message);
+  context_.Finish(Termination::kConvergence, words_.text());
 }
 
 // Linearizes what is dirty; new frames take their steps. False if the Update is over. With new
@@ -212,9 +230,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
       !step.is_cut_off() &&
       context_.stop.IsVain(remaining, context_.row().cost_change, context_.system.cost());
   // The same trust rule as for a claim: aged Jacobians may be why nothing is promised.
-  return in_vain && !context_.relinearization.RefreshAged(context_.Tolerance())
-             ? Verdict::kConverged
-             : Retreat(refreshed);
+  if (!in_vain || context_.relinearization.RefreshAged(context_.Tolerance())) {
+    return Retreat(refreshed);
+  }
+  const double cost = context_.system.cost();
+  words_.Say("The last step was refused: it promised %e of the cost, and gained %e.",
+             remaining / cost, context_.row().cost_change / cost);
+  return Verdict::kConverged;
 }
 
 // Little is left by the model: it is believed once its Jacobians are fresh enough and its damping
@@ -239,9 +261,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // μ was at its floor, steps were refused there, and it has risen again.
   switch (context_.control.JudgeRefusals(context_.Tolerance())) {
     case StepControl::Verdict::kMinimum:
+      words_.Say("Steps are refused, and promised no more than the function tolerance.");
       return Verdict::kConverged;
     case StepControl::Verdict::kRefusals:
       context_.summary->rests_on_refusals = true;
+      words_.Say("Steps of all lengths are refused, up to a damping of %e.", context_.control.mu());
       return Verdict::kConverged;
     case StepControl::Verdict::kUnknown:
       return Verdict::kStuck;

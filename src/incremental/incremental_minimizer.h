@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "inceres/solver/incremental_options.h"
+#include "incremental/claim_in_words.h"
 #include "incremental/earlier_factor.h"
 #include "incremental/frame_solve.h"
 #include "incremental/landmark_passes.h"
@@ -50,6 +51,7 @@ class IncrementalMinimizer {
 
   bool Begin();
   bool Run();  // whether it has converged, and the model says what is left
+  void FinishConverged();
   Verdict Iterate();
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
   Verdict TakeStep(double remaining);
@@ -67,6 +69,7 @@ class IncrementalMinimizer {
   EarlierFactor earlier_factor_{&context_, &frame_solve_};
   NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
+  ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left
 };
 
 }  // namespace inceres::internal

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/formatted.h"
+
 // When Marquardt's rule has come to its end without convergence by the model (docs/algorithms.md,
 // "One-time solves and exact windows", verdicts). Two counts run side by side. costs_ has the cost
 // after each of the last taken steps: if those together bring next to nothing, a proof begins,
@@ -71,6 +73,22 @@ Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double 
   }
   BeginProof(iteration, tolerance);
   return Verdict::kGoOn;
+}
+
+std::string Stagnation::InWords(Verdict verdict, double cost) const {
+  if (verdict == Verdict::kRefusals) {
+    return Formatted(
+        "Steps of all lengths are refused, or gain nothing: %d iterations, from a damping of %e "
+        "up, "
+        "have gained %e of the cost.",
+        num_since_gain_, 1.0 / widest_, (gained_from_ - cost) / cost);
+  }
+  const std::string gained =
+      Formatted("Steps stagnate: the last %d have gained %e of the cost",
+                static_cast<int>(costs_.size()) - 1, (costs_.front() - cost) / cost);
+  return gained + (verdict == Verdict::kProven
+                       ? ", all of them damped by little."
+                       : ", and only with much damping: it is not proven that this is a minimum.");
 }
 
 bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, double tolerance,

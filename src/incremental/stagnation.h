@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <string>
 
 #include "inceres/solver/summary.h"
 #include "incremental/tuning.h"
@@ -26,6 +27,8 @@ class Stagnation {
   /// After an iteration that tried a step with this radius; `cost` is where it has led to, and
   /// `tolerance` what does not count of it.
   Verdict After(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  /// What a verdict that ends the descent rests on, at this cost.
+  std::string InWords(Verdict verdict, double cost) const;
   /// Whether steps are taken with little damping for the sake of a proof.
   bool is_proving() const { return is_proving_; }
   /// The radius from which the descent is to go on, or 0; asked once.

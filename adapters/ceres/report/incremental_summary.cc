@@ -34,16 +34,6 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
     return at_start ? "Initial residual and Jacobian evaluation failed."
                     : "Residual and Jacobian evaluation failed.";
   }
-  if (update.ended_by_batch_rule) {
-    return update.message;
-  }
-  if (update.termination == Termination::kConvergence) {
-    const double share = update.final_cost > 0.0
-                             ? std::max(update.remaining_decrease, 0.0) / update.final_cost
-                             : 0.0;
-    return std::string("Function tolerance reached. |cost_change|/cost: ") +
-           Scientific(share).text() + " <= " + Scientific(options.function_tolerance).text();
-  }
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
   }
