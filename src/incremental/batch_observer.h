@@ -65,8 +65,13 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return best_cost_; }
   /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
-  /// the last step would have changed the cost by next to nothing, that is what it means to say.
-  bool promises_nothing() const { return promises_nothing_; }
+  /// the last step would have changed the cost by so much, next to nothing, that is what it means to
+  /// say. Where the step does not keep even that, the cost is less curved than the model, or more.
+  bool PromisesNothing(double cost_change) const {
+    const double missed = std::fabs(cost_change - last_promise_);
+    return promises_nothing_ && (last_promise_ <= tuning_.no_gain_share * Tolerance(cost_) ||
+                                 missed <= (1.0 - tuning_.kept_promise) * last_promise_);
+  }
   /// The same of the directions that its damping lets it see.
   bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.

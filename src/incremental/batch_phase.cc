@@ -202,7 +202,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   const bool settled = observer.promises_little() && HasSettled(solved, options, tuning);
   return {solved.termination, !held_back && settled, held_back,
-          observer.promises_nothing() || no_gradient};
+          observer.PromisesNothing(solved.discarded_cost_change) || no_gradient};
 }
 
 BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,

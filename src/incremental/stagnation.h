@@ -15,7 +15,8 @@ namespace inceres::internal {
 ///   from little damping on, as who knows nothing would go on from there. If all of these were
 ///   damped by little, that is proven; steps that are damped hard gain little for being short;
 /// - or hardly any could be taken for so long that all lengths have been tried, as at the border of
-///   where a cost function evaluates.
+///   where a cost function evaluates. Where they creep along such a border, all of them together
+///   gaining next to nothing twice in a row, that is an end, and no proof.
 class Stagnation {
  public:
   enum class Verdict { kGoOn, kProven, kUnproven, kRefusals };
@@ -35,6 +36,7 @@ class Stagnation {
   double TakeRestartRadius();
 
  private:
+  bool CreepsAgain(double cost, double tolerance);
   bool IsStalled(const IterationSummary& iteration, double cost, double tolerance, double radius);
   bool IsAtLeastRadius(const IterationSummary& iteration) const;
   double GainOf(const IterationSummary& iteration) const;
@@ -50,6 +52,8 @@ class Stagnation {
   double gained_from_ = 0.0;     // to this
   double widest_ = 0.0;          // radius of a step since then
   bool went_between_ = false;    // the radii since then, to those that a border passes over
+  double lengths_from_ = 0.0;    // all lengths have been tried at a border since this cost
+  bool creeps_ = false;          // and gained next to nothing
   bool is_proving_ = false;      // that steps stagnate
   bool is_damped_hard_ = false;  // and some of these had to be damped hard
   double restart_radius_ = 0.0;  // to be asked for

@@ -160,5 +160,32 @@ TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
   EXPECT_EQ(restarts, std::vector<double>{0.1 * tuning.proof_radius});
 }
 
+// Each length of a step gains a little before the border cuts it, and all of them together less than
+// the tolerance: that goes on, and proves nothing.
+TEST(Stagnation, CreepingAlongABorderEndsWithoutAProof) {
+  const internal::Tuning::Batch tuning;
+  constexpr double kTolerance = 1e-6;
+  Stagnation stagnation(tuning);
+  double cost = 1.0;
+  stagnation.Begin(cost);
+  IterationSummary cut;
+  cut.step_is_successful = true;
+  cut.step_share = 1e-6;
+  cut.cost_change = 0.1 * kTolerance;
+  double radius = tuning.proof_radius;
+  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
+  int num_iterations = 0;
+  for (; num_iterations < 100 && verdict == Stagnation::Verdict::kGoOn; ++num_iterations) {
+    cost -= cut.cost_change;
+    cut.trust_region_radius = 1e-2 * radius;
+    verdict = stagnation.After(cut, cost, kTolerance, radius);
+    const double restart = stagnation.TakeRestartRadius();
+    radius = restart > 0.0 ? restart : cut.trust_region_radius;
+  }
+  EXPECT_EQ(verdict, Stagnation::Verdict::kUnproven);
+  EXPECT_LT(num_iterations, 20);
+  EXPECT_NE(stagnation.InWords(verdict, cost).find("creep"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace inceres

@@ -205,22 +205,27 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
   const int others_left = iterations_left() - share;
   Part part = GoOnInBatch(input, kGoOn, share, report, summary);
-  // It has found no proof, and would find none from there again.
-  const bool ended_by_itself = iterations_left() > others_left;
   if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
     return part != Part::kAborted;
   }
   const ceres::TerminationType termination = summary->termination_type;
+  // What has ended by itself, without a proof, asks for a second opinion and no more.
+  const bool ended_by_itself = iterations_left() > others_left;
+  const int others = ended_by_itself ? std::min(iterations_left(), kPatience) : iterations_left();
   const std::string message = summary->message;
   const double lowest = summary->final_cost;
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
   start.PutBack();
   Look(problem);
-  part = GoOnInBatch(input, core.batch_strategy, iterations_left(), report, summary);
+  part = GoOnInBatch(input, core.batch_strategy, others, report, summary);
   if (part == Part::kAborted) {
     return false;
   }
-  if (part == Part::kDone && summary->final_cost <= lowest) {
+  // A limit that is a hair lower is no better end than one that has been found.
+  const bool has_end =
+      termination != ceres::CONVERGENCE || summary->termination_type == ceres::CONVERGENCE;
+  const double margin = has_end ? 0.0 : input.options.function_tolerance * lowest;
+  if (part == Part::kDone && summary->final_cost <= lowest - margin) {
     reached.Keep();
     return true;
   }
