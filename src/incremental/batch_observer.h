@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <string>
@@ -45,7 +46,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   BatchObserver& operator=(const BatchObserver&) = delete;
 
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
-  bool IsWorthTrying(const IterationSummary& iteration, double cost, double held_back) override;
+  bool IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) override;
   bool IsLast(const IterationSummary& iteration) override;
   bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
@@ -83,10 +84,12 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
   // made it.
   static constexpr int kAcceptedInRow = 2;
+  // Iterations that a descent's pace is taken from.
+  static constexpr int kPace = 10;
 
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
-  double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
+  double Tolerance(double cost) const { return std::max(ToleranceAt(cost, options_), rounding_); }
   bool IsByMarquardt() const {
     return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
   }
@@ -114,6 +117,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
   bool HasSpentBudget() const;
+  bool IsOutOfPatience(const IterationSummary& iteration);
   void WriteRow(const IterationSummary& iteration);
 
   const IncrementalOptions& options_;
@@ -123,13 +127,15 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   const int num_factors_;
   const double** const shown_state_;
   UpdateTrace& trace_;
-  double cost_ = 0.0;           // of the state
+  double cost_ = 0.0;                  // of the state
+  std::array<double, kPace> paces_{};  // cost_ after each of the last iterations
   double best_cost_ = 0.0;      // of a state there was, since the cost became another function
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
   double tried_radius_ = 0.0;  // of the step under judgment
   double held_back_ = 0.0;     // of it, by its damping
+  double rounding_ = 0.0;      // of the cost where it begins
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   std::string words_;

@@ -138,9 +138,10 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  // Of a cost next to zero nearly all may be left where the gradient is below Ceres's default.
-  batch.gradient_tolerance = std::max(only ? batch.gradient_tolerance : tuning.gradient_tolerance,
-                                      options.gradient_tolerance);
+  // Of a cost next to zero nearly all may be left where the gradient is below any constant: Ceres's
+  // default is not taken, and the user's own if he has set one.
+  batch.gradient_tolerance = only ? std::max(batch.gradient_tolerance, options.gradient_tolerance)
+                                  : options.gradient_tolerance;
   batch.parameter_tolerance = options.parameter_tolerance;
   batch.min_relative_decrease = options.min_relative_decrease;
   // Neither is Ceres's, so neither is there where its iterates are asked for.

@@ -142,7 +142,6 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.min_radius", &tuning->batch.min_radius);
   real("batch.border_radius", &tuning->batch.border_radius);
   real("batch.max_radius", &tuning->batch.max_radius);
-  real("batch.gradient_tolerance", &tuning->batch.gradient_tolerance);
   real("batch.shrunk_share", &tuning->batch.shrunk_share);
   return all;
 }

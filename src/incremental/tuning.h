@@ -163,7 +163,7 @@ struct Tuning {
     /// Of the tolerance: what damping may hold back of a step that a claim rests on.
     double held_back_share = 0.1;
     /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes
-    /// on with.
+    /// on with, but for fast descents.
     int patience = 25;
     /// Steps by that rule which together bring less than so many tolerances end an Update.
     int stagnation = 10;
@@ -187,8 +187,6 @@ struct Tuning {
     /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems
     /// singular.
     double max_radius = 1e10;
-    /// Absolute, for costs next to zero, where Ceres's default ends a solve early.
-    double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.
     double shrunk_share = 0.01;
   };
