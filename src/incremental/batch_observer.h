@@ -65,9 +65,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool stagnates() const { return stagnates_; }
   /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return best_cost_; }
-  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
-  /// the last step would have changed the cost by so much, next to nothing, that is what it means to
-  /// say. Where the step does not keep even that, the cost is less curved than the model, or more.
+  /// Whether the model, which sees all directions, promises next to nothing: that is what Ceres's
+  /// rule means to say, by which the last step would have changed the cost by so little. Where the
+  /// step does not keep even that, the cost is less curved than the model, or more.
   bool PromisesNothing(double cost_change) const {
     const double missed = std::fabs(cost_change - last_promise_);
     return promises_nothing_ && (last_promise_ <= tuning_.no_gain_share * Tolerance(cost_) ||

@@ -282,5 +282,22 @@ TEST(Session, OptionsMayDifferFromSolveToSolve) {
   EXPECT_LT(session.summary.final_cost, session.summary.initial_cost);
 }
 
+// Ends that are not the function tolerance's have words of their own.
+TEST(Session, TheMessageSaysWhichTestHasEndedTheSolve) {
+  double x = 2.0;
+  testing::Pull pulls[3] = {{0.0, 1.0}, {1.0, 1.0}, {2.0, 1.0}};
+  ceres::Problem problem(testing::Borrowing());
+  for (testing::Pull& pull : pulls) {
+    problem.AddResidualBlock(&pull, nullptr, &x);
+  }
+  testing::Session session;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U)
+      << session.summary.message;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(session.summary.message, "Nothing has changed since the last Update converged.");
+}
+
 }  // namespace
 }  // namespace inceres

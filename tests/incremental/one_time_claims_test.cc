@@ -209,8 +209,8 @@ TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
   EXPECT_EQ(restarts, std::vector<double>{0.1 * tuning.proof_radius});
 }
 
-// Each length of a step gains a little before the border cuts it, and all of them together less than
-// the tolerance: that goes on, and proves nothing.
+// Each length of a step gains a little before the border cuts it, and all of them together less
+// than the tolerance: that goes on, and proves nothing.
 TEST(Stagnation, CreepingAlongABorderEndsWithoutAProof) {
   const internal::Tuning::Batch tuning;
   constexpr double kTolerance = 1e-6;
