@@ -55,8 +55,10 @@ ObserverAction AskObservers(const SolverOptions& options, const IterationSummary
 }
 
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
-bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial. Where
+// residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it is g
+// then.
+bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvaluation* evaluation,
                        std::vector<double>* negative_gradient, IterationSummary* iteration) {
   std::transform(g.begin(), g.end(), negative_gradient->begin(),
                  [](double entry) { return -entry; });
@@ -64,6 +66,11 @@ bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
     return false;
   }
   iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
+  if (by_entries && iteration->gradient_max_norm == 0.0) {
+    iteration->gradient_max_norm = std::accumulate(
+        g.begin(), g.end(), 0.0,
+        [](double largest, double entry) { return std::max(largest, std::fabs(entry)); });
+  }
   return true;
 }
 
@@ -453,17 +460,9 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 
 bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
-  const std::vector<double>& g = model_.Gradient();
-  if (!FindGradientNorms(g, &evaluation_, &negative_gradient_, &iteration_)) {
-    return Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
-  }
-  // Where residuals are tiny x − g rounds to x, which Ceres takes for convergence.
-  if (loop_.judge != nullptr && !summary_.is_constrained && iteration_.gradient_max_norm == 0.0) {
-    iteration_.gradient_max_norm = std::accumulate(
-        g.begin(), g.end(), 0.0,
-        [](double largest, double entry) { return std::max(largest, std::fabs(entry)); });
-  }
-  return true;
+  return FindGradientNorms(model_.Gradient(), loop_.judge != nullptr && !summary_.is_constrained,
+                           &evaluation_, &negative_gradient_, &iteration_) ||
+         Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
 }
 
 bool TrustRegionMinimizer::FailToLinearize() {
