@@ -1,5 +1,8 @@
 #include "incremental/batch_observer.h"
 
+#include <cstddef>
+#include <utility>
+
 namespace inceres::internal {
 
 // What ends a batch phase before Ceres's own rules would (docs/algorithms.md, "One-time solves and
@@ -27,8 +30,9 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
 }
 
 // A solve that ends here saves the evaluation of the candidate and the linearization behind it.
-bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost,
-                                  double held_back) {
+bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) {
+  const double cost = origin.cost;
+  rounding_ = origin.rounding;
   const double promise = iteration.model_cost_change;
   // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
   // last_ratio_.
@@ -40,15 +44,17 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, double cost
   const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
   // A small promise by itself is an end only where no other solver goes on from there.
   const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
+  // All that is left is rounding.
+  const bool blurred = end_ == BatchEnd::kToTheEnd && promise <= rounding_;
   tried_radius_ = iteration.trust_region_radius;
-  held_back_ = held_back;
+  held_back_ = origin.held_back;
   // All of it only as far as the model sees weak directions: with much damping a promise is small
   // because steps are short.
-  const bool claims = options_.batch_share > 0.0 && SeesEnough() && (series || nothing);
+  const bool claims = options_.batch_share > 0.0 && SeesEnough() && (series || nothing || blurred);
   // Where nothing comes after the claim, a step that is worth it is tried first: near a saddle, or
   // where the cost is less curved than its model, it gains more than it has promised.
-  tries_claim_ =
-      claims && end_ == BatchEnd::kToTheEnd && promise > tuning_.no_gain_share * Tolerance(cost);
+  tries_claim_ = claims && end_ == BatchEnd::kToTheEnd && !blurred &&
+                 promise > tuning_.no_gain_share * Tolerance(cost);
   settled_ = claims && !tries_claim_;
   rest_ = !claims ? 0.0 : series ? rest : promise;
   promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
@@ -88,9 +94,11 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
   WaitAfterRefusal(iteration);
   // What landmarks gained by themselves says nothing of the model.
   last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
+  // Of gains that are rounding the ratio is, too.
   is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful &&
-             last_ratio_ > tuning_.kept_promise &&
-             iteration.cost_change <= tuning_.near_gain * Tolerance(cost_);
+             (iteration.cost_change <= rounding_ ||
+              (last_ratio_ > tuning_.kept_promise &&
+               iteration.cost_change <= tuning_.near_gain * Tolerance(cost_)));
   if (iteration.step_is_successful &&
       iteration.iteration != last_judged_) {  // the start, or the cost is another function
     stagnation_.Begin(cost_);
@@ -132,8 +140,20 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
     previous_ratio_ = HUGE_VAL;
     last_ratio_ = 0.0;
   }
-  return settled_ || stagnates_ || HasSpentBudget() ? ObserverAction::kTerminateSuccessfully
-                                                    : ObserverAction::kContinue;
+  return settled_ || stagnates_ || HasSpentBudget() || IsOutOfPatience(iteration)
+             ? ObserverAction::kTerminateSuccessfully
+             : ObserverAction::kContinue;
+}
+
+// Where Marquardt's rule is to go on: the strategy that was asked for has had its iterations, and
+// is not so fast that at its pace all of the cost would be gone within those that are left.
+bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) {
+  double& pace = paces_[static_cast<std::size_t>(iteration.iteration % kPace)];
+  const double gained = std::exchange(pace, cost_) - cost_;
+  const int num_left = options_.max_num_iterations - iteration.iteration;
+  return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && !IsByMarquardt() &&
+         iteration.iteration >= tuning_.patience &&
+         !(gained * num_left >= kPace * (cost_ - options_.fixed_cost));
 }
 
 // On request, or all evaluations are made.
@@ -168,6 +188,9 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
   // The end that no model confirms is named as such.
   trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
   stagnates_ = verdict == Stagnation::Verdict::kUnproven;
+  if (verdict != Stagnation::Verdict::kGoOn) {
+    words_ = stagnation_.InWords(verdict, cost_);
+  }
   return verdict == Stagnation::Verdict::kProven || verdict == Stagnation::Verdict::kRefusals;
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
+#include <string>
 
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_options.h"
@@ -44,7 +46,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   BatchObserver& operator=(const BatchObserver&) = delete;
 
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
-  bool IsWorthTrying(const IterationSummary& iteration, double cost, double held_back) override;
+  bool IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) override;
   bool IsLast(const IterationSummary& iteration) override;
   bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
@@ -56,14 +58,21 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   bool ended_by_user() const { return ended_by_user_; }
   bool settled() const { return settled_; }
+  /// What that rests on, where it is not what the model sees left.
+  const std::string& words() const { return words_; }
   /// Steps have brought next to nothing, but for want of any that is damped by little: an end, and
   /// no minimum that is proven.
   bool stagnates() const { return stagnates_; }
   /// Of the best state, where Ceres reports the lowest cost seen, refused steps included.
   double cost() const { return best_cost_; }
-  /// Whether the model, which sees all directions, promises next to nothing: of Ceres's rule, that
-  /// the last step would have changed the cost by next to nothing, that is what it means to say.
-  bool promises_nothing() const { return promises_nothing_; }
+  /// Whether the model, which sees all directions, promises next to nothing: that is what Ceres's
+  /// rule means to say, by which the last step would have changed the cost by so little. Where the
+  /// step does not keep even that, the cost is less curved than the model, or more.
+  bool PromisesNothing(double cost_change) const {
+    const double missed = std::fabs(cost_change - last_promise_);
+    return promises_nothing_ && (last_promise_ <= tuning_.no_gain_share * Tolerance(cost_) ||
+                                 missed <= (1.0 - tuning_.kept_promise) * last_promise_);
+  }
   /// The same of the directions that its damping lets it see.
   bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
@@ -75,10 +84,12 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
   // made it.
   static constexpr int kAcceptedInRow = 2;
+  // Iterations that a descent's pace is taken from.
+  static constexpr int kPace = 10;
 
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
-  double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
+  double Tolerance(double cost) const { return std::max(ToleranceAt(cost, options_), rounding_); }
   bool IsByMarquardt() const {
     return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
   }
@@ -106,6 +117,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
   bool HasSpentBudget() const;
+  bool IsOutOfPatience(const IterationSummary& iteration);
   void WriteRow(const IterationSummary& iteration);
 
   const IncrementalOptions& options_;
@@ -115,15 +127,18 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   const int num_factors_;
   const double** const shown_state_;
   UpdateTrace& trace_;
-  double cost_ = 0.0;           // of the state
+  double cost_ = 0.0;                  // of the state
+  std::array<double, kPace> paces_{};  // cost_ after each of the last iterations
   double best_cost_ = 0.0;      // of a state there was, since the cost became another function
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
   double tried_radius_ = 0.0;  // of the step under judgment
   double held_back_ = 0.0;     // of it, by its damping
+  double rounding_ = 0.0;      // of the cost where it begins
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
+  std::string words_;
   int last_judged_ = -1;
   bool ended_by_user_ = false;
   int steps_to_wait_ = 0;     // before a step is hardly damped again

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "incremental/batch_part.h"
+#include "incremental/claim_in_words.h"
 
 namespace inceres::internal {
 
@@ -137,9 +138,10 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  // Of a cost next to zero nearly all may be left where the gradient is below Ceres's default.
-  batch.gradient_tolerance = std::max(only ? batch.gradient_tolerance : tuning.gradient_tolerance,
-                                      options.gradient_tolerance);
+  // Of a cost next to zero nearly all may be left where the gradient is below any constant: Ceres's
+  // default is not taken, and the user's own if he has set one.
+  batch.gradient_tolerance = only ? std::max(batch.gradient_tolerance, options.gradient_tolerance)
+                                  : options.gradient_tolerance;
   batch.parameter_tolerance = options.parameter_tolerance;
   batch.min_relative_decrease = options.min_relative_decrease;
   // Neither is Ceres's, so neither is there where its iterates are asked for.
@@ -177,13 +179,16 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     return {solved.termination, true};
   }
   if (observer.settled()) {
-    summary->message = "What is left undone is below the function tolerance.";
+    summary->message = observer.words();
+    if (summary->message.empty()) {
+      ClaimInWords words;
+      words.SayLittleLeft(observer.rest(), summary->final_cost, options.function_tolerance);
+      words.WriteTo(&summary->message);
+    }
     return {Termination::kConvergence, true};
   }
   if (observer.stagnates()) {
-    summary->message =
-        "Steps bring next to nothing, and only with much damping: it is not proven that this is a "
-        "minimum.";
+    summary->message = observer.words();
     return {Termination::kNoConvergence, true};
   }
   if (solved.termination == Termination::kUserSuccess ||
@@ -198,7 +203,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   const bool settled = observer.promises_little() && HasSettled(solved, options, tuning);
   return {solved.termination, !held_back && settled, held_back,
-          observer.promises_nothing() || no_gradient};
+          observer.PromisesNothing(solved.discarded_cost_change) || no_gradient};
 }
 
 BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,

@@ -49,9 +49,11 @@ class DirtySubgraph {
 
   /// Marks a factor for relinearization.
   void Mark(FactorRef ref) { factors_[ref.family].Add(ref.factor); }
-  /// The same for a factor that is another function now, or where a step has not led it.
+  /// The same for a factor that is another function now, or where neither a step nor the batch
+  /// solver has led it.
   void MarkChanged(FactorRef ref) {
     families_[ref.family].Unsettle(ref.factor);
+    StopWaiting(ref);
     Mark(ref);
   }
   /// Marks a factor that has another loss and is the same function otherwise: what is cached of it

@@ -44,6 +44,7 @@ Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning)
 void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& stop,
                                     UpdateTrace* trace) {
   context_.Begin(mostly_new, stop, trace);
+  words_.Forget();
   landmarks_.Begin();
   linearization_.ForgetFreed();
   tolerances_.NoteStep(-1.0);
@@ -70,8 +71,7 @@ bool IncrementalMinimizer::Run() {
       return false;
     }
     if (verdict == Verdict::kConverged) {
-      context_.Finish(Termination::kConvergence,
-                      "What is left undone is below the function tolerance.");
+      FinishConverged();
       return true;
     }
     // The refused iteration still gets its row; an observer that ends the Update there has the last
@@ -88,6 +88,24 @@ bool IncrementalMinimizer::Run() {
     }
   }
   return false;
+}
+
+// With what the claim rests on.
+void IncrementalMinimizer::FinishConverged() {
+  const double cost = context_.system.cost();
+  if (words_.empty() && context_.stop.stagnated_gain() >= 0.0) {
+    words_.Say(
+        "Steps stagnate: the last %d iterations have gained %e of the cost, and the model sees "
+        "%e left.",
+        context_.tuning.stop.stagnation, context_.stop.stagnated_gain() / cost,
+        context_.summary->remaining_decrease / cost);
+  }
+  if (words_.empty()) {
+    words_.SayLittleLeft(context_.summary->remaining_decrease, cost,
+                         context_.options.function_tolerance);
+  }
+  words_.WriteTo(&context_.summary->message);
+  context_.Finish(Termination::kConvergence, words_.text());
 }
 
 // Linearizes what is dirty; new frames take their steps. False if the Update is over. With new
@@ -114,6 +132,7 @@ bool IncrementalMinimizer::Begin() {
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
+  trial_.Begin(!system.OnlyGrew());
   const bool go_on = !begins || context_.EndIteration();
   return go_on && (!new_frames_first || (new_frames_.Run() && linearization_.Relinearize()));
 }
@@ -143,13 +162,15 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   ++context_.summary->num_iterations;
   const EarlierFactor::Verdict earlier = earlier_factor_.Ask();
   // Ask comes first, since it is only asked after a step, and LittleHasCome only before.
-  if (earlier == EarlierFactor::Verdict::kLittleLeft || earlier_factor_.LittleHasCome()) {
+  if ((earlier == EarlierFactor::Verdict::kLittleLeft && !trial_.is_needed()) ||
+      earlier_factor_.LittleHasCome()) {
     return ClaimConvergence();
   }
   const double landmark_gain = landmarks_.Gain();
   const Verdict found = FindStep(earlier, landmark_gain);
   if (found == Verdict::kConverged) {
-    return ClaimConvergence();
+    const Verdict claimed = ClaimConvergence();
+    return claimed == Verdict::kConverged && !ClaimHolds() ? TryClaim() : claimed;
   }
   if (found != Verdict::kGoOn) {
     return found == Verdict::kStuck ? Retreat(false) : found;
@@ -157,8 +178,9 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = context_.summary->remaining_decrease;
   // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
   // after each step of the frames.
-  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
-                                                                 : TakeStep(remaining);
+  return landmarks_.StepIfTheyDominate(landmark_gain, remaining)
+             ? Verdict::kGoOn
+             : TakeStep(remaining, /*whole=*/false);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there
@@ -175,7 +197,20 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     return Verdict::kConverged;
   }
   // With kStep the factor of before gives the step, and `solved` is still OK.
-  solved = solved.ok() ? frame_solve_.Solve() : solved;
+  const Verdict verdict = SolveBy(solved);
+  if (verdict == Verdict::kGoOn && !sees_left) {
+    context_.summary->remaining_decrease = frame_solve_.step().AddGain(landmark_gain);
+    // Of a system that was not solved to the end all there is to gain is not known.
+    if (IsLittleLeft(landmark_gain) && frame_solve_.step().work().converged) {
+      return Verdict::kConverged;
+    }
+  }
+  return verdict;
+}
+
+// By a factor that there is, or is not.
+IncrementalMinimizer::Verdict IncrementalMinimizer::SolveBy(const Status& factored) {
+  const Status solved = factored.ok() ? frame_solve_.Solve() : factored;
   if (solved.code == StatusCode::kSingular) {
     return Verdict::kStuck;
   }
@@ -183,19 +218,28 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     context_.Finish(Termination::kFailure, solved.message.c_str());
     return Verdict::kFailed;
   }
-  if (!sees_left) {
-    context_.summary->remaining_decrease = frame_solve_.step().AddGain(landmark_gain);
-    // Of a system that was not solved to the end all there is to gain is not known.
-    if (IsLittleLeft(landmark_gain) && frame_solve_.step().work().converged) {
-      return Verdict::kConverged;
-    }
-  }
   return Verdict::kGoOn;
 }
 
-IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
+// What refusals and stagnation say has been tried already.
+bool IncrementalMinimizer::ClaimHolds() {
+  return !words_.empty() || context_.stop.stagnated_gain() >= 0.0 ||
+         context_.summary->remaining_decrease <= context_.stop.rounding() ||
+         trial_.Holds(context_.summary->remaining_decrease, context_.Tolerance());
+}
+
+// By the whole step that it speaks of, however little that promises.
+IncrementalMinimizer::Verdict IncrementalMinimizer::TryClaim() {
+  const Verdict solved = SolveBy(Status::Ok());
+  if (solved != Verdict::kGoOn) {
+    return solved == Verdict::kStuck ? Retreat(false) : solved;
+  }
+  return TakeStep(context_.summary->remaining_decrease, /*whole=*/true);
+}
+
+IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining, bool whole) {
   // From here on the step under construction has entries: it is accepted or rejected below.
-  SelectActive(remaining);
+  SelectActive(remaining, whole);
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
@@ -212,9 +256,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
       !step.is_cut_off() &&
       context_.stop.IsVain(remaining, context_.row().cost_change, context_.system.cost());
   // The same trust rule as for a claim: aged Jacobians may be why nothing is promised.
-  return in_vain && !context_.relinearization.RefreshAged(context_.Tolerance())
-             ? Verdict::kConverged
-             : Retreat(refreshed);
+  if (!in_vain || context_.relinearization.RefreshAged(context_.Tolerance())) {
+    return Retreat(refreshed);
+  }
+  const double cost = context_.system.cost();
+  words_.Say("The last step was refused: it promised %e of the cost, and gained %e.",
+             remaining / cost, context_.row().cost_change / cost);
+  return Verdict::kConverged;
 }
 
 // Little is left by the model: it is believed once its Jacobians are fresh enough and its damping
@@ -222,7 +270,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.
-  context_.row().refreshed = context_.relinearization.RefreshAged(context_.Tolerance());
+  context_.row().refreshed = context_.relinearization.RefreshAged(
+      (trial_.is_needed() ? context_.tuning.stop.trial_share : 1.0) * context_.Tolerance());
   if (context_.row().refreshed || context_.control.RelaxOnce()) {
     return Verdict::kGoOn;
   }
@@ -239,9 +288,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // μ was at its floor, steps were refused there, and it has risen again.
   switch (context_.control.JudgeRefusals(context_.Tolerance())) {
     case StepControl::Verdict::kMinimum:
+      words_.Say("Steps are refused, and promised no more than the function tolerance.");
       return Verdict::kConverged;
     case StepControl::Verdict::kRefusals:
       context_.summary->rests_on_refusals = true;
+      words_.Say("Steps of all lengths are refused, up to a damping of %e.", context_.control.mu());
       return Verdict::kConverged;
     case StepControl::Verdict::kUnknown:
       return Verdict::kStuck;
@@ -254,12 +305,12 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
 // leads elsewhere than a whole one: all of it moves. So it does if the user wants nothing
 // truncated.
-void IncrementalMinimizer::SelectActive(double remaining) {
+void IncrementalMinimizer::SelectActive(double remaining, bool whole) {
   UpdateSummary& summary = *context_.summary;
   const StageTimer timer(&summary.select_seconds);
   const double allowed = context_.stop.Allowed(context_.system.cost());
   const double truncation = context_.shares.truncation;
-  const bool all = context_.mostly_new || truncation == 0.0;
+  const bool all = whole || context_.mostly_new || truncation == 0.0;
   // B of docs/algorithms.md, "Lazy steps". The second term keeps small steps from being truncated
   // to nothing: that much may be left anyway. A negative budget moves all.
   const double budget =
@@ -281,6 +332,7 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   tolerances_.NoteStep(
       shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
+  trial_.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();

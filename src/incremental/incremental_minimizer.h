@@ -4,6 +4,8 @@
 #include <cstdint>
 
 #include "inceres/solver/incremental_options.h"
+#include "incremental/claim_in_words.h"
+#include "incremental/claim_trial.h"
 #include "incremental/earlier_factor.h"
 #include "incremental/frame_solve.h"
 #include "incremental/landmark_passes.h"
@@ -50,11 +52,15 @@ class IncrementalMinimizer {
 
   bool Begin();
   bool Run();  // whether it has converged, and the model says what is left
+  void FinishConverged();
   Verdict Iterate();
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
-  Verdict TakeStep(double remaining);
+  Verdict SolveBy(const Status& factored);
+  Verdict TakeStep(double remaining, bool whole);
   Verdict ClaimConvergence();
-  void SelectActive(double remaining);
+  bool ClaimHolds();
+  Verdict TryClaim();
+  void SelectActive(double remaining, bool whole);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);
   Verdict Retreat(bool refreshed);
@@ -65,8 +71,10 @@ class IncrementalMinimizer {
   FrameSolve frame_solve_{&context_};
   StepAttempts attempts_{&context_, &frame_solve_.step()};
   EarlierFactor earlier_factor_{&context_, &frame_solve_};
+  ClaimTrial trial_{context_.tuning.stop};
   NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
+  ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left
 };
 
 }  // namespace inceres::internal

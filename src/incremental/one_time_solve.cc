@@ -11,7 +11,7 @@ namespace inceres::internal {
 
 // A graph that nobody will remember, solved by the batch solver from beginning to end
 // (docs/algorithms.md, "One-time solves and exact windows"). It has at most two parts: the strategy
-// that was asked for, with a limit on its iterations, and Marquardt's rule, which tries all lengths
+// that was asked for, as long as it gets on, and Marquardt's rule, which tries all lengths
 // of steps, from where that one has come. A second part is taken only if the first has proven
 // nothing: out of patience, held back by a shrunk trust region, or ended by Ceres's rule while its
 // model still promised more.
@@ -31,15 +31,13 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
   // With batch_share 0 the iterates are Ceres's to the end.
   const bool in_parts =
       options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
-  IncrementalOptions part = options;
-  part.max_num_iterations =
-      in_parts ? std::min(options.max_num_iterations, tuning.patience) : options.max_num_iterations;
   const BatchOutcome first =
-      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
-  // The part's limit, not the user's: that one is looked at below.
+      RunPart(options, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  // Ended by the observer, or by the user's limit: that one is looked at below.
   const bool out_of_patience = first.termination == Termination::kNoConvergence &&
-                               summary->num_iterations >= part.max_num_iterations;
+                               summary->num_iterations >= tuning.patience;
   // The second part has what is left of the time and of the iterations.
+  IncrementalOptions part = options;
   const double seconds_left =
       options.max_solver_time_in_seconds - (NowInSeconds() - trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;

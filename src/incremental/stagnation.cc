@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/formatted.h"
+
 // When Marquardt's rule has come to its end without convergence by the model (docs/algorithms.md,
 // "One-time solves and exact windows", verdicts). Two counts run side by side. costs_ has the cost
 // after each of the last taken steps: if those together bring next to nothing, a proof begins,
@@ -37,6 +39,8 @@ void Stagnation::Begin(double cost) {
   // What was being proven of another function is over, and so is what its steps have shown.
   widest_ = 0.0;
   went_between_ = false;
+  lengths_from_ = cost;
+  creeps_ = false;
   is_proving_ = false;
   restart_radius_ = 0.0;
 }
@@ -55,10 +59,13 @@ Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double 
     if (tried_all && (went_between_ || !IsAtBorder(iteration))) {
       return Verdict::kRefusals;
     }
+    if (IsAtBorder(iteration) && IsAtLeastRadius(iteration) && CreepsAgain(cost, tolerance)) {
+      return Verdict::kUnproven;
+    }
     // They were not: the descent goes on from there before it may end.
     num_since_gain_ = 0;
     went_between_ = tried_all;
-    restart_radius_ = tuning_.proof_radius / (tried_all ? kBetween : 1.0);
+    restart_radius_ = tuning_.proof_radius / (tried_all || creeps_ ? kBetween : 1.0);
   }
   is_damped_hard_ |= radius < tuning_.proof_radius;
   // Refused steps say nothing of what steps gain, and neither do those cut short.
@@ -71,6 +78,33 @@ Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double 
   }
   BeginProof(iteration, tolerance);
   return Verdict::kGoOn;
+}
+
+std::string Stagnation::InWords(Verdict verdict, double cost) const {
+  if (verdict == Verdict::kRefusals) {
+    return Formatted(
+        "Steps of all lengths are refused, or gain nothing: %d iterations, from a damping of %e "
+        "up, "
+        "have gained %e of the cost.",
+        num_since_gain_, 1.0 / widest_, (gained_from_ - cost) / cost);
+  }
+  if (verdict == Verdict::kUnproven && creeps_) {
+    return "Steps creep along where a cost function refuses, and gain next to nothing: it is not "
+           "proven that this is a minimum.";
+  }
+  const std::string gained =
+      Formatted("Steps stagnate: the last %d have gained %e of the cost",
+                static_cast<int>(costs_.size()) - 1, (costs_.front() - cost) / cost);
+  return gained + (verdict == Verdict::kProven
+                       ? ", all of them damped by little."
+                       : ", and only with much damping: it is not proven that this is a minimum.");
+}
+
+// Asked where a descent through all lengths of steps has ended.
+bool Stagnation::CreepsAgain(double cost, double tolerance) {
+  const bool crept = std::exchange(
+      creeps_, std::exchange(lengths_from_, cost) - cost <= tuning_.stagnation_gain * tolerance);
+  return crept && creeps_;
 }
 
 bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, double tolerance,
@@ -132,8 +166,10 @@ void Stagnation::BeginProof(const IterationSummary& iteration, double tolerance)
 
 // A proof that fails is over: what it has gained counts as any steps do.
 Stagnation::Verdict Stagnation::EndProof(const IterationSummary& iteration, double tolerance) {
+  // What is no proof anyway takes no more steps than it needs to fail.
+  const int num_steps = is_damped_hard_ ? tuning_.quick_proof_steps : tuning_.proof_steps;
   const bool ends =
-      Brought(tuning_.proof_steps, GainOf(iteration), iteration, tolerance) ||
+      Brought(num_steps, GainOf(iteration), iteration, tolerance) ||
       Brought(tuning_.quick_proof_steps, tuning_.quick_proof_gain, iteration, tolerance);
   // Until all its steps are taken.
   is_proving_ = ends || static_cast<int>(costs_.size()) <= tuning_.proof_steps;

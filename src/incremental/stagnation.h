@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <string>
 
 #include "inceres/solver/summary.h"
 #include "incremental/tuning.h"
@@ -14,7 +15,8 @@ namespace inceres::internal {
 ///   from little damping on, as who knows nothing would go on from there. If all of these were
 ///   damped by little, that is proven; steps that are damped hard gain little for being short;
 /// - or hardly any could be taken for so long that all lengths have been tried, as at the border of
-///   where a cost function evaluates.
+///   where a cost function evaluates. Where they creep along such a border, all of them together
+///   gaining next to nothing twice in a row, that is an end, and no proof.
 class Stagnation {
  public:
   enum class Verdict { kGoOn, kProven, kUnproven, kRefusals };
@@ -26,12 +28,15 @@ class Stagnation {
   /// After an iteration that tried a step with this radius; `cost` is where it has led to, and
   /// `tolerance` what does not count of it.
   Verdict After(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  /// What a verdict that ends the descent rests on, at this cost.
+  std::string InWords(Verdict verdict, double cost) const;
   /// Whether steps are taken with little damping for the sake of a proof.
   bool is_proving() const { return is_proving_; }
   /// The radius from which the descent is to go on, or 0; asked once.
   double TakeRestartRadius();
 
  private:
+  bool CreepsAgain(double cost, double tolerance);
   bool IsStalled(const IterationSummary& iteration, double cost, double tolerance, double radius);
   bool IsAtLeastRadius(const IterationSummary& iteration) const;
   double GainOf(const IterationSummary& iteration) const;
@@ -47,6 +52,8 @@ class Stagnation {
   double gained_from_ = 0.0;     // to this
   double widest_ = 0.0;          // radius of a step since then
   bool went_between_ = false;    // the radii since then, to those that a border passes over
+  double lengths_from_ = 0.0;    // all lengths have been tried at a border since this cost
+  bool creeps_ = false;          // and gained next to nothing
   bool is_proving_ = false;      // that steps stagnate
   bool is_damped_hard_ = false;  // and some of these had to be damped hard
   double restart_radius_ = 0.0;  // to be asked for

@@ -11,10 +11,15 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
                                 bool mostly_new) {
   // From the test that needs no history to the one that needs most. An Update that is mostly new
   // has no steps yet that tell of the next, but it may stagnate.
-  return remaining + (landmark_creep_ - 1.0) * landmark_gain <= Allowed(cost) ||
-         (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
-                          HasBeenClaimed(remaining, landmark_gain, cost))) ||
-         (HasStagnated(cost, iteration) && remaining <= Tolerance(cost));
+  stagnated_gain_ = -1.0;
+  if (remaining + (landmark_creep_ - 1.0) * landmark_gain <= Allowed(cost) ||
+      (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
+                       HasBeenClaimed(remaining, landmark_gain, cost)))) {
+    return true;
+  }
+  const bool stagnates = HasStagnated(cost, iteration) && remaining <= Tolerance(cost);
+  stagnated_gain_ = stagnates ? checked_cost_ - cost : -1.0;
+  return stagnates;
 }
 
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it

@@ -49,6 +49,9 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
+  /// What the iterations that have stagnated have gained, if nothing else says that little is left;
+  /// otherwise -1.
+  double stagnated_gain() const { return stagnated_gain_; }
   /// Whether a step that is refused with so little left, or that changed the cost by no more than
   /// rounding, proves a minimum.
   bool IsVain(double remaining, double cost_change, double cost) const {
@@ -89,6 +92,7 @@ class StoppingRule {
   double rounding_ = 0.0;
   int checked_iteration_ = 0;  // from which on HasStagnated counts
   double checked_cost_ = 0.0;  // then
+  double stagnated_gain_ = -1.0;
   double last_remaining_ = 0.0;
   double last_gain_ratio_ = 1.0;
   double landmark_creep_ = 1.0;  // c

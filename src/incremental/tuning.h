@@ -31,6 +31,16 @@ struct Tuning {
     /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
     /// weak directions could gain.
     double near_floor = 100.0;
+    /// Times in a row that what is left has to fall, by this factor, and by steps that promise no
+    /// more than the tolerance and keep as much of that, before a claim counts that is tried.
+    int trial_falls = 2;
+    double trial_fall = 0.75;
+    /// Steps of a trial after which it need not have fallen, but no more may be left than before.
+    int trial_steps = 4;
+    /// Of the tolerance: what old Jacobians may err by there, as otherwise by all of it.
+    double trial_share = 0.1;
+    /// Of the tolerance: so little left needs no trial.
+    double nothing_share = 1e-5;
     /// Two dampings that differ by less than this factor are as good as the same.
     double fine_damping = 3.0;
   };
@@ -153,7 +163,7 @@ struct Tuning {
     /// Of the tolerance: what damping may hold back of a step that a claim rests on.
     double held_back_share = 0.1;
     /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes
-    /// on with.
+    /// on with, but for fast descents.
     int patience = 25;
     /// Steps by that rule which together bring less than so many tolerances end an Update.
     int stagnation = 10;
@@ -177,8 +187,6 @@ struct Tuning {
     /// Of that rule: with less damping than one over this a gauge that nothing holds makes systems
     /// singular.
     double max_radius = 1e10;
-    /// Absolute, for costs next to zero, where Ceres's default ends a solve early.
-    double gradient_tolerance = 1e-14;
     /// Of the initial radius: one that refusals have brought below keeps steps short by itself.
     double shrunk_share = 0.01;
   };

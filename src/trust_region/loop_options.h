@@ -20,15 +20,21 @@ enum class CeresRules {
   k22,
 };
 
+/// What a step is from, and what it leaves out.
+struct StepOrigin {
+  double cost = 0.0;       ///< of the current state
+  double rounding = 0.0;   ///< how much of it rounding may be, by its frames (CostRounding)
+  double held_back = 0.0;  ///< what TrustRegionStrategy::HeldBack says of the step
+};
+
 /// Whoever may end a solve for the promise of its steps.
 class StepJudge {
  public:
   virtual ~StepJudge() = default;
 
   /// Asked of every step that has a model decrease, before anything is evaluated there: false ends
-  /// the solve without it, at the best state, successfully. `cost` is that of the current state,
-  /// `held_back` what TrustRegionStrategy::HeldBack says of the step.
-  virtual bool IsWorthTrying(const IterationSummary& iteration, double cost, double held_back) = 0;
+  /// the solve without it, at the best state, successfully.
+  virtual bool IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) = 0;
 
   /// Asked of every step that is accepted, before Jacobians are evaluated there: true ends the
   /// solve with it, successfully and without them. The summary of that iteration has the gradient

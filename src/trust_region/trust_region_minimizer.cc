@@ -1,8 +1,11 @@
 #include "trust_region/trust_region_minimizer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numeric>
 
+#include "linearize/cost_rounding.h"
 #include "trust_region/loop_ends.h"
 #include "trust_region/observer_verdict.h"
 
@@ -52,8 +55,10 @@ ObserverAction AskObservers(const SolverOptions& options, const IterationSummary
 }
 
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
-bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial. Where
+// residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it is g
+// then.
+bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvaluation* evaluation,
                        std::vector<double>* negative_gradient, IterationSummary* iteration) {
   std::transform(g.begin(), g.end(), negative_gradient->begin(),
                  [](double entry) { return -entry; });
@@ -61,7 +66,28 @@ bool FindGradientNorms(const std::vector<double>& g, LoopEvaluation* evaluation,
     return false;
   }
   iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
+  if (by_entries && iteration->gradient_max_norm == 0.0) {
+    iteration->gradient_max_norm = std::accumulate(
+        g.begin(), g.end(), 0.0,
+        [](double largest, double entry) { return std::max(largest, std::fabs(entry)); });
+  }
   return true;
+}
+
+// At the current point, by its frames, or by its landmarks where no frame can move.
+double RoundingOfCost(const Evaluator& evaluator, const std::vector<double>& H_diagonal) {
+  const Layout& layout = evaluator.layout();
+  const FactorGraph& graph = evaluator.graph();
+  const double* const state = evaluator.points().current().data();
+  const int end = layout.num_frames > 0 ? layout.num_frames : layout.num_landmarks();
+  CostRounding rounding;
+  for (int v = 0; v < end; ++v) {
+    const VariableId id = layout.variables[v];
+    const double* const diagonal = H_diagonal.data() + layout.packed_offset[v];
+    rounding.Add(state + graph.StateOffset(id), graph.AmbientSize(id), layout.TangentSize(v),
+                 [diagonal](int k) { return diagonal[k]; });
+  }
+  return rounding.Get();
 }
 
 }  // namespace
@@ -166,8 +192,9 @@ void TrustRegionMinimizer::BeginIteration() {
 // A step that has a model decrease; false: the judge ends the solve without it.
 bool TrustRegionMinimizer::IsWorthTrying() {
   return loop_.judge == nullptr ||
-         loop_.judge->IsWorthTrying(iteration_, cost_,
-                                    strategy_->HeldBack(model_, trial_.step())) ||
+         loop_.judge->IsWorthTrying(iteration_,
+                                    {cost_, RoundingOfCost(evaluator_, model_.Diagonal()),
+                                     strategy_->HeldBack(model_, trial_.step())}) ||
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
@@ -433,7 +460,8 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 
 bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
-  return FindGradientNorms(model_.Gradient(), &evaluation_, &negative_gradient_, &iteration_) ||
+  return FindGradientNorms(model_.Gradient(), loop_.judge != nullptr && !summary_.is_constrained,
+                           &evaluation_, &negative_gradient_, &iteration_) ||
          Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
 }
 

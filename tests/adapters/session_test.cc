@@ -1,5 +1,6 @@
 // The life of a session: failures, stock in between, other problems, other options.
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <vector>
@@ -38,6 +39,91 @@ class Distance : public ceres::SizedCostFunction<Size, Size, 3> {
     return true;
   }
 };
+
+// Two numbers of a chain in which each follows the square of the one before: a curved valley.
+class Valley : public ceres::SizedCostFunction<2, 1, 1> {
+ public:
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const double x = *parameters[0], y = *parameters[1];
+    residuals[0] = 10.0 * (y - x * x);
+    residuals[1] = 1.0 - x;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = -20.0 * x;
+      jacobians[0][1] = -1.0;
+    }
+    if (jacobians != nullptr && jacobians[1] != nullptr) {
+      jacobians[1][0] = 10.0;
+      jacobians[1][1] = 0.0;
+    }
+    return true;
+  }
+};
+
+// x³ − 2x = 5, and no Jacobian beyond 2.
+class Cubic : public ceres::SizedCostFunction<1, 1> {
+ public:
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const double x = *parameters[0];
+    residuals[0] = x * x * x - 2.0 * x - 5.0;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      *jacobians[0] = x > 2.0 ? std::numeric_limits<double>::quiet_NaN() : 3.0 * x * x - 2.0;
+    }
+    return true;
+  }
+};
+
+// Ceres takes 39 iterations of the 50. What the batch solver has left is known at its values only,
+// not at those that the user puts there.
+TEST(Session, TheSameStartIsSolvedAsWellAgain) {
+  constexpr int kChains = 20, kLength = 25;
+  std::vector<double> x(kChains * kLength);
+  Valley valley;
+  ceres::Problem problem(Borrowing());
+  for (int k = 0; k < kChains * kLength; ++k) {
+    if (k % kLength != 0) {
+      problem.AddResidualBlock(&valley, nullptr, &x[static_cast<std::size_t>(k - 1)],
+                               &x[static_cast<std::size_t>(k)]);
+    }
+  }
+  CeresSession session(testing::AlwaysIncremental());
+  for (int solve = 0; solve < 3; ++solve) {
+    std::fill(x.begin(), x.end(), -1.2);
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    session.Solve(options, &problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << solve << summary.message;
+    EXPECT_LT(summary.final_cost, 1e-12) << solve;
+  }
+}
+
+TEST(Session, AFailureReportsTheCostOfTheMemoryThatItLeaves) {
+  std::vector<double> x(200);
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    x[k] = 1.5 + 0.001 * static_cast<double>(k);
+  }
+  Cubic cubic;
+  ceres::Problem problem(Borrowing());
+  for (double& value : x) {
+    problem.AddResidualBlock(&cubic, nullptr, &value);
+  }
+  CeresSession session(testing::AlwaysIncremental());
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  bool has_failed = false;
+  for (int solve = 0; solve < 4; ++solve) {
+    x[3] = solve >= 2 ? 1.9 : x[3];
+    ceres::Solver::Summary summary;
+    session.Solve(options, &problem, &summary);
+    double cost = 0.0;
+    ASSERT_TRUE(problem.Evaluate({}, &cost, nullptr, nullptr, nullptr));
+    EXPECT_NEAR(summary.final_cost, cost, 1e-9 * cost) << solve << summary.message;
+    has_failed |= summary.termination_type == ceres::FAILURE;
+  }
+  EXPECT_TRUE(has_failed);
+}
 
 TEST(Session, ResetStartsFromNothing) {
   Tug tug;
@@ -194,6 +280,23 @@ TEST(Session, OptionsMayDifferFromSolveToSolve) {
   session.Solve(&powell->problem, options);
   EXPECT_EQ(session.report.update.num_iterations, 2);
   EXPECT_LT(session.summary.final_cost, session.summary.initial_cost);
+}
+
+// Ends that are not the function tolerance's have words of their own.
+TEST(Session, TheMessageSaysWhichTestHasEndedTheSolve) {
+  double x = 2.0;
+  testing::Pull pulls[3] = {{0.0, 1.0}, {1.0, 1.0}, {2.0, 1.0}};
+  ceres::Problem problem(testing::Borrowing());
+  for (testing::Pull& pull : pulls) {
+    problem.AddResidualBlock(&pull, nullptr, &x);
+  }
+  testing::Session session;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.message.find("Function tolerance reached. |cost_change|/cost: "), 0U)
+      << session.summary.message;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(session.summary.message, "Nothing has changed since the last Update converged.");
 }
 
 }  // namespace

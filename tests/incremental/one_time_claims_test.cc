@@ -57,6 +57,55 @@ TEST(OneTimeClaims, AreTriedByAStepNearASaddle) {
   EXPECT_NEAR(xy[0], std::sqrt(0.5), 1e-2);
 }
 
+// Half of what is left at the start is noise. Were a gradient small by itself, the lighter one
+// would end there.
+TEST(OneTimeClaims, DoNotDependOnTheUnitOfTheCost) {
+  double expected[2] = {0.0, 0.0};
+  for (const double weight : {1.0, 1e-8, 1e8}) {
+    const auto fit = [weight](int i, const double* const* p, double* f, double** J) {
+      const double noise[6] = {0.1, -0.1, 0.05, 0.02, -0.06, 0.01};
+      for (int k = 0; k < 6; ++k) {
+        const double t = 0.2 * k, growth = std::exp(p[0][1] * t);
+        f[k] = weight * (p[0][0] * growth - std::exp(0.8 * t) - noise[(k + i) % 6]);
+        if (J != nullptr && J[0] != nullptr) {
+          J[0][2 * k] = weight * growth;
+          J[0][2 * k + 1] = weight * p[0][0] * t * growth;
+        }
+      }
+      return true;
+    };
+    double ab[2] = {0.5, 0.1};
+    const UpdateSummary summary = SolvePlane(6, fit, ab);
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+    if (weight == 1.0) {
+      std::copy(ab, ab + 2, expected);
+      EXPECT_NEAR(ab[1], 0.8, 0.1);
+    }
+    EXPECT_NEAR(ab[0], expected[0], 1e-6) << weight << summary.message;
+    EXPECT_NEAR(ab[1], expected[1], 1e-6) << weight;
+  }
+}
+
+// Without noise all that is left in the end is rounding, which is not worked on.
+TEST(OneTimeClaims, EndWhereTheCostIsRounding) {
+  const auto line = [](int /*i*/, const double* const* p, double* f, double** J) {
+    for (int k = 0; k < 3; ++k) {
+      f[k] =
+          p[0][0] + 0.3 * k * p[0][1] + 0.1 * p[0][0] * p[0][1] - 1.0 - 0.7 * k - 0.1 * 7.0 / 3.0;
+      if (J != nullptr && J[0] != nullptr) {
+        J[0][2 * k] = 1.0 + 0.1 * p[0][1];
+        J[0][2 * k + 1] = 0.3 * k + 0.1 * p[0][0];
+      }
+    }
+    return true;
+  };
+  double xy[2] = {0.3, 0.3};
+  const UpdateSummary summary = SolvePlane(3, line, xy);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LT(summary.final_cost, 1e-25);
+  EXPECT_LT(summary.num_iterations, 10) << summary.message;
+}
+
 // Where x and y differ is 1e-10 times as stiff as their sum, and a constant keeps the tolerance
 // from falling.
 bool WeakDifference(int /*i*/, const double* const* p, double* f, double** J) {
@@ -158,6 +207,33 @@ TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
   }
   EXPECT_EQ(verdict, Stagnation::Verdict::kRefusals);
   EXPECT_EQ(restarts, std::vector<double>{0.1 * tuning.proof_radius});
+}
+
+// Each length of a step gains a little before the border cuts it, and all of them together less
+// than the tolerance: that goes on, and proves nothing.
+TEST(Stagnation, CreepingAlongABorderEndsWithoutAProof) {
+  const internal::Tuning::Batch tuning;
+  constexpr double kTolerance = 1e-6;
+  Stagnation stagnation(tuning);
+  double cost = 1.0;
+  stagnation.Begin(cost);
+  IterationSummary cut;
+  cut.step_is_successful = true;
+  cut.step_share = 1e-6;
+  cut.cost_change = 0.1 * kTolerance;
+  double radius = tuning.proof_radius;
+  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
+  int num_iterations = 0;
+  for (; num_iterations < 100 && verdict == Stagnation::Verdict::kGoOn; ++num_iterations) {
+    cost -= cut.cost_change;
+    cut.trust_region_radius = 1e-2 * radius;
+    verdict = stagnation.After(cut, cost, kTolerance, radius);
+    const double restart = stagnation.TakeRestartRadius();
+    radius = restart > 0.0 ? restart : cut.trust_region_radius;
+  }
+  EXPECT_EQ(verdict, Stagnation::Verdict::kUnproven);
+  EXPECT_LT(num_iterations, 20);
+  EXPECT_NE(stagnation.InWords(verdict, cost).find("creep"), std::string::npos);
 }
 
 }  // namespace

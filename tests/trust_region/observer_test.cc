@@ -22,10 +22,10 @@ class Recorder final : public SolveObserver, public internal::StepJudge {
     EXPECT_TRUE(new_point || jacobians);
     evaluated.emplace_back(state, state + graph_.state().size());
   }
-  bool IsWorthTrying(const IterationSummary& summary, double cost, double /*held_back*/) override {
+  bool IsWorthTrying(const IterationSummary& summary, const internal::StepOrigin& origin) override {
     EXPECT_GT(summary.model_cost_change, 0.0);
     if (summary.iteration == not_worth) {
-      cost_there = cost;
+      cost_there = origin.cost;
     }
     return summary.iteration != not_worth;
   }

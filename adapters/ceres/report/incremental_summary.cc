@@ -34,16 +34,6 @@ std::string MessageOf(const UpdateSummary& update, const SolveInput& input, doub
     return at_start ? "Initial residual and Jacobian evaluation failed."
                     : "Residual and Jacobian evaluation failed.";
   }
-  if (update.ended_by_batch_rule) {
-    return update.message;
-  }
-  if (update.termination == Termination::kConvergence) {
-    const double share = update.final_cost > 0.0
-                             ? std::max(update.remaining_decrease, 0.0) / update.final_cost
-                             : 0.0;
-    return std::string("Function tolerance reached. |cost_change|/cost: ") +
-           Scientific(share).text() + " <= " + Scientific(options.function_tolerance).text();
-  }
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
   }
@@ -71,7 +61,10 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   core.detail = update.termination == Termination::kFailure ? update.message : "";
   core.failed_step = update.failed_step;
   core.initial_cost = update.initial_cost + result.outside_cost;
-  core.final_cost = update.final_cost + result.outside_cost;
+  // A failure puts the user's memory back.
+  core.final_cost = update.termination == Termination::kFailure
+                        ? core.initial_cost
+                        : update.final_cost + result.outside_cost;
   core.fixed_cost = result.fixed_cost;
   core.is_constrained = HasBounds(input.view);
   core.iterations = result.trace;
@@ -111,8 +104,11 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
                  ceres::Solver::Summary* summary, SolveReport* report) {
   WriteSolution(input.options, core, summary);
-  // of the user's memory: a refused step that came lower, which Ceres counts, is not there
-  summary->final_cost = core.final_cost;
+  // Of the user's memory: a refused step that came lower, which Ceres counts, is not there. After an
+  // abort nothing is.
+  if (core.termination != Termination::kUserFailure) {
+    summary->final_cost = core.final_cost;
+  }
   LogFailedStep(input.options, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;

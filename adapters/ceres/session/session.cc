@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +31,23 @@ constexpr int kPatience = 25;
 
 std::int64_t NumEvaluations(const UpdateSummary& update) {
   return update.num_evaluated_factors + update.num_relinearized_factors;
+}
+
+// Whether the last iterations have come down so fast that at their pace all of the cost would be
+// gone within those that are left.
+bool IsOnItsWay(const ceres::Solver::Summary& summary, int iterations_left) {
+  constexpr std::ptrdiff_t kPace = 10;
+  const auto& iterations = summary.iterations;
+  if (static_cast<std::ptrdiff_t>(iterations.size()) <= kPace) {
+    return false;
+  }
+  const auto lower = [](double cost, const ceres::IterationSummary& iteration) {
+    return iteration.step_is_successful ? std::min(cost, iteration.cost) : cost;
+  };
+  const double before =
+      std::accumulate(iterations.begin(), iterations.end() - kPace, summary.initial_cost, lower);
+  const double now = summary.final_cost;
+  return (before - now) * iterations_left >= kPace * (now - summary.fixed_cost);
 }
 
 }  // namespace
@@ -120,9 +138,10 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   internal::StartValues start(view);
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
-    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
     solved = !IsUnfinished(input, core, *report, *summary) ||
              FinishInBatch(*problem, input, core, start, report, summary);
+    // with what finishing took
+    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
   }
   if (solved) {
     start.Keep();
@@ -189,9 +208,10 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   return summary->IsSolutionUsable() ? Part::kDone : Part::kAborted;
 }
 
-// What incremental steps did not finish, first from where they have come to, by Marquardt's rule;
-// where that does not end either, from the start, as who remembers nothing would have gone. The
-// lower of both ends counts. False after an abort.
+// What incremental steps did not finish, first from where they have come to, by Marquardt's rule,
+// or by the user's strategy where they came down fast; where that does not end either, from the
+// start, as who remembers nothing would have gone. The lower of both ends counts. False after an
+// abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::SolveInput& input,
                                        const IncrementalOptions& core,
@@ -202,25 +222,33 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
-  const int share = std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
+  const bool on_its_way = IsOnItsWay(*summary, iterations_left());
+  const int share = on_its_way
+                        ? iterations_left()
+                        : std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
   const int others_left = iterations_left() - share;
-  Part part = GoOnInBatch(input, kGoOn, share, report, summary);
-  // It has found no proof, and would find none from there again.
-  const bool ended_by_itself = iterations_left() > others_left;
+  Part part = GoOnInBatch(input, on_its_way ? core.batch_strategy : kGoOn, share, report, summary);
   if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
     return part != Part::kAborted;
   }
   const ceres::TerminationType termination = summary->termination_type;
+  // What has ended by itself, without a proof, asks for a second opinion and no more.
+  const bool ended_by_itself = iterations_left() > others_left;
+  const int others = ended_by_itself ? std::min(iterations_left(), kPatience) : iterations_left();
   const std::string message = summary->message;
   const double lowest = summary->final_cost;
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
   start.PutBack();
   Look(problem);
-  part = GoOnInBatch(input, core.batch_strategy, iterations_left(), report, summary);
+  part = GoOnInBatch(input, core.batch_strategy, others, report, summary);
   if (part == Part::kAborted) {
     return false;
   }
-  if (part == Part::kDone && summary->final_cost <= lowest) {
+  // A limit that is a hair lower is no better end than one that has been found.
+  const bool has_end =
+      termination != ceres::CONVERGENCE || summary->termination_type == ceres::CONVERGENCE;
+  const double margin = has_end ? 0.0 : input.options.function_tolerance * lowest;
+  if (part == Part::kDone && summary->final_cost <= lowest - margin) {
     reached.Keep();
     return true;
   }
