@@ -21,11 +21,13 @@ struct SymbolicFactor {
   bool dissected = false;
 };
 
-/// Orders the blocks by AMD (Amestoy, Davis & Duff, ACM TOMS 30(3), 2004), or by AMD on either side
-/// of a small separator, which METIS finds, where that takes hardly more flops; with groups of the
-/// pattern by constrained AMD, without a separator. kUnavailable when out of memory. Without
-/// `may_dissect` AMD's order stands, for half of the time. Cost: about half a microsecond a block
-/// of S. Sources: Liu, "The Role of Elimination Trees in Sparse Factorization", SIAM J. Matrix
+/// Orders the blocks by AMD (Amestoy, Davis & Duff, ACM TOMS 30(3), 2004), or by AMD in the parts
+/// between small separators, which METIS finds, where that takes hardly more flops: of a small S in
+/// two halves, for the threads, which is left out without `may_dissect`; of one whose factorization
+/// takes longer than that, in many. With groups of the pattern by constrained AMD, without
+/// separators. kUnavailable when out of memory. Cost: about half a microsecond a block of S, twice
+/// that where there are many parts. Sources: George, "Nested Dissection of a Regular Finite Element
+/// Mesh", SIAM J. Numer. Anal. 10(2), 1973; Liu, "The Role of Elimination Trees in Sparse Factorization", SIAM J. Matrix
 /// Anal. Appl. 11(1), 1990; Ashcraft & Grimes, "The Influence of Relaxed Supernode Partitions on
 /// the Multifrontal Method", ACM TOMS 15(4), 1989; Chen, Davis, Hager & Rajamanickam, "Algorithm
 /// 887: CHOLMOD", ACM TOMS 35(3), 2008 (the rule by which columns are joined).

@@ -1,5 +1,6 @@
 #include "linear/sparse_cholesky.h"
 
+#include <cstdlib>
 #include <cstring>
 #include <set>
 #include <string>
@@ -94,7 +95,34 @@ TEST(SparseCholesky, SameBitsForAnyNumberOfThreads) {
     EXPECT_EQ(Factored(1, system).Solve(b), one);
     EXPECT_EQ(Factored(2, system).Solve(b), one) << num_frames << " frames";
     EXPECT_EQ(Factored(4, system).Solve(b), one) << num_frames << " frames";
+    Factored four(4, system);
+    std::vector<double> together(b.size());
+    EXPECT_TRUE(four.solver.FactorizeAndSolve(system.Matrix(), b.data(), together.data()).ok());
+    EXPECT_EQ(together, one) << num_frames << " frames";
   }
+}
+
+// A street grid of blocks, each coupled to those up to two away: dear enough for its size to be cut
+// into many parts.
+RandomSystem Grid(int width, int height, int block_size) {
+  const auto is_near = [width](int i, int j) {
+    return std::abs(i / width - j / width) <= 2 && std::abs(i % width - j % width) <= 2;
+  };
+  return {std::vector<int>(static_cast<std::size_t>(width * height), block_size), is_near, 1};
+}
+
+TEST(SparseCholesky, SolvesGridInParts) {
+  const RandomSystem system = Grid(24, 24, 7);
+  Factored factored(1, system);
+  ASSERT_TRUE(factored.status.ok()) << factored.status.message;
+  EXPECT_STREQ(factored.solver.Name(), "sparse Cholesky, dissected");
+  const std::vector<double> b = Ramp(system.pattern.size());
+  const std::vector<double> x = factored.Solve(b);
+  const auto n = static_cast<Eigen::Index>(b.size());
+  const Eigen::VectorXd product = system.Dense() * Eigen::Map<const Eigen::VectorXd>(x.data(), n);
+  EXPECT_LT(test::RelativeError(product, Eigen::Map<const Eigen::VectorXd>(b.data(), n)), 1e-12);
+  EXPECT_EQ(Factored(2, system).Solve(b), x);
+  EXPECT_EQ(Factored(4, system).Solve(b), x);
 }
 
 TEST(SparseCholesky, SolvesForFewPointsSeenByMany) {
