@@ -12,8 +12,8 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // All in flops of the dense Cholesky that take as long, in processor time of one thread, from steps
-// in cities of 300 and 1,000 cameras with streets of 16 and 64 m, a path of 400, and 300 and 1,000
-// photos (benchmarks/step_ways.cc).
+// in cities of 300 and 1,000 cameras with streets of 16 and 64 m, a path of 400, and 300 photos
+// (benchmarks/step_ways.cc).
 
 // A number of the Jacobians, or of S, that a product reads; a flop of what forms S.
 constexpr double kPerNumberRead = 9.0;
