@@ -120,7 +120,8 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   internal::StartValues start(view);
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
-    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
+    choice.Note(report->update, report->changes, view, report->num_frames,
+                options.verify_cached_factors);
     solved = !IsUnfinished(input, core, *report, *summary) ||
              FinishInBatch(*problem, input, core, start, report, summary);
   }
