@@ -5,43 +5,41 @@
 
 #include <ceres/problem.h>
 
+#include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/introspection.h"
 
 namespace inceres::internal {
-
-/// What Ceres says of a residual block.
-struct ResidualLookUp {
-  const ceres::CostFunction* cost = nullptr;
-  const ceres::LossFunction* loss = nullptr;
-  int num_residuals = 0;
-  int num_slots = 0;
-  bool sizes_fit = false;       ///< the cost function's are those of the blocks
-  const int* blocks = nullptr;  ///< of the slots, by their index in the view
-};
 
 /// Looks up some residual blocks after the others. Their objects lie anywhere in memory, so that
 /// most of the time goes by waiting for it, which several threads may do.
 class ResidualLookUps {
  public:
-  /// The view has its parameter blocks.
-  ResidualLookUps(const ceres::Problem& problem, const ProblemView& view)
-      : problem_(problem), view_(view) {}
+  /// The view has its parameter blocks and room for the residual blocks, whose ids it has.
+  ResidualLookUps(const ceres::Problem& problem, ProblemView* view)
+      : problem_(problem), view_(*view) {}
 
-  /// Replaces what it had by those of the residual blocks from `first` on.
-  void Take(const std::vector<ceres::ResidualBlockId>& ids, std::size_t first, int num_threads);
-  const std::vector<ResidualLookUp>& found() const { return found_; }
+  /// Fills in some residual blocks from `first` on, all but like_previous and the final
+  /// first_slot. Returns the end of these.
+  int Take(int first, int num_threads);
+  /// The blocks of one of these, by their index in the view, until its first_slot is final.
+  const int* BlocksOf(int residual) const {
+    return groups_[At(residual - first_) / At(kGroup)].blocks.data() +
+           view_.residuals[At(residual)].first_slot;
+  }
 
  private:
+  static constexpr int kGroup = 512;  // residual blocks a task
+
   struct Group {
     std::vector<double*> pointers;  // of one residual block
     std::vector<int> blocks;        // of all slots of the group
   };
 
-  void LookUp(const ceres::ResidualBlockId* ids, int begin, int end, Group* group);
+  void LookUp(int begin, int end, Group* group);
 
   const ceres::Problem& problem_;
-  const ProblemView& view_;
-  std::vector<ResidualLookUp> found_;
+  ProblemView& view_;
+  int first_ = 0;
   std::vector<Group> groups_;
 };
 
