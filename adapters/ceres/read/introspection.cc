@@ -104,100 +104,81 @@ void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, Problem
 
 class ResidualReader {
  public:
-  explicit ResidualReader(ProblemView* view)
-      : view_(*view), last_residual_(view->blocks.size(), -1) {}
+  explicit ResidualReader(ProblemView* view) : view_(*view) {}
 
   void Run(const ceres::Problem& problem, int num_threads) {
     problem.GetResidualBlocks(&view_.ids);
-    const int count = static_cast<int>(view_.ids.size());
+    count_ = static_cast<int>(view_.ids.size());
     view_.residuals.resize(view_.ids.size());
     view_.moving.reserve(view_.ids.size());
     view_.slots.reserve(3 * view_.ids.size());
     ResidualLookUps look_ups(problem, &view_);
-    while (next_ < count) {
-      const int end = look_ups.Take(next_, num_threads);
-      for (; next_ < end; ++next_) {
-        Read(look_ups.BlocksOf(next_), &view_.residuals[At(next_)]);
+    while (next_ < count_) {
+      const int num_groups = look_ups.Take(next_, num_threads);
+      for (int group = 0; group < num_groups; ++group) {
+        ReadGroup(look_ups.SlotsOf(group));
       }
     }
-    view_.all.num_residual_blocks = count;
+    view_.all.num_residual_blocks = count_;
     view_.reduced.num_residual_blocks = static_cast<int>(view_.moving.size());
   }
 
  private:
-  void Read(const int* blocks, ResidualBlockView* residual) {
-    if (next_ > 0 && RepeatsSlots(blocks, *residual)) {
-      residual->first_slot = residual[-1].first_slot;
-      residual->like_previous = residual->num_residuals == residual[-1].num_residuals;
-    } else {
-      residual->first_slot = static_cast<int>(view_.slots.size());
-      for (int s = 0; s < residual->num_slots; ++s) {
-        view_.slots.push_back(blocks[s]);
-        Meet(blocks[s]);
+  void ReadGroup(const std::vector<int>& slots) {
+    const int first_slot = static_cast<int>(view_.slots.size());
+    view_.slots.insert(view_.slots.end(), slots.begin(), slots.end());
+    const int end = std::min(next_ + ResidualLookUps::kGroup, count_);
+    for (; next_ < end; ++next_) {
+      ResidualBlockView& residual = view_.residuals[At(next_)];
+      residual.first_slot += first_slot;
+      if (!residual.sound) {
+        FindDefect(residual);
       }
-    }
-    if (!residual->sizes_fit || residual->num_residuals <= 0) {
-      FindDefect(*residual);
-    }
-    view_.all.num_residuals += residual->num_residuals;
-    if (!residual->fixed) {
-      view_.moving.push_back(next_);
-      view_.reduced.num_residuals += residual->num_residuals;
-      for (int s = 0; s < residual->num_slots; ++s) {
-        ++view_.blocks[At(blocks[s])].degree;
+      view_.all.num_residuals += residual.num_residuals;
+      if (!residual.fixed) {
+        Move(residual);
       }
     }
   }
 
-  // Names the residual block in program order, which is the order Ceres's own messages use.
-  std::string ThisResidual() const { return "residual block " + std::to_string(next_); }
-
-  // Whether the slots of the residual block before are right for this one too; its neighbors' often
-  // are.
-  bool RepeatsSlots(const int* blocks, const ResidualBlockView& residual) const {
-    const ResidualBlockView& previous = *(&residual - 1);
-    return residual.sizes_fit && residual.num_slots == previous.num_slots &&
-           AreEqual(blocks, view_.SlotsOf(previous), residual.num_slots);
-  }
-
-  // From the last one on, where neighbors differ first.
-  static bool AreEqual(const int* a, const int* b, int count) {
-    while (count > 0 && a[count - 1] == b[count - 1]) {
-      --count;
+  void Move(const ResidualBlockView& residual) {
+    view_.moving.push_back(next_);
+    view_.reduced.num_residuals += residual.num_residuals;
+    const int* const slots = view_.SlotsOf(residual);
+    for (int s = 0; s < residual.num_slots; ++s) {
+      ++view_.blocks[At(slots[s])].degree;
     }
-    return count == 0;
-  }
-
-  // A block twice in one residual block shows at once.
-  void Meet(int b) {
-    int& last = last_residual_[At(b)];
-    if (last == next_) {
-      SetDefect(&view_, Describe(view_.block(b)) + " appears twice in " + ThisResidual());
-    }
-    last = next_;
   }
 
   void FindDefect(const ResidualBlockView& residual) {
+    // In program order, which is the order Ceres's own messages use.
+    const std::string name = "residual block " + std::to_string(next_);
     const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
+    const int* const slots = view_.SlotsOf(residual);
     if (sizes.size() != At(residual.num_slots)) {
-      SetDefect(&view_, "the cost function of " + ThisResidual() +
-                            " has changed its number of parameter blocks");
+      SetDefect(&view_,
+                "the cost function of " + name + " has changed its number of parameter blocks");
+    }
+    for (int s = 0; s < residual.num_slots; ++s) {
+      if (std::find(slots, slots + s, slots[s]) != slots + s) {
+        SetDefect(&view_, Describe(view_.block(slots[s])) + " appears twice in " + name);
+      }
     }
     for (std::size_t s = 0; s < std::min(sizes.size(), At(residual.num_slots)); ++s) {
-      const ParameterBlockView& block = view_.block(view_.SlotsOf(residual)[s]);
+      const ParameterBlockView& block = view_.block(slots[s]);
       if (sizes[s] != block.ambient_size) {
-        SetDefect(&view_, "the cost function of " + ThisResidual() +
-                              " expects another size than that of " + Describe(block));
+        SetDefect(&view_, "the cost function of " + name + " expects another size than that of " +
+                              Describe(block));
       }
     }
     if (residual.num_residuals <= 0) {
-      SetDefect(&view_, ThisResidual() + " has no residuals");
+      SetDefect(&view_, name + " has no residuals");
     }
   }
 
   ProblemView& view_;
-  std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
-  int next_ = 0;                    // the residual block that is read
+  int count_ = 0;
+  int next_ = 0;  // the residual block that is read
 };
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {

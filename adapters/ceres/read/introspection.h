@@ -37,8 +37,9 @@ struct ResidualBlockShape {
 };
 
 struct ResidualBlockView : ResidualBlockShape {
-  bool fixed = true;      ///< touches no variable block
-  bool sizes_fit = true;  ///< those the cost function expects are those of the blocks
+  bool fixed = true;  ///< touches no variable block
+  /// has residuals, and distinct blocks of the sizes its cost function expects; else see `defect`
+  bool sound = true;
   /// as many residuals of the same blocks as the residual block before: of one family
   bool like_previous = false;
   const ceres::CostFunction* cost = nullptr;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include <ceres/problem.h>
@@ -10,36 +9,34 @@
 
 namespace inceres::internal {
 
-/// Looks up some residual blocks after the others. Their objects lie anywhere in memory, so that
-/// most of the time goes by waiting for it, which several threads may do.
+/// Looks up some residual blocks after the others, in groups. Their objects lie anywhere in memory,
+/// so that most of the time goes by waiting for it, which several threads may do.
 class ResidualLookUps {
  public:
-  /// The view has its parameter blocks and room for the residual blocks, whose ids it has.
+  static constexpr int kGroup = 512;  ///< residual blocks in a group, if there are as many left
+
+  /// The view has its parameter blocks, the ids of its residual blocks, and room for these.
   ResidualLookUps(const ceres::Problem& problem, ProblemView* view)
       : problem_(problem), view_(*view) {}
 
-  /// Fills in some residual blocks from `first` on, all but like_previous and the final
-  /// first_slot. Returns the end of these.
+  /// Fills in the residual blocks of some groups from `first` on, but for first_slot, which is into
+  /// SlotsOf their group. Returns the number of these groups.
   int Take(int first, int num_threads);
-  /// The blocks of one of these, by their index in the view, until its first_slot is final.
-  const int* BlocksOf(int residual) const {
-    return groups_[At(residual - first_) / At(kGroup)].blocks.data() +
-           view_.residuals[At(residual)].first_slot;
-  }
+  /// Of one of the groups that were taken last.
+  const std::vector<int>& SlotsOf(int group) const { return groups_[At(group)].slots; }
 
  private:
-  static constexpr int kGroup = 512;  // residual blocks a task
-
   struct Group {
     std::vector<double*> pointers;  // of one residual block
-    std::vector<int> blocks;        // of all slots of the group
+    std::vector<int> sorted;        // its blocks, if there are many
+    std::vector<int> slots;
   };
 
   void LookUp(int begin, int end, Group* group);
+  static bool AreDistinct(const int* blocks, int count, std::vector<int>* sorted);
 
   const ceres::Problem& problem_;
   ProblemView& view_;
-  int first_ = 0;
   std::vector<Group> groups_;
 };
 
