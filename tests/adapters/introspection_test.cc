@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "adapters/ceres/read/index.h"
 #include "adapters/test_problems.h"
 #include "support/ceres_manifolds.h"
 
@@ -224,6 +225,25 @@ TEST(Introspection, NamesDefects) {
     ceres::Problem problem(unsafe);
     problem.AddResidualBlock(new ShapeOnlyCost(1, {2, 2}), nullptr, memory.data(), memory.data());
     EXPECT_NE(Introspect(problem).defect.find("twice"), std::string::npos);
+  }
+  for (const int num_slots : {3, 40}) {  // few are compared with each other, many sorted
+    ceres::Problem problem(unsafe);
+    std::vector<double> values(At(num_slots), 1.0);
+    std::vector<double*> blocks;
+    for (double& value : values) {
+      blocks.insert(blocks.begin(), &value);
+    }
+    const auto add = [&] {
+      problem.AddResidualBlock(new ShapeOnlyCost(1, std::vector<int>(blocks.size(), 1)), nullptr,
+                               blocks);
+    };
+    add();
+    add();
+    EXPECT_EQ(Introspect(problem).defect, "");
+    blocks.back() = blocks[1];
+    add();
+    const std::string defect = Introspect(problem).defect;
+    EXPECT_NE(defect.find("appears twice in residual block 2"), std::string::npos) << defect;
   }
   {
     ceres::Problem problem(unsafe);

@@ -177,8 +177,8 @@ TEST(ModeChoice, LosesPatienceAndTriesAgainLaterAndLater) {
             (std::vector<int>{ModeChoice::kPause, 2 * ModeChoice::kPause, 4 * ModeChoice::kPause}));
 }
 
-// An exact solve evaluates them once, whatever its iterations: the same work is little beside one of
-// 14,000 residual blocks that move, and much beside one of 271.
+// An exact solve evaluates them once, whatever its iterations: the same work is little beside one
+// of 14,000 residual blocks that move, and much beside one of 271.
 TEST(ModeChoice, WhatTouchesConstantsOnlyIsNoWorkOfAnIteration) {
   ModeChoice choice, of_few;
   for (int solve = 0; solve < ModeChoice::kLosses; ++solve) {

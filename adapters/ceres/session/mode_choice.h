@@ -24,8 +24,8 @@ class ModeChoice {
 
   /// Whether the next solve should be exact. Call once a solve.
   bool WantsExact();
-  /// What an incremental solve of the problem viewed took. `verified`: each residual block that stayed was evaluated to
-  /// be recognized.
+  /// What an incremental solve of the problem viewed took. `verified`: each residual block that
+  /// stayed was evaluated to be recognized.
   void Note(const UpdateSummary& update, const ProblemChanges& changes, const ProblemView& view,
             int num_frames, bool verified);
   /// Why solves are exact now.
