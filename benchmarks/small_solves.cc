@@ -1,4 +1,5 @@
-// Small problems, where setting up weighs as much as solving: ours and stock Ceres in turn, whole
+// Small problems, where setting up weighs as much as solving, and one of mostly constant blocks,
+// where reading the problem does: ours and stock Ceres in turn, whole
 // calls from inceres::Solve or ceres::Solve until it returns, with stock in each linear solver that
 // could be the fastest. Prints a row per problem and solver: microseconds of both (medians) and the
 // median of the ratios; the last column is the ratio to the fastest stock configuration.
@@ -11,10 +12,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <random>
 #include <string>
 #include <vector>
 
 #include <ceres/ceres.h>
+#include <ceres/rotation.h>
 
 #include "inceres/ceres/solve.h"
 #include "tools/ab/statistics.h"
@@ -62,14 +65,80 @@ struct AllSamples {
   std::vector<OneSample> samples;
 };
 
+// A point of the map in a camera (angle-axis, translation), in pixels.
+struct Seen {
+  double u;
+  double v;
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    T p[3];
+    ceres::AngleAxisRotatePoint(camera, point, p);
+    p[2] += camera[5];
+    residuals[0] = 500.0 * (p[0] + camera[3]) / p[2] - u;
+    residuals[1] = 500.0 * (p[1] + camera[4]) / p[2] - v;
+    return true;
+  }
+};
+
+// Cameras half a meter apart along x, in front of them points; the camera in the middle is to be
+// localized, everything else is constant. Parameters: cameras, then points.
+struct ConstantMap {
+  static constexpr int kNumCameras = 40;
+  static constexpr int kNumPoints = 2000;
+
+  static std::vector<double> Start() {
+    std::mt19937 random(1);
+    const auto uniform = [&random](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    std::vector<double> parameters;
+    for (int c = 0; c < kNumCameras; ++c) {
+      for (const double size : {0.01, 0.01, 0.01, 0.0, 0.1, 0.1}) {
+        parameters.push_back(uniform(-size, size));
+      }
+      parameters[parameters.size() - 3] = -0.5 * c;
+    }
+    for (int p = 0; p < kNumPoints; ++p) {
+      parameters.insert(parameters.end(),
+                        {uniform(0.0, 0.5 * kNumCameras), uniform(-2.0, 2.0), uniform(4.0, 8.0)});
+    }
+    return parameters;
+  }
+
+  static void Build(double* parameters, ceres::Problem* problem) {
+    std::mt19937 random(2);
+    std::normal_distribution<double> noise(0.0, 0.5);
+    double* const points = parameters + 6 * kNumCameras;
+    for (double* point = points; point < points + 3 * kNumPoints; point += 3) {
+      for (double* camera = parameters; camera < points; camera += 6) {
+        if (std::abs(point[0] + camera[3]) < 2.0) {
+          Seen seen = {0.0, 0.0};
+          std::array<double, 2> pixel;
+          seen(camera, point, pixel.data());
+          seen = {pixel[0] + noise(random), pixel[1] + noise(random)};
+          problem->AddResidualBlock(new ceres::AutoDiffCostFunction<Seen, 2, 6, 3>(new Seen(seen)),
+                                    nullptr, camera, point);
+          problem->SetParameterBlockConstant(camera);
+          problem->SetParameterBlockConstant(point);
+        }
+      }
+    }
+    double* const localized = parameters + 6 * (kNumCameras / 2);
+    problem->SetParameterBlockVariable(localized);
+    localized[3] += 0.02;
+  }
+};
+
 struct SmallProblem {
   std::string name;
+  std::vector<double> start;
   std::function<void(double* parameters, ceres::Problem*)> build;
 };
 
 std::vector<SmallProblem> Problems() {
+  const std::vector<double> start = {1.8, 0.31, 0.4};
   return {
-      {"53 residual blocks, one block of 3",
+      {"53 residual blocks, one block of 3", start,
        [](double* p, ceres::Problem* problem) {
          for (int i = 0; i < kNumSamples; ++i) {
            problem->AddResidualBlock(
@@ -77,7 +146,7 @@ std::vector<SmallProblem> Problems() {
                p);
          }
        }},
-      {"53 residual blocks, three blocks of 1",
+      {"53 residual blocks, three blocks of 1", start,
        [](double* p, ceres::Problem* problem) {
          for (int i = 0; i < kNumSamples; ++i) {
            problem->AddResidualBlock(
@@ -85,12 +154,14 @@ std::vector<SmallProblem> Problems() {
                nullptr, p, p + 1, p + 2);
          }
        }},
-      {"one residual block of 53, one block of 3",
+      {"one residual block of 53, one block of 3", start,
        [](double* p, ceres::Problem* problem) {
          problem->AddResidualBlock(
              new ceres::AutoDiffCostFunction<AllSamples, kNumSamples, 3>(new AllSamples), nullptr,
              p);
        }},
+      {"one camera localized in a constant map: 40 cameras, 2000 points", ConstantMap::Start(),
+       ConstantMap::Build},
   };
 }
 
@@ -103,7 +174,7 @@ struct Run {
 template <typename SolveFunction>
 void Time(const SmallProblem& small, const ceres::Solver::Options& options,
           const SolveFunction& solve, Run* run) {
-  std::array<double, 3> p = {1.8, 0.31, 0.4};
+  std::vector<double> p = small.start;
   ceres::Problem problem;
   small.build(p.data(), &problem);
   ceres::Solver::Summary summary;

@@ -117,6 +117,51 @@ TEST(Evaluation, FixedResidualThatFails) {
   EXPECT_EQ(both.our_problem->blocks, recipe()->blocks);
 }
 
+// A map of constants, under losses in part, and one block that a few residual blocks connect with
+// it: what each cost function is called for, and the fixed cost to the last bit, are stock's.
+TEST(Evaluation, MostlyConstantProblem) {
+  constexpr int kNumConstants = 40;
+  const auto recipe = [](std::vector<Calls>* calls) {
+    auto test = std::make_unique<TestProblem>();
+    std::vector<double*> blocks;
+    for (int b = 0; b <= kNumConstants; ++b) {
+      blocks.push_back(test->Add({0.3 * b, std::sin(3.0 * b)}));
+    }
+    calls->resize(4 * kNumConstants);  // stays where it is
+    for (std::size_t r = 0; r < calls->size(); ++r) {
+      Calls* const seen = &(*calls)[r];
+      const auto hook = [seen](double const* const*, double*, double** jacobians) {
+        ++(jacobians == nullptr ? seen->num_cost_only : seen->num_jacobian);
+        return true;
+      };
+      const std::size_t b = r % 13 == 5 ? kNumConstants : r * 7 % kNumConstants;
+      ceres::LossFunction* const loss = r % 3 == 0 ? new ceres::CauchyLoss(0.7) : nullptr;
+      test->problem.AddResidualBlock(new TargetCost({0.1 * static_cast<double>(r), 0.7}, hook),
+                                     loss, blocks[b]);
+    }
+    for (int b = 0; b < kNumConstants; ++b) {
+      test->problem.SetParameterBlockConstant(blocks[static_cast<std::size_t>(b)]);
+    }
+    return test;
+  };
+  std::vector<Calls> by_stock, by_us;
+  int copy = 0;
+  const BothSolved both =
+      SolveBoth([&] { return recipe(copy++ == 0 ? &by_stock : &by_us); }, Tight());
+  ExpectSameSummary(both, 1e-9, true);
+  EXPECT_EQ(both.ours.fixed_cost, both.stock.fixed_cost);
+  EXPECT_EQ(both.ours.num_residual_blocks_reduced, 12);
+  EXPECT_EQ(both.ours.num_parameter_blocks_reduced, 1);
+  ASSERT_EQ(by_us.size(), by_stock.size());
+  for (std::size_t r = 0; r < by_us.size(); ++r) {
+    EXPECT_EQ(by_us[r].num_cost_only, by_stock[r].num_cost_only) << r;
+    EXPECT_EQ(by_us[r].num_jacobian, by_stock[r].num_jacobian) << r;
+    if (r % 13 != 5) {
+      EXPECT_EQ(by_us[r].num_cost_only, 1) << r;
+    }
+  }
+}
+
 // Euclidean, but fails in the given call of Plus or PlusJacobian (counted from 1; 0: never).
 class FailingManifold : public manifolds::Manifold {
  public:

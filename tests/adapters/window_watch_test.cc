@@ -140,11 +140,19 @@ ProblemChanges Kept(int count) {
   return changes;
 }
 
+// Of this many residual blocks, of which so many touch a variable block.
+ProblemView Sized(int all, int moving) {
+  ProblemView view;
+  view.all.num_residual_blocks = all;
+  view.reduced.num_residual_blocks = moving;
+  return view;
+}
+
 TEST(ModeChoice, StaysIncrementalWhereLittleIsTouched) {
   ModeChoice choice;
   for (int solve = 0; solve < 100; ++solve) {
     EXPECT_FALSE(choice.WantsExact());
-    choice.Note(Work(4, 300, 2000), Kept(10000), 100, true);
+    choice.Note(Work(4, 300, 2000), Kept(10000), Sized(10200, 10200), 100, true);
   }
 }
 
@@ -154,7 +162,7 @@ TEST(ModeChoice, LosesPatienceAndTriesAgainLaterAndLater) {
   for (int trial = 0; trial < 3; ++trial) {
     for (int loss = 0; loss < ModeChoice::kLosses; ++loss) {
       ASSERT_FALSE(choice.WantsExact()) << trial;
-      choice.Note(Work(4, 50000, 40000), Kept(10000), 100, true);
+      choice.Note(Work(4, 50000, 40000), Kept(10000), Sized(10200, 10200), 100, true);
     }
     int exact = 0;
     while (choice.WantsExact()) {
@@ -163,10 +171,24 @@ TEST(ModeChoice, LosesPatienceAndTriesAgainLaterAndLater) {
     runs_of_exact.push_back(exact);
     EXPECT_NE(choice.reason().find("times the work"), std::string::npos) << choice.reason();
     // The solve that WantsExact has just let be incremental counts as the first of the next trial.
-    choice.Note(Work(4, 300, 2000), Kept(10000), 100, true);
+    choice.Note(Work(4, 300, 2000), Kept(10000), Sized(10200, 10200), 100, true);
   }
   EXPECT_EQ(runs_of_exact,
             (std::vector<int>{ModeChoice::kPause, 2 * ModeChoice::kPause, 4 * ModeChoice::kPause}));
+}
+
+// An exact solve evaluates them once, whatever its iterations: the same work is little beside one
+// of 14,000 residual blocks that move, and much beside one of 271.
+TEST(ModeChoice, WhatTouchesConstantsOnlyIsNoWorkOfAnIteration) {
+  ModeChoice choice, of_few;
+  for (int solve = 0; solve < ModeChoice::kLosses; ++solve) {
+    EXPECT_FALSE(choice.WantsExact());
+    EXPECT_FALSE(of_few.WantsExact());
+    choice.Note(Work(4, 300, 1500), Kept(14000), Sized(14280, 14280), 10, true);
+    of_few.Note(Work(4, 300, 1500), Kept(14000), Sized(14280, 271), 10, true);
+  }
+  EXPECT_FALSE(choice.WantsExact());
+  EXPECT_TRUE(of_few.WantsExact());
 }
 
 TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {
@@ -174,7 +196,7 @@ TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {
   ProblemChanges anew;
   anew.num_added_factors = 10000;
   for (int solve = 0; solve < 10; ++solve) {
-    choice.Note(Work(4, 90000, 40000), anew, 100, true);
+    choice.Note(Work(4, 90000, 40000), anew, Sized(10000, 10000), 100, true);
     EXPECT_FALSE(choice.WantsExact());
   }
 }

@@ -58,7 +58,7 @@ std::shared_ptr<const std::vector<FactorId>> SubsetOf(const SolveInput& input) {
   for (const GraphPlan::Family& family : input.plan->families) {
     for (std::size_t k = 0; k < family.residuals.size(); ++k) {
       const int r = family.residuals[k];
-      if (ids.count(input.view.residuals[static_cast<std::size_t>(r)].id) > 0) {
+      if (ids.count(input.view.ids[static_cast<std::size_t>(r)]) > 0) {
         subset->push_back({id, static_cast<std::int32_t>(k)});
       }
     }

@@ -63,12 +63,9 @@ SystemDump::SystemDump(const ceres::Solver::Options& options, const ProblemView&
   std::vector<int> first_row(view.residuals.size(), -1);
   std::vector<char> placed(view.blocks.size(), 0);
   std::vector<int> order;  // of blocks
-  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
-    const ResidualBlockView& residual = view.residuals[r];
-    if (residual.fixed) {
-      continue;
-    }
-    first_row[r] = num_rows_;
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
+    first_row[At(r)] = num_rows_;
     num_rows_ += residual.num_residuals;
     for (int s = 0; s < residual.num_slots; ++s) {
       const int b = view.SlotsOf(residual)[s];

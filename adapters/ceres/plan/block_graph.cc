@@ -8,7 +8,8 @@ namespace inceres::internal {
 
 BlockGraph::BlockGraph(const ProblemView& view) : neighbors_(view.blocks.size()) {
   std::vector<char> seen(view.blocks.size(), 0);
-  for (const ResidualBlockView& residual : view.residuals) {
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
     const int* slots = view.SlotsOf(residual);
     for (int s = 0; s < residual.num_slots; ++s) {
       if (!view.IsReduced(slots[s])) {

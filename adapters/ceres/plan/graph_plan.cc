@@ -31,8 +31,9 @@ class Planner {
     for (const int b : plan_.landmarks.frames_in_order) {
       PlanVariable(b);
     }
-    for (const ResidualBlockView& residual : view_.residuals) {
-      if (residual.fixed || residual.like_previous) {
+    for (const int r : view_.moving) {
+      const ResidualBlockView& residual = view_.residuals[At(r)];
+      if (residual.like_previous) {
         continue;  // brings no new ones
       }
       const int* const slots = view_.SlotsOf(residual);
@@ -64,18 +65,22 @@ class Planner {
   void SortByLandmark() {
     const int num_landmarks = plan_.landmarks.num_landmarks;
     landmark_slot_.assign(view_.residuals.size(), -1);
-    std::vector<int> row_of(view_.residuals.size(), -1);
-    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-      const ResidualBlockView& residual = view_.residuals[r];
-      if (!residual.fixed) {
-        const int slot =
-            view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
-        landmark_slot_[r] = slot;
-        row_of[r] = slot < 0 ? num_landmarks
-                             : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
-      }
+    std::vector<int> row_of;
+    row_of.reserve(view_.moving.size());
+    for (const int r : view_.moving) {
+      const ResidualBlockView& residual = view_.residuals[At(r)];
+      const int slot =
+          view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
+      landmark_slot_[At(r)] = slot;
+      row_of.push_back(slot < 0
+                           ? num_landmarks
+                           : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_);
     }
-    order_ = SortIntoRows(At(num_landmarks) + 1, row_of).items;
+    order_ = SortIntoRows(At(num_landmarks) + 1, [&](const auto& add) {
+               for (std::size_t k = 0; k < row_of.size(); ++k) {
+                 add(row_of[k], view_.moving[k]);
+               }
+             }).items;
   }
 
   void PlanFamilies() {

@@ -67,18 +67,17 @@ class FillChooser {
  private:
   // What every choice takes: Jacobians, residuals, lists.
   void SumCommonBytes() {
-    for (const ResidualBlockView& residual : view_.residuals) {
+    for (const int r : view_.moving) {
+      const ResidualBlockView& residual = view_.residuals[At(r)];
       double row = 2.0;
       double pairs = 0.0;
-      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+      for (int s = 0; s < residual.num_slots; ++s) {
         const int padded_size = (view_.block(view_.SlotsOf(residual)[s]).tangent_size + 3) / 4 * 4;
         row += padded_size;
         pairs += s + 1;
       }
-      common_bytes_ += residual.fixed
-                           ? 0.0
-                           : sizeof(double) * residual.num_residuals * row +
-                                 kBytesPerSlot * residual.num_slots + kBytesPerProduct * pairs;
+      common_bytes_ += sizeof(double) * residual.num_residuals * row +
+                       kBytesPerSlot * residual.num_slots + kBytesPerProduct * pairs;
     }
   }
 

@@ -103,17 +103,17 @@ class Chooser {
   // those that stand in the same place of a shape.
   void FindKinds() {
     std::vector<int> first_at_place(At(shapes_.num_places), -1);
-    places_.reserve(view_.residuals.size());
-    for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
-      const ResidualBlockView& residual = view_.residuals[r];
+    places_.reserve(view_.moving.size());
+    for (const int r : view_.moving) {
+      const ResidualBlockView& residual = view_.residuals[At(r)];
       const int* blocks = view_.SlotsOf(residual);
-      for (int s = 0; !residual.fixed && s < residual.num_slots; ++s) {
+      for (int s = 0; s < residual.num_slots; ++s) {
         const int b = blocks[s];
         if (candidate_[At(b)] == 0) {
           continue;
         }
-        places_.push_back({static_cast<int>(r), b});
-        int& first = first_at_place[At(shapes_.ShapeOf(r).first_place + s)];
+        places_.push_back({r, b});
+        int& first = first_at_place[At(shapes_.ShapeOf(At(r)).first_place + s)];
         if (first < 0) {
           first = b;
         } else {

@@ -16,14 +16,11 @@ ReducedGraph::ReducedGraph(const ProblemView& view, const std::vector<char>& is_
   NumberFrames(view, is_landmark);
   clique_begin_.push_back(0);
   std::vector<int> landmark_of(view.residuals.size(), -1);
-  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
-    const ResidualBlockView& residual = view.residuals[r];
-    if (residual.fixed) {
-      continue;
-    }
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
     const int s = view.FindSlot(residual, [&](int b) { return is_landmark[At(b)] != 0; });
     if (s >= 0) {
-      landmark_of[r] = view.SlotsOf(residual)[s];
+      landmark_of[At(r)] = view.SlotsOf(residual)[s];
     } else if (!residual.like_previous) {
       AddToClique(view, residual);
       EndClique();
@@ -41,8 +38,9 @@ ReducedGraph::ReducedGraph(const ProblemView& view, const std::vector<char>& is_
 void ReducedGraph::NumberFrames(const ProblemView& view, const std::vector<char>& is_landmark) {
   frame_of_.assign(view.blocks.size(), -1);
   offsets_.push_back(0);
-  for (const ResidualBlockView& residual : view.residuals) {
-    for (int s = 0; !residual.fixed && !residual.like_previous && s < residual.num_slots; ++s) {
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
+    for (int s = 0; !residual.like_previous && s < residual.num_slots; ++s) {
       const int b = view.SlotsOf(residual)[s];
       if (frame_of_[At(b)] < 0 && view.IsReduced(b) && is_landmark[At(b)] == 0) {
         frame_of_[At(b)] = num_frames();

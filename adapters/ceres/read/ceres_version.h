@@ -131,22 +131,22 @@ inline BoundsKind ReadBounds(const ceres::Problem& problem, const double* values
   constexpr double kMax = std::numeric_limits<double>::max();
   const auto count = static_cast<std::size_t>(size);
   const std::size_t first = bounds->size();
-  bounds->resize(first + 2 * count);
   BoundsKind kind = BoundsKind::kNone;
   for (int i = 0; i < size; ++i) {
     const double lower = problem.GetParameterLowerBound(values, i);
     const double upper = problem.GetParameterUpperBound(values, i);
-    if (constant ? values[i] < lower || values[i] > upper : lower >= upper) {
-      kind = BoundsKind::kInfeasible;
-    } else if (kind == BoundsKind::kNone && (lower > -kMax || upper < kMax)) {
+    const bool infeasible = constant ? values[i] < lower || values[i] > upper : lower >= upper;
+    if (kind == BoundsKind::kNone && (infeasible || lower > -kMax || upper < kMax)) {
       kind = BoundsKind::kBounded;
+      bounds->resize(first + count, -kMax);
+      bounds->resize(first + 2 * count, kMax);
     }
-    double* pair = bounds->data() + first + i;
-    pair[0] = std::isnan(lower) ? -kMax : lower;
-    pair[count] = std::isnan(upper) ? kMax : upper;
-  }
-  if (kind == BoundsKind::kNone) {
-    bounds->resize(first);
+    if (kind != BoundsKind::kNone) {
+      double* const pair = bounds->data() + first + i;
+      pair[0] = std::isnan(lower) ? -kMax : lower;
+      pair[count] = std::isnan(upper) ? kMax : upper;
+    }
+    kind = infeasible ? BoundsKind::kInfeasible : kind;
   }
   return kind;
 }

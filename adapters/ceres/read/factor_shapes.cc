@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <unordered_map>
 
+#include "adapters/ceres/read/index.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -56,14 +58,10 @@ ShapeTable FindShapes(const ProblemView& view) {
   table.shape_of.assign(view.residuals.size(), -1);
   std::unordered_multimap<std::uint64_t, int> shapes_by_hash;
   int previous = -1;
-  for (std::size_t r = 0; r < view.residuals.size(); ++r) {
-    const ResidualBlockView& residual = view.residuals[r];
-    if (residual.fixed) {
-      continue;
-    }
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
     if (!residual.like_previous &&
-        (previous < 0 ||
-         !HasShape(view, residual, table.shapes[static_cast<std::size_t>(previous)]))) {
+        (previous < 0 || !HasShape(view, residual, table.shapes[At(previous)]))) {
       const std::uint64_t hash = HashShape(view, residual);
       const auto [first, last] = shapes_by_hash.equal_range(hash);
       previous = -1;
@@ -79,7 +77,7 @@ ShapeTable FindShapes(const ProblemView& view) {
         table.num_places += residual.num_slots;
       }
     }
-    table.shape_of[r] = previous;
+    table.shape_of[At(r)] = previous;
   }
   return table;
 }

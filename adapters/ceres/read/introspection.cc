@@ -1,6 +1,7 @@
 #include "adapters/ceres/read/introspection.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 
 #include <ceres/cost_function.h>
@@ -103,125 +104,81 @@ void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, Problem
 
 class ResidualReader {
  public:
-  explicit ResidualReader(ProblemView* view)
-      : view_(*view), last_residual_(view->blocks.size(), -1) {}
+  explicit ResidualReader(ProblemView* view) : view_(*view) {}
 
   void Run(const ceres::Problem& problem, int num_threads) {
-    std::vector<ceres::ResidualBlockId> ids;
-    problem.GetResidualBlocks(&ids);
-    view_.residuals.reserve(ids.size());
-    view_.slots.reserve(3 * ids.size());
-    ResidualLookUps look_ups(problem, view_);
-    while (next_ < static_cast<int>(ids.size())) {
-      look_ups.Take(ids, At(next_), num_threads);
-      for (const ResidualLookUp& found : look_ups.found()) {
-        Read(ids[At(next_)], found);
-        ++next_;
+    problem.GetResidualBlocks(&view_.ids);
+    count_ = static_cast<int>(view_.ids.size());
+    view_.residuals.resize(view_.ids.size());
+    view_.moving.reserve(view_.ids.size());
+    view_.slots.reserve(3 * view_.ids.size());
+    ResidualLookUps look_ups(problem, &view_);
+    while (next_ < count_) {
+      const int num_groups = look_ups.Take(next_, num_threads);
+      for (int group = 0; group < num_groups; ++group) {
+        ReadGroup(look_ups.SlotsOf(group));
       }
     }
-    Count(residual_, repeats_);
+    view_.all.num_residual_blocks = count_;
+    view_.reduced.num_residual_blocks = static_cast<int>(view_.moving.size());
   }
 
  private:
-  // Neighboring residual blocks with the same slots.
-  struct Repeats {
-    int num_residual_blocks = 0;
-    int num_residuals = 0;
-  };
-
-  void Read(ceres::ResidualBlockId id, const ResidualLookUp& found) {
-    const int num_residuals_before = residual_.num_residuals;
-    residual_.id = id;
-    residual_.cost = found.cost;
-    residual_.loss = found.loss;
-    residual_.num_residuals = found.num_residuals;
-    if (RepeatsSlots(found)) {
-      residual_.like_previous = residual_.num_residuals == num_residuals_before;
-    } else {
-      Count(residual_, repeats_);
-      repeats_ = Repeats();
-      ReadSlots(found);
-    }
-    ++repeats_.num_residual_blocks;
-    repeats_.num_residuals += residual_.num_residuals;
-    if (residual_.num_residuals <= 0) {
-      SetDefect(&view_, ThisResidual() + " has no residuals");
-    }
-    view_.residuals.push_back(residual_);
-  }
-
-  // Names the residual block in program order, which is the order Ceres's own messages use.
-  std::string ThisResidual() const { return "residual block " + std::to_string(next_); }
-
-  // Whether the slots, which are still those of the residual block before, are right for this one
-  // too; its neighbors' often are.
-  bool RepeatsSlots(const ResidualLookUp& found) const {
-    return next_ > 0 && found.sizes_fit && found.num_slots == residual_.num_slots &&
-           AreEqual(found.blocks, view_.SlotsOf(residual_), found.num_slots);
-  }
-
-  // From the last one on, where neighbors differ first.
-  static bool AreEqual(const int* a, const int* b, int count) {
-    while (count > 0 && a[count - 1] == b[count - 1]) {
-      --count;
-    }
-    return count == 0;
-  }
-
-  // Counts residual blocks with the same slots as this one, and the blocks they touch.
-  void Count(const ResidualBlockView& residual, const Repeats& repeats) {
-    const auto add = [&repeats](ProblemTotals* totals) {
-      totals->num_residual_blocks += repeats.num_residual_blocks;
-      totals->num_residuals += repeats.num_residuals;
-    };
-    add(&view_.all);
-    if (!residual.fixed) {
-      add(&view_.reduced);
-      const int* const slots = view_.SlotsOf(residual);
-      for (const int* b = slots; b < slots + residual.num_slots; ++b) {
-        view_.blocks[At(*b)].degree += repeats.num_residual_blocks;
+  void ReadGroup(const std::vector<int>& slots) {
+    const int first_slot = static_cast<int>(view_.slots.size());
+    view_.slots.insert(view_.slots.end(), slots.begin(), slots.end());
+    const int end = std::min(next_ + ResidualLookUps::kGroup, count_);
+    for (; next_ < end; ++next_) {
+      ResidualBlockView& residual = view_.residuals[At(next_)];
+      residual.first_slot += first_slot;
+      if (!residual.sound) {
+        FindDefect(residual);
+      }
+      view_.all.num_residuals += residual.num_residuals;
+      if (!residual.fixed) {
+        Move(residual);
       }
     }
   }
 
-  void ReadSlots(const ResidualLookUp& found) {
-    residual_.first_slot = static_cast<int>(view_.slots.size());
-    residual_.num_slots = found.num_slots;
-    residual_.fixed = true;
-    residual_.like_previous = false;
-    const std::size_t num_sizes = found.sizes_fit ? 0 : found.cost->parameter_block_sizes().size();
-    if (!found.sizes_fit && num_sizes != static_cast<std::size_t>(found.num_slots)) {
-      SetDefect(&view_, "the cost function of " + ThisResidual() +
-                            " has changed its number of parameter blocks");
-    }
-    view_.slots.insert(view_.slots.end(), found.blocks, found.blocks + found.num_slots);
-    for (int s = 0; s < found.num_slots; ++s) {
-      residual_.fixed = residual_.fixed && view_.block(found.blocks[s]).constant;
-      Meet(found.blocks[s]);
-    }
-    for (std::size_t k = 0; k < std::min(num_sizes, At(found.num_slots)); ++k) {
-      const ParameterBlockView& block = view_.block(found.blocks[k]);
-      if (found.cost->parameter_block_sizes()[k] != block.ambient_size) {
-        SetDefect(&view_, "the cost function of " + ThisResidual() +
-                              " expects another size than that of " + Describe(block));
-      }
+  void Move(const ResidualBlockView& residual) {
+    view_.moving.push_back(next_);
+    view_.reduced.num_residuals += residual.num_residuals;
+    const int* const slots = view_.SlotsOf(residual);
+    for (int s = 0; s < residual.num_slots; ++s) {
+      ++view_.blocks[At(slots[s])].degree;
     }
   }
 
-  // A block twice in one residual block shows at once.
-  void Meet(int b) {
-    int& last = last_residual_[At(b)];
-    if (last == next_) {
-      SetDefect(&view_, Describe(view_.block(b)) + " appears twice in " + ThisResidual());
+  void FindDefect(const ResidualBlockView& residual) {
+    // In program order, which is the order Ceres's own messages use.
+    const std::string name = "residual block " + std::to_string(next_);
+    const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
+    const int* const slots = view_.SlotsOf(residual);
+    if (sizes.size() != At(residual.num_slots)) {
+      SetDefect(&view_,
+                "the cost function of " + name + " has changed its number of parameter blocks");
     }
-    last = next_;
+    for (int s = 0; s < residual.num_slots; ++s) {
+      if (std::find(slots, slots + s, slots[s]) != slots + s) {
+        SetDefect(&view_, Describe(view_.block(slots[s])) + " appears twice in " + name);
+      }
+    }
+    for (std::size_t s = 0; s < std::min(sizes.size(), At(residual.num_slots)); ++s) {
+      const ParameterBlockView& block = view_.block(slots[s]);
+      if (sizes[s] != block.ambient_size) {
+        SetDefect(&view_, "the cost function of " + name + " expects another size than that of " +
+                              Describe(block));
+      }
+    }
+    if (residual.num_residuals <= 0) {
+      SetDefect(&view_, name + " has no residuals");
+    }
   }
 
   ProblemView& view_;
-  std::vector<int> last_residual_;  // per block: the last residual block seen to touch it
-  int next_ = 0;                    // the residual block that is read
-  ResidualBlockView residual_;      // the last one: keeps what its neighbor repeats
-  Repeats repeats_;
+  int count_ = 0;
+  int next_ = 0;  // the residual block that is read
 };
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {
@@ -247,11 +204,21 @@ ProblemView Introspect(const ceres::Problem& problem) {
 
 void ProblemView::Clear() {
   blocks.clear();
+  ids.clear();
   residuals.clear();
+  moving.clear();
   slots.clear();
   bounds.clear();
   all = reduced = ProblemTotals();
   defect.clear();
+}
+
+std::size_t ProblemView::Bytes() const {
+  return blocks.capacity() * sizeof(ParameterBlockView) +
+         ids.capacity() * sizeof(ceres::ResidualBlockId) +
+         residuals.capacity() * sizeof(ResidualBlockView) +
+         (moving.capacity() + slots.capacity()) * sizeof(int) + bounds.capacity() * sizeof(double) +
+         index.Bytes();
 }
 
 void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads) {

@@ -37,12 +37,13 @@ struct ResidualBlockShape {
 };
 
 struct ResidualBlockView : ResidualBlockShape {
-  ceres::ResidualBlockId id = nullptr;
-  const ceres::CostFunction* cost = nullptr;
-  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
-  bool fixed = true;                          ///< touches no variable block
+  bool fixed = true;  ///< touches no variable block
+  /// has residuals, and distinct blocks of the sizes its cost function expects; else see `defect`
+  bool sound = true;
   /// as many residuals of the same blocks as the residual block before: of one family
   bool like_previous = false;
+  const ceres::CostFunction* cost = nullptr;
+  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
 };
 
 /// Sizes as Ceres's summary counts them.
@@ -58,8 +59,12 @@ struct ProblemTotals {
 /// but the memory of its parameter blocks and size getters is touched; no cost function is
 /// evaluated.
 struct ProblemView {
+  static constexpr std::size_t kMaxKeptBytes = std::size_t{2} << 20;
+
   std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
-  std::vector<ResidualBlockView> residuals;  ///< in program order
+  std::vector<ceres::ResidualBlockId> ids;   ///< of the residual blocks, in program order
+  std::vector<ResidualBlockView> residuals;  ///< in the same order
+  std::vector<int> moving;     ///< residual blocks that touch a variable block, ascending
   std::vector<int> slots;      ///< block of each slot of the residual blocks, see SlotsOf
   std::vector<double> bounds;  ///< of the bounded blocks
   PointerIndex index;          ///< address to index in `blocks`
@@ -69,10 +74,10 @@ struct ProblemView {
   /// else empty
   std::string defect;
 
-  /// Whether its memory is worth keeping.
-  bool IsSmall() const {
-    return blocks.capacity() + residuals.capacity() + slots.capacity() <= 4096;
-  }
+  /// Whether its memory is worth keeping: what is given back to the system is paged in anew by the
+  /// next solve, which in a problem of mostly constant blocks takes as long as to read it.
+  bool IsSmall() const { return Bytes() <= kMaxKeptBytes; }
+  std::size_t Bytes() const;
 
   /// Empties it; the memory stays.
   void Clear();
@@ -83,7 +88,9 @@ struct ProblemView {
     if (IsSmall()) {
       return;
     }
+    std::vector<ceres::ResidualBlockId>().swap(ids);
     std::vector<ResidualBlockView>().swap(residuals);
+    std::vector<int>().swap(moving);
     std::vector<int>().swap(slots);
     index = PointerIndex();
   }

@@ -29,6 +29,8 @@ class PointerIndex {
     }
   }
 
+  std::size_t Bytes() const { return entries_.capacity() * sizeof(Entry); }
+
   /// The index of a pointer, or -1.
   int Find(const void* pointer) const {
     if (entries_.empty()) {

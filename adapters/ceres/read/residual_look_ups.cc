@@ -5,67 +5,86 @@
 
 #include <ceres/cost_function.h>
 
-#include "adapters/ceres/read/index.h"
 #include "src/base/parallel_for.h"
 
 namespace inceres::internal {
-namespace {
 
-constexpr int kGroup = 512;         // residual blocks a task
-constexpr int kMost = 64 * kGroup;  // at a time: what is looked up is read while it is in the cache
-
-}  // namespace
-
-void ResidualLookUps::Take(const std::vector<ceres::ResidualBlockId>& ids, std::size_t first,
-                           int num_threads) {
-  const int count = static_cast<int>(std::min(At(kMost), ids.size() - first));
-  const int num_groups = (count + kGroup - 1) / kGroup;
-  found_.resize(At(count));
+int ResidualLookUps::Take(int first, int num_threads) {
+  const int num_left = static_cast<int>(view_.ids.size()) - first;
+  // What is looked up is read while it is in the cache.
+  const int num_groups = std::min(num_threads > 1 ? 64 : 1, (num_left + kGroup - 1) / kGroup);
   groups_.resize(std::max(groups_.size(), At(num_groups)));
-  ParallelFor(num_threads, num_groups, 1, [&](int begin, int end) {
-    for (int group = begin; group < end; ++group) {
-      LookUp(ids.data() + first, group * kGroup, std::min(count, (group + 1) * kGroup),
-             &groups_[At(group)]);
+  ParallelFor(num_threads, num_groups, 1, [&](int group, int groups_end) {
+    for (; group < groups_end; ++group) {
+      const int begin = first + group * kGroup;
+      LookUp(begin, std::min(begin + kGroup, first + num_left), &groups_[At(group)]);
     }
   });
+  return num_groups;
 }
 
-void ResidualLookUps::LookUp(const ceres::ResidualBlockId* ids, int begin, int end, Group* group) {
-  int first = 0;     // where this residual block has its blocks
-  int previous = 0;  // and the one before
-  for (int k = begin; k < end; ++k) {
-    ResidualLookUp& residual = found_[At(k)];
-    residual.cost = problem_.GetCostFunctionForResidualBlock(ids[k]);
-    residual.loss = problem_.GetLossFunctionForResidualBlock(ids[k]);
+void ResidualLookUps::LookUp(int begin, int end, Group* group) {
+  const ParameterBlockView* const known = view_.blocks.data();
+  int first = 0;     // where this residual block has its slots, unless it shares those
+  int previous = 0;  // of the one before
+  for (int r = begin; r < end; ++r) {
+    const ceres::ResidualBlockId id = view_.ids[At(r)];
+    ResidualBlockView& residual = view_.residuals[At(r)];
+    residual.cost = problem_.GetCostFunctionForResidualBlock(id);
+    residual.loss = problem_.GetLossFunctionForResidualBlock(id);
     residual.num_residuals = residual.cost->num_residuals();
-    problem_.GetParameterBlocksForResidualBlock(ids[k], &group->pointers);
-    residual.num_slots = static_cast<int>(group->pointers.size());
+    problem_.GetParameterBlocksForResidualBlock(id, &group->pointers);
+    double* const* const pointers = group->pointers.data();
+    const int num_slots = static_cast<int>(group->pointers.size());
+    if (group->slots.size() < At(first + num_slots)) {
+      group->slots.resize(2 * At(first + num_slots));
+    }
+    int* const blocks = group->slots.data() + first;
+    const int* const near = group->slots.data() + previous;
+    const int num_near = first - previous;
     const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-    residual.sizes_fit = sizes.size() == group->pointers.size();
-    if (group->blocks.size() < At(first + residual.num_slots)) {
-      group->blocks.resize(2 * At(first + residual.num_slots));
-    }
-    int* const blocks = group->blocks.data();
-    bool sizes_fit = residual.sizes_fit;
-    for (int s = 0; s < residual.num_slots; ++s) {
-      const double* const pointer = group->pointers[At(s)];
+    bool sound = sizes.size() == At(num_slots) && residual.num_residuals > 0;
+    bool fixed = true;
+    bool repeats = num_slots == num_near;
+    for (int s = 0; s < num_slots; ++s) {
       // The slot of the residual block before often has the same.
-      const int near = previous + s < first ? blocks[previous + s] : -1;
-      const int b =
-          near >= 0 && view_.block(near).values == pointer ? near : view_.index.Find(pointer);
-      blocks[first + s] = b;
-      sizes_fit = sizes_fit && sizes[At(s)] == view_.block(b).ambient_size;
+      const bool is_near = s < num_near && known[near[s]].values == pointers[s];
+      const int b = is_near ? near[s] : view_.index.Find(pointers[s]);
+      blocks[s] = b;
+      sound = sound && sizes[At(s)] == known[b].ambient_size;
+      fixed = fixed && known[b].constant;
+      repeats = repeats && is_near;
     }
-    residual.sizes_fit = sizes_fit;
-    previous = first;
-    first += residual.num_slots;
+    repeats = repeats && sound;
+    residual.sound = repeats || (sound && AreDistinct(blocks, num_slots, &group->sorted));
+    residual.fixed = fixed;
+    residual.num_slots = num_slots;
+    residual.like_previous =
+        repeats && r > begin && residual.num_residuals == view_.residuals[At(r - 1)].num_residuals;
+    if (!repeats) {
+      previous = first;
+      first += num_slots;
+    }
+    residual.first_slot = previous;
   }
-  // The list has stopped moving.
-  const int* next = group->blocks.data();
-  for (int k = begin; k < end; ++k) {
-    found_[At(k)].blocks = next;
-    next += found_[At(k)].num_slots;
+  group->slots.resize(At(first));
+}
+
+bool ResidualLookUps::AreDistinct(const int* blocks, int count, std::vector<int>* sorted) {
+  constexpr int kMany = 8;
+  if (count > kMany) {
+    sorted->assign(blocks, blocks + count);
+    std::sort(sorted->begin(), sorted->end());
+    return std::adjacent_find(sorted->begin(), sorted->end()) == sorted->end();
   }
+  for (int s = 1; s < count; ++s) {
+    for (int t = 0; t < s; ++t) {
+      if (blocks[s] == blocks[t]) {
+        return false;
+      }
+    }
+  }
+  return true;
 }
 
 }  // namespace inceres::internal

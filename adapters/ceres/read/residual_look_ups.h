@@ -1,47 +1,42 @@
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include <ceres/problem.h>
 
+#include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/introspection.h"
 
 namespace inceres::internal {
 
-/// What Ceres says of a residual block.
-struct ResidualLookUp {
-  const ceres::CostFunction* cost = nullptr;
-  const ceres::LossFunction* loss = nullptr;
-  int num_residuals = 0;
-  int num_slots = 0;
-  bool sizes_fit = false;       ///< the cost function's are those of the blocks
-  const int* blocks = nullptr;  ///< of the slots, by their index in the view
-};
-
-/// Looks up some residual blocks after the others. Their objects lie anywhere in memory, so that
-/// most of the time goes by waiting for it, which several threads may do.
+/// Looks up some residual blocks after the others, in groups. Their objects lie anywhere in memory,
+/// so that most of the time goes by waiting for it, which several threads may do.
 class ResidualLookUps {
  public:
-  /// The view has its parameter blocks.
-  ResidualLookUps(const ceres::Problem& problem, const ProblemView& view)
-      : problem_(problem), view_(view) {}
+  static constexpr int kGroup = 512;  ///< residual blocks in a group, if there are as many left
 
-  /// Replaces what it had by those of the residual blocks from `first` on.
-  void Take(const std::vector<ceres::ResidualBlockId>& ids, std::size_t first, int num_threads);
-  const std::vector<ResidualLookUp>& found() const { return found_; }
+  /// The view has its parameter blocks, the ids of its residual blocks, and room for these.
+  ResidualLookUps(const ceres::Problem& problem, ProblemView* view)
+      : problem_(problem), view_(*view) {}
+
+  /// Fills in the residual blocks of some groups from `first` on, but for first_slot, which is into
+  /// SlotsOf their group. Returns the number of these groups.
+  int Take(int first, int num_threads);
+  /// Of one of the groups that were taken last.
+  const std::vector<int>& SlotsOf(int group) const { return groups_[At(group)].slots; }
 
  private:
   struct Group {
     std::vector<double*> pointers;  // of one residual block
-    std::vector<int> blocks;        // of all slots of the group
+    std::vector<int> sorted;        // its blocks, if there are many
+    std::vector<int> slots;
   };
 
-  void LookUp(const ceres::ResidualBlockId* ids, int begin, int end, Group* group);
+  void LookUp(int begin, int end, Group* group);
+  static bool AreDistinct(const int* blocks, int count, std::vector<int>* sorted);
 
   const ceres::Problem& problem_;
-  const ProblemView& view_;
-  std::vector<ResidualLookUp> found_;
+  ProblemView& view_;
   std::vector<Group> groups_;
 };
 

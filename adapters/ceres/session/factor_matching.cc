@@ -89,7 +89,7 @@ void FactorMatching::Match() {
   known_.factor_of.assign(view_.residuals.size(), -1);
   for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
     const ResidualBlockView& residual = view_.residuals[r];
-    const int old = FindOld(residual.id);
+    const int old = FindOld(view_.ids[r]);
     if (old >= 0 && HasSameVariables(old_factors_[At(old)], residual)) {
       seen_[At(old)] = 1;
       known_.factor_of[r] = static_cast<int>(known_.factors.size());
@@ -221,7 +221,7 @@ void FactorMatching::AddFactor(int r) {
   const std::shared_ptr<const Loss>& loss = losses_.Get(residual.loss);
   std::vector<VariableId>& variables = known_.factor_variables;
   Correspondence::Factor& factor = known_.factors[At(known_.factor_of[At(r)])];
-  factor.block = residual.id;
+  factor.block = view_.ids[At(r)];
   factor.cost = residual.cost;
   factor.loss = loss.get();
   factor.family = family_of_[At(r)];

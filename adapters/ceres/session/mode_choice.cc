@@ -18,15 +18,17 @@ constexpr double kRow = 1.0;          // of the reduced system, factored
 
 }  // namespace
 
-double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
-                 bool verified) {
+double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
+                 const ProblemView& view, int num_frames, bool verified) {
   const double num_factors =
       changes.num_kept_factors + changes.num_replaced_factors + changes.num_added_factors;
   const double iterations = std::max(1, update.num_iterations);
-  const double exact =
-      num_factors * (iterations + 1.0 + kResiduals * iterations) + kRow * num_frames * iterations;
+  const double num_moving = view.reduced.num_residual_blocks;
+  const double once = kResiduals * (view.all.num_residual_blocks - num_moving);
+  const double exact = once + num_moving * (iterations + 1.0 + kResiduals * iterations) +
+                       kRow * num_frames * iterations;
   const double incremental =
-      num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
+      once + num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
       kIncrementalJacobians * update.num_relinearized_factors +
       kIncrementalResiduals * static_cast<double>(update.num_evaluated_factors) +
       kRow * static_cast<double>(update.num_factored_rows);
@@ -43,12 +45,12 @@ bool ModeChoice::WantsExact() {
   return true;
 }
 
-void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
-                      bool verified) {
+void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes,
+                      const ProblemView& view, int num_frames, bool verified) {
   if (2 * changes.num_added_factors > changes.num_kept_factors) {
     return;  // mostly new: nothing was remembered yet
   }
-  const double ratio = WorkRatio(update, changes, num_frames, verified);
+  const double ratio = WorkRatio(update, changes, view, num_frames, verified);
   num_losses_ = ratio > 1.0 ? num_losses_ + 1 : 0;
   if (num_losses_ < kLosses) {
     return;

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "adapters/ceres/read/introspection.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/solver/update_summary.h"
 
@@ -12,7 +13,8 @@ namespace inceres::internal {
 /// with Jacobians as units, and rows of the reduced system.
 ///
 /// An incremental solve tells both sides: what it did itself, and by its iterations what an exact
-/// one would have done, for that evaluates everything in each. After kLosses solves in a row that
+/// one would have done, for that evaluates everything in each that touches a variable block, and
+/// once, as the incremental one does, what touches none. After kLosses solves in a row that
 /// cost more than exact ones the next are exact, first kPause of them, each time it comes to the
 /// same twice as many; then it is tried again.
 class ModeChoice {
@@ -22,10 +24,10 @@ class ModeChoice {
 
   /// Whether the next solve should be exact. Call once a solve.
   bool WantsExact();
-  /// What an incremental solve took. `verified`: each residual block that stayed was evaluated to
-  /// be recognized.
-  void Note(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
-            bool verified);
+  /// What an incremental solve of the problem viewed took. `verified`: each residual block that
+  /// stayed was evaluated to be recognized.
+  void Note(const UpdateSummary& update, const ProblemChanges& changes, const ProblemView& view,
+            int num_frames, bool verified);
   /// Why solves are exact now.
   const std::string& reason() const { return reason_; }
 
@@ -37,7 +39,7 @@ class ModeChoice {
 };
 
 /// Work of an incremental solve over that of an exact one with as many iterations.
-double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes, int num_frames,
-                 bool verified);
+double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
+                 const ProblemView& view, int num_frames, bool verified);
 
 }  // namespace inceres::internal

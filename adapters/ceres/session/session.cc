@@ -141,7 +141,8 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     solved = !IsUnfinished(input, core, *report, *summary) ||
              FinishInBatch(*problem, input, core, start, report, summary);
     // with what finishing took
-    choice.Note(report->update, report->changes, report->num_frames, options.verify_cached_factors);
+    choice.Note(report->update, report->changes, view, report->num_frames,
+                options.verify_cached_factors);
   }
   if (solved) {
     start.Keep();

@@ -22,7 +22,8 @@ void Mix(std::size_t* hash, std::size_t value) {
 }
 
 std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
-  std::size_t hash = std::hash<const void*>()(residual.id);
+  const auto r = static_cast<std::size_t>(&residual - view.residuals.data());
+  std::size_t hash = std::hash<const void*>()(view.ids[r]);
   Mix(&hash, std::hash<const void*>()(residual.cost));
   for (int s = 0; s < residual.num_slots; ++s) {
     Mix(&hash, std::hash<const void*>()(view.block(view.SlotsOf(residual)[s]).values));
