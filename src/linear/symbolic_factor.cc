@@ -457,7 +457,8 @@ class EliminationTree {
 }  // namespace
 
 // AMD's order is always made: it is the fallback, and tells whether the factor is dear enough for
-// METIS to be asked. Slightly more flops are taken for parts, since these are factored side by side.
+// METIS to be asked. Slightly more flops are taken for parts, since these are factored side by
+// side.
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor) {
   *factor = SymbolicFactor();
   std::vector<int> order;

@@ -27,10 +27,11 @@ struct SymbolicFactor {
 /// takes longer than that, in many. With groups of the pattern by constrained AMD, without
 /// separators. kUnavailable when out of memory. Cost: about half a microsecond a block of S, twice
 /// that where there are many parts. Sources: George, "Nested Dissection of a Regular Finite Element
-/// Mesh", SIAM J. Numer. Anal. 10(2), 1973; Liu, "The Role of Elimination Trees in Sparse Factorization", SIAM J. Matrix
-/// Anal. Appl. 11(1), 1990; Ashcraft & Grimes, "The Influence of Relaxed Supernode Partitions on
-/// the Multifrontal Method", ACM TOMS 15(4), 1989; Chen, Davis, Hager & Rajamanickam, "Algorithm
-/// 887: CHOLMOD", ACM TOMS 35(3), 2008 (the rule by which columns are joined).
+/// Mesh", SIAM J. Numer. Anal. 10(2), 1973; Liu, "The Role of Elimination Trees in Sparse
+/// Factorization", SIAM J. Matrix Anal. Appl. 11(1), 1990; Ashcraft & Grimes, "The Influence of
+/// Relaxed Supernode Partitions on the Multifrontal Method", ACM TOMS 15(4), 1989; Chen, Davis,
+/// Hager & Rajamanickam, "Algorithm 887: CHOLMOD", ACM TOMS 35(3), 2008 (the rule by which columns
+/// are joined).
 Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, SymbolicFactor* factor);
 
 /// The fronts of a given order, which becomes a postorder of its elimination tree. In a row of the

@@ -55,9 +55,9 @@ ObserverAction AskObservers(const SolverOptions& options, const IterationSummary
 }
 
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial. Where
-// residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it is g
-// then.
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
+// Where residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it
+// is g then.
 bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvaluation* evaluation,
                        std::vector<double>* negative_gradient, IterationSummary* iteration) {
   std::transform(g.begin(), g.end(), negative_gradient->begin(),

@@ -104,8 +104,8 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
                  ceres::Solver::Summary* summary, SolveReport* report) {
   WriteSolution(input.options, core, summary);
-  // Of the user's memory: a refused step that came lower, which Ceres counts, is not there. After an
-  // abort nothing is.
+  // Of the user's memory: a refused step that came lower, which Ceres counts, is not there. After
+  // an abort nothing is.
   if (core.termination != Termination::kUserFailure) {
     summary->final_cost = core.final_cost;
   }
