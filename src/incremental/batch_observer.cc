@@ -32,7 +32,7 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
 // A solve that ends here saves the evaluation of the candidate and the linearization behind it.
 bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) {
   const double cost = origin.cost;
-  rounding_ = origin.rounding;
+  within_rounding_ = origin.within_rounding;
   const double promise = iteration.model_cost_change;
   // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
   // last_ratio_.
@@ -44,13 +44,14 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepO
   const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
   // A small promise by itself is an end only where no other solver goes on from there.
   const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
-  // All that is left is rounding.
-  const bool blurred = end_ == BatchEnd::kToTheEnd && promise <= rounding_;
   tried_radius_ = iteration.trust_region_radius;
   held_back_ = origin.held_back;
+  // Next to a cost of nothing, whatever damping holds back counts, though it is rounding as well.
+  const bool blurred = end_ == BatchEnd::kToTheEnd && within_rounding_ && IsHardlyDamped();
   // All of it only as far as the model sees weak directions: with much damping a promise is small
   // because steps are short.
-  const bool claims = options_.batch_share > 0.0 && SeesEnough() && (series || nothing || blurred);
+  const bool claims =
+      options_.batch_share > 0.0 && (blurred || (SeesEnough() && (series || nothing)));
   // Where nothing comes after the claim, a step that is worth it is tried first: near a saddle, or
   // where the cost is less curved than its model, it gains more than it has promised.
   tries_claim_ = claims && end_ == BatchEnd::kToTheEnd && !blurred &&
@@ -94,11 +95,11 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
   WaitAfterRefusal(iteration);
   // What landmarks gained by themselves says nothing of the model.
   last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;
-  // Of gains that are rounding the ratio is, too.
-  is_near_ = options_.batch_share > 0.0 && iteration.step_is_successful &&
-             (iteration.cost_change <= rounding_ ||
-              (last_ratio_ > tuning_.kept_promise &&
-               iteration.cost_change <= tuning_.near_gain * Tolerance(cost_)));
+  // Of a step that is rounding its gain is, too, and whether it was taken.
+  is_near_ =
+      options_.batch_share > 0.0 &&
+      (within_rounding_ || (iteration.step_is_successful && last_ratio_ > tuning_.kept_promise &&
+                            iteration.cost_change <= tuning_.near_gain * Tolerance(cost_)));
   if (iteration.step_is_successful &&
       iteration.iteration != last_judged_) {  // the start, or the cost is another function
     stagnation_.Begin(cost_);

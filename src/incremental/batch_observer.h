@@ -89,7 +89,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
 
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
-  double Tolerance(double cost) const { return std::max(ToleranceAt(cost, options_), rounding_); }
+  double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
   bool IsByMarquardt() const {
     return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
   }
@@ -100,10 +100,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   }
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
   // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
-  bool SeesAll() const {
-    return HoldsLittleBack() &&
-           (IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
-                                              : !refused_lately());
+  bool SeesAll() const { return HoldsLittleBack() && IsHardlyDamped(); }
+  bool IsHardlyDamped() const {
+    return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
+                                             : !refused_lately();
   }
   // The same, or where steps with so little damping were refused lately, or others stagnate, with a
   // bit more.
@@ -133,9 +133,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
-  double tried_radius_ = 0.0;  // of the step under judgment
-  double held_back_ = 0.0;     // of it, by its damping
-  double rounding_ = 0.0;      // of the cost where it begins
+  double tried_radius_ = 0.0;     // of the step under judgment
+  double held_back_ = 0.0;        // of it, by its damping
+  bool within_rounding_ = false;  // all of it is
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   std::string words_;

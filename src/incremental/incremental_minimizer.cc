@@ -132,7 +132,6 @@ bool IncrementalMinimizer::Begin() {
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
-  trial_.Begin(!system.OnlyGrew());
   const bool go_on = !begins || context_.EndIteration();
   return go_on && (!new_frames_first || (new_frames_.Run() && linearization_.Relinearize()));
 }
@@ -162,15 +161,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   ++context_.summary->num_iterations;
   const EarlierFactor::Verdict earlier = earlier_factor_.Ask();
   // Ask comes first, since it is only asked after a step, and LittleHasCome only before.
-  if ((earlier == EarlierFactor::Verdict::kLittleLeft && !trial_.is_needed()) ||
-      earlier_factor_.LittleHasCome()) {
+  if (earlier == EarlierFactor::Verdict::kLittleLeft || earlier_factor_.LittleHasCome()) {
     return ClaimConvergence();
   }
   const double landmark_gain = landmarks_.Gain();
   const Verdict found = FindStep(earlier, landmark_gain);
   if (found == Verdict::kConverged) {
-    const Verdict claimed = ClaimConvergence();
-    return claimed == Verdict::kConverged && !ClaimHolds() ? TryClaim() : claimed;
+    return ClaimConvergence();
   }
   if (found != Verdict::kGoOn) {
     return found == Verdict::kStuck ? Retreat(false) : found;
@@ -178,9 +175,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = context_.summary->remaining_decrease;
   // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
   // after each step of the frames.
-  return landmarks_.StepIfTheyDominate(landmark_gain, remaining)
-             ? Verdict::kGoOn
-             : TakeStep(remaining, /*whole=*/false);
+  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
+                                                                 : TakeStep(remaining);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there
@@ -197,20 +193,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     return Verdict::kConverged;
   }
   // With kStep the factor of before gives the step, and `solved` is still OK.
-  const Verdict verdict = SolveBy(solved);
-  if (verdict == Verdict::kGoOn && !sees_left) {
-    context_.summary->remaining_decrease = frame_solve_.step().AddGain(landmark_gain);
-    // Of a system that was not solved to the end all there is to gain is not known.
-    if (IsLittleLeft(landmark_gain) && frame_solve_.step().work().converged) {
-      return Verdict::kConverged;
-    }
-  }
-  return verdict;
-}
-
-// By a factor that there is, or is not.
-IncrementalMinimizer::Verdict IncrementalMinimizer::SolveBy(const Status& factored) {
-  const Status solved = factored.ok() ? frame_solve_.Solve() : factored;
+  solved = solved.ok() ? frame_solve_.Solve() : solved;
   if (solved.code == StatusCode::kSingular) {
     return Verdict::kStuck;
   }
@@ -218,28 +201,19 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::SolveBy(const Status& factor
     context_.Finish(Termination::kFailure, solved.message.c_str());
     return Verdict::kFailed;
   }
+  if (!sees_left) {
+    context_.summary->remaining_decrease = frame_solve_.step().AddGain(landmark_gain);
+    // Of a system that was not solved to the end all there is to gain is not known.
+    if (IsLittleLeft(landmark_gain) && frame_solve_.step().work().converged) {
+      return Verdict::kConverged;
+    }
+  }
   return Verdict::kGoOn;
 }
 
-// What refusals and stagnation say has been tried already.
-bool IncrementalMinimizer::ClaimHolds() {
-  return !words_.empty() || context_.stop.stagnated_gain() >= 0.0 ||
-         context_.summary->remaining_decrease <= context_.stop.rounding() ||
-         trial_.Holds(context_.summary->remaining_decrease, context_.Tolerance());
-}
-
-// By the whole step that it speaks of, however little that promises.
-IncrementalMinimizer::Verdict IncrementalMinimizer::TryClaim() {
-  const Verdict solved = SolveBy(Status::Ok());
-  if (solved != Verdict::kGoOn) {
-    return solved == Verdict::kStuck ? Retreat(false) : solved;
-  }
-  return TakeStep(context_.summary->remaining_decrease, /*whole=*/true);
-}
-
-IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining, bool whole) {
+IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   // From here on the step under construction has entries: it is accepted or rejected below.
-  SelectActive(remaining, whole);
+  SelectActive(remaining);
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
@@ -270,8 +244,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining, b
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.
-  context_.row().refreshed = context_.relinearization.RefreshAged(
-      (trial_.is_needed() ? context_.tuning.stop.trial_share : 1.0) * context_.Tolerance());
+  context_.row().refreshed = context_.relinearization.RefreshAged(context_.Tolerance());
   if (context_.row().refreshed || context_.control.RelaxOnce()) {
     return Verdict::kGoOn;
   }
@@ -305,12 +278,12 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
 // leads elsewhere than a whole one: all of it moves. So it does if the user wants nothing
 // truncated.
-void IncrementalMinimizer::SelectActive(double remaining, bool whole) {
+void IncrementalMinimizer::SelectActive(double remaining) {
   UpdateSummary& summary = *context_.summary;
   const StageTimer timer(&summary.select_seconds);
   const double allowed = context_.stop.Allowed(context_.system.cost());
   const double truncation = context_.shares.truncation;
-  const bool all = whole || context_.mostly_new || truncation == 0.0;
+  const bool all = context_.mostly_new || truncation == 0.0;
   // B of docs/algorithms.md, "Lazy steps". The second term keeps small steps from being truncated
   // to nothing: that much may be left anyway. A negative budget moves all.
   const double budget =
@@ -332,7 +305,6 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   tolerances_.NoteStep(
       shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
-  trial_.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();

@@ -5,7 +5,6 @@
 
 #include "inceres/solver/incremental_options.h"
 #include "incremental/claim_in_words.h"
-#include "incremental/claim_trial.h"
 #include "incremental/earlier_factor.h"
 #include "incremental/frame_solve.h"
 #include "incremental/landmark_passes.h"
@@ -55,12 +54,9 @@ class IncrementalMinimizer {
   void FinishConverged();
   Verdict Iterate();
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
-  Verdict SolveBy(const Status& factored);
-  Verdict TakeStep(double remaining, bool whole);
+  Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
-  bool ClaimHolds();
-  Verdict TryClaim();
-  void SelectActive(double remaining, bool whole);
+  void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);
   Verdict Retreat(bool refreshed);
@@ -71,7 +67,6 @@ class IncrementalMinimizer {
   FrameSolve frame_solve_{&context_};
   StepAttempts attempts_{&context_, &frame_solve_.step()};
   EarlierFactor earlier_factor_{&context_, &frame_solve_};
-  ClaimTrial trial_{context_.tuning.stop};
   NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
   ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left

@@ -76,11 +76,6 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
   count("stop.stagnation", &tuning->stop.stagnation);
-  count("stop.trial_falls", &tuning->stop.trial_falls);
-  real("stop.trial_fall", &tuning->stop.trial_fall);
-  count("stop.trial_steps", &tuning->stop.trial_steps);
-  real("stop.trial_share", &tuning->stop.trial_share);
-  real("stop.nothing_share", &tuning->stop.nothing_share);
   real("stop.near_floor", &tuning->stop.near_floor);
   real("stop.fine_damping", &tuning->stop.fine_damping);
   real("relinearize.exact", &tuning->relinearize.exact);

@@ -31,16 +31,6 @@ struct Tuning {
     /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
     /// weak directions could gain.
     double near_floor = 100.0;
-    /// Times in a row that what is left has to fall, by this factor, and by steps that promise no
-    /// more than the tolerance and keep as much of that, before a claim counts that is tried.
-    int trial_falls = 2;
-    double trial_fall = 0.75;
-    /// Steps of a trial after which it need not have fallen, but no more may be left than before.
-    int trial_steps = 4;
-    /// Of the tolerance: what old Jacobians may err by there, as otherwise by all of it.
-    double trial_share = 0.1;
-    /// Of the tolerance: so little left needs no trial.
-    double nothing_share = 1e-5;
     /// Two dampings that differ by less than this factor are as good as the same.
     double fine_damping = 3.0;
   };

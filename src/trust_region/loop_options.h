@@ -20,11 +20,12 @@ enum class CeresRules {
   k22,
 };
 
-/// What a step is from, and what it leaves out.
+/// Where a step is from, what it leaves out, and how small it is.
 struct StepOrigin {
   double cost = 0.0;       ///< of the current state
-  double rounding = 0.0;   ///< how much of it rounding may be, by its frames (CostRounding)
   double held_back = 0.0;  ///< what TrustRegionStrategy::HeldBack says of the step
+  bool within_rounding =
+      false;  ///< it moves no variable by more than a few units in the last place
 };
 
 /// Whoever may end a solve for the promise of its steps.

@@ -5,7 +5,6 @@
 #include <limits>
 #include <numeric>
 
-#include "linearize/cost_rounding.h"
 #include "trust_region/loop_ends.h"
 #include "trust_region/observer_verdict.h"
 
@@ -74,20 +73,26 @@ bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvalua
   return true;
 }
 
-// At the current point, by its frames, or by its landmarks where no frame can move.
-double RoundingOfCost(const Evaluator& evaluator, const std::vector<double>& H_diagonal) {
+// Whether the step moves no variable by more than rounding may have moved it: operations on numbers
+// of full size that its values are taken to come of, times ε.
+bool IsWithinRounding(const Evaluator& evaluator, const std::vector<double>& step) {
+  constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
+  const auto larger = [](double largest, double entry) {
+    return std::max(largest, std::fabs(entry));
+  };
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
-  const double* const state = evaluator.points().current().data();
-  const int end = layout.num_frames > 0 ? layout.num_frames : layout.num_landmarks();
-  CostRounding rounding;
-  for (int v = 0; v < end; ++v) {
+  for (std::size_t v = 0; v < layout.variables.size(); ++v) {
     const VariableId id = layout.variables[v];
-    const double* const diagonal = H_diagonal.data() + layout.packed_offset[v];
-    rounding.Add(state + graph.StateOffset(id), graph.AmbientSize(id), layout.TangentSize(v),
-                 [diagonal](int k) { return diagonal[k]; });
+    const double* const x = evaluator.points().current().data() + graph.StateOffset(id);
+    const double size = std::accumulate(x, x + graph.AmbientSize(id), 0.0, larger);
+    const double moved = std::accumulate(step.begin() + layout.packed_offset[v],
+                                         step.begin() + layout.packed_offset[v + 1], 0.0, larger);
+    if (!(moved <= kRounding * size)) {
+      return false;
+    }
   }
-  return rounding.Get();
+  return true;
 }
 
 }  // namespace
@@ -192,9 +197,8 @@ void TrustRegionMinimizer::BeginIteration() {
 // A step that has a model decrease; false: the judge ends the solve without it.
 bool TrustRegionMinimizer::IsWorthTrying() {
   return loop_.judge == nullptr ||
-         loop_.judge->IsWorthTrying(iteration_,
-                                    {cost_, RoundingOfCost(evaluator_, model_.Diagonal()),
-                                     strategy_->HeldBack(model_, trial_.step())}) ||
+         loop_.judge->IsWorthTrying(iteration_, {cost_, strategy_->HeldBack(model_, trial_.step()),
+                                                 IsWithinRounding(evaluator_, trial_.step())}) ||
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 

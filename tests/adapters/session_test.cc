@@ -99,7 +99,7 @@ TEST(Session, TheSameStartIsSolvedAsWellAgain) {
   }
 }
 
-TEST(Session, AFailureReportsTheCostOfTheMemoryThatItLeaves) {
+TEST(Session, HoweverItEndsReportsTheCostOfTheMemoryThatItLeaves) {
   std::vector<double> x(200);
   for (std::size_t k = 0; k < x.size(); ++k) {
     x[k] = 1.5 + 0.001 * static_cast<double>(k);
@@ -112,7 +112,6 @@ TEST(Session, AFailureReportsTheCostOfTheMemoryThatItLeaves) {
   CeresSession session(testing::AlwaysIncremental());
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
-  bool has_failed = false;
   for (int solve = 0; solve < 4; ++solve) {
     x[3] = solve >= 2 ? 1.9 : x[3];
     ceres::Solver::Summary summary;
@@ -120,9 +119,7 @@ TEST(Session, AFailureReportsTheCostOfTheMemoryThatItLeaves) {
     double cost = 0.0;
     ASSERT_TRUE(problem.Evaluate({}, &cost, nullptr, nullptr, nullptr));
     EXPECT_NEAR(summary.final_cost, cost, 1e-9 * cost) << solve << summary.message;
-    has_failed |= summary.termination_type == ceres::FAILURE;
   }
-  EXPECT_TRUE(has_failed);
 }
 
 TEST(Session, ResetStartsFromNothing) {
@@ -208,6 +205,7 @@ TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
   tug.Solve();
   EXPECT_EQ(tug.session.summary.termination_type, ceres::FAILURE);
   EXPECT_FALSE(tug.session.summary.message.empty());
+  EXPECT_EQ(tug.session.summary.final_cost, tug.session.summary.initial_cost);
   EXPECT_EQ(tug.x, 7.0);
   tug.b.fails = false;
   tug.Solve();

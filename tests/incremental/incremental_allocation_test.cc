@@ -125,7 +125,6 @@ TEST_P(IncrementalAllocations, NothingInASlidingWindow) {
   IncrementalOptions options;
   const auto [reduced_solver, num_frames] = GetParam();
   options.reduced_solver = reduced_solver;
-  options.max_num_iterations = 200;  // from a saddle it is far to a minimum
   options.publish_snapshots = true;  // a copy for other threads costs no memory either
   SlidingWindow window(options, num_frames);
   for (int step = 0; step < 150; ++step) {

@@ -278,41 +278,5 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesIsSeenBeforeAClaim) {
   EXPECT_LE(summary.final_cost - 0.5, options.function_tolerance);
 }
 
-// Along x a saddle at 0, and minima at ±√½; y comes to its minimum by one step, which keeps its
-// promise and tells nothing of x.
-TEST(IncrementalTrust, AClaimNearASaddleIsTriedBySteps) {
-  IncrementalOptions options;
-  options.batch_share = 1.0;
-  options.max_num_iterations = 100;
-  IncrementalSolver solver(options);
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      3, std::vector<FactorFamily::Slot>{{2, 2}},
-      [](int, const double* const* p, double* f, double** J) {
-        const double x = p[0][0], y = p[0][1];
-        f[0] = 1.0 - x * x;
-        f[1] = x;
-        f[2] = 100.0 * (y - 1.0);
-        if (J != nullptr && J[0] != nullptr) {
-          const double rows[6] = {-2.0 * x, 0.0, 1.0, 0.0, 0.0, 100.0};
-          std::copy_n(rows, 6, J[0]);
-        }
-        return true;
-      }));
-  GraphEdit edit(solver.graph());
-  const double start[2] = {1e-4, 1.0 + 5e-6};
-  const VariableId id = edit.AddVariable(start, 2, Role::kFrame);
-  edit.AddFactor(family, 0, {id});
-  ASSERT_TRUE(solver.Apply(edit).ok());
-  EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
-  EXPECT_NEAR(solver.Values(id)[0], std::sqrt(0.5), 1e-2);
-
-  edit.Restart();
-  const double back[2] = {-1e-4, 1.0 + 5e-6};
-  edit.SetValues(id, back);
-  ASSERT_TRUE(solver.Apply(edit).ok());
-  EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
-  EXPECT_NEAR(solver.Values(id)[0], -std::sqrt(0.5), 1e-2);
-}
-
 }  // namespace
 }  // namespace inceres

@@ -103,7 +103,7 @@ TEST(OneTimeClaims, EndWhereTheCostIsRounding) {
   const UpdateSummary summary = SolvePlane(3, line, xy);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_LT(summary.final_cost, 1e-25);
-  EXPECT_LT(summary.num_iterations, 10) << summary.message;
+  EXPECT_LT(summary.num_iterations, 10) << summary.FullReport();
 }
 
 // Where x and y differ is 1e-10 times as stiff as their sum, and a constant keeps the tolerance

@@ -54,7 +54,7 @@ TEST(Tuning, IsTakenByTheNextSolver) {
     return bundle.solver.Update().num_evaluated_factors;
   };
   const auto usual = evaluations();
-  TuningOfNewSolvers().stop.share = TuningOfNewSolvers().stop.nothing_share = 1e6;
+  TuningOfNewSolvers().stop.share = 1e6;
   const auto sloppy = evaluations();
   TuningOfNewSolvers() = Tuning();
   EXPECT_LT(sloppy, usual);
