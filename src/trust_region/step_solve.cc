@@ -62,7 +62,9 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
   iteration->step_is_valid = promise > 0.0;
   if (iteration->step_is_valid) {
     iteration->model_cost_change = promise;
-    num_invalid_ = 0;
+    num_invalid_ = num_empty_ = 0;
+  } else if (promise <= 0.0) {
+    ++num_empty_;
   }
   return true;
 }
@@ -80,6 +82,12 @@ void StepSolve::Count(int num_solves, IterationSummary* iteration) {
 bool StepSolve::GoOnWithout() {
   // The limit itself is one too many.
   if (++num_invalid_ >= options_.max_num_consecutive_invalid_steps) {
+    // Rounding alone keeps the promise of a step from being positive, however it is damped. By
+    // Ceres's own rules the gradient's tolerance has ended the solve before.
+    if (loop_.judge != nullptr && num_empty_ == num_invalid_) {
+      return EndSolve(Termination::kConvergence, {"Steps promise no more than rounding."},
+                      &summary_);
+    }
     return EndSolve(Termination::kFailure,
                     {"Number of consecutive invalid steps more than "
                      "Solver::Options::max_num_consecutive_invalid_steps: ",

@@ -51,6 +51,7 @@ class StepSolve {
   StepTrial& trial_;
   Summary& summary_;
   int num_invalid_ = 0;
+  int num_empty_ = 0;  // of these, with a step that promises nothing
 };
 
 }  // namespace inceres::internal
