@@ -58,24 +58,11 @@ double SparseCholesky::PredictedBytes() const {
                                  sizeof(double));
 }
 
-// Everything is factored anew, whatever has changed.
+// Segment 0 is the one that all others come before. Everything is factored anew, whatever has
+// changed.
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
-  return FactorizeWith(A, nullptr);
-}
-
-// A front is substituted with while it is in the cache.
-Status SparseCholesky::FactorizeAndSolve(const ReducedMatrix& A, const double* b, double* x) {
-  const Status factored = FactorizeWith(A, b);
-  if (factored.ok()) {
-    SolveBackward(tree_.segments.front(), x);
-  }
-  return factored;
-}
-
-// Segment 0 is the one that all others come before.
-Status SparseCholesky::FactorizeWith(const ReducedMatrix& A, const double* b) {
   work_.factor_flops = tree_.flops;
-  return End(FactorSegment(0, A, b));
+  return End(FactorSegment(0, A));
 }
 
 // `failed`: the block of S at which there is no factor; or none.
@@ -96,9 +83,9 @@ void SparseCholesky::ForSegmentsBefore(const FrontSegment& segment, const Body& 
 // Children of another segment wait until their parent is opened. Those of the same segment may be
 // added as they come, where the plan says that keeping them would take more memory than the parent
 // itself.
-int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A, const double* b) {
+int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A) {
   const FrontSegment& segment = tree_.segments[index];
-  ForSegmentsBefore(segment, [&](int before) { FactorSegment(before, A, b); });
+  ForSegmentsBefore(segment, [&](int before) { FactorSegment(before, A); });
   // Each segment writes its own entry only; what came before is asked in the plan's order.
   int& failed = failed_[index];
   failed = FrontTree::kNone;
@@ -112,9 +99,6 @@ int SparseCholesky::FactorSegment(int index, const ReducedMatrix& A, const doubl
       Open(*f, A);
     }
     failed = Eliminate(*f);
-    if (b != nullptr && failed == FrontTree::kNone) {
-      SolveForward(*f, b);
-    }
     if (failed == FrontTree::kNone && tree_.IsTakenEarly(*f)) {
       const int parent = tree_.fronts[*f].parent;
       if (tree_.opened_by[parent] == *f) {

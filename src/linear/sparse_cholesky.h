@@ -30,7 +30,6 @@ class SparseCholesky final : public ReducedSolver {
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                double* x) override;
-  Status FactorizeAndSolve(const ReducedMatrix& A, const double* b, double* x) override;
   std::size_t Bytes() const override;
   /// A factor from elsewhere, of what was analyzed: fill(f, L), front by front, children first,
   /// writes the columns of the front's pivots, and returns the pivot that it fails at, or −1.
@@ -61,10 +60,8 @@ class SparseCholesky final : public ReducedSolver {
 
  private:
   Status End(int failed);
-  Status FactorizeWith(const ReducedMatrix& A, const double* b);
-  /// With b, unless that is null, substituted forwards. The block of S at which it fails; -1: it
-  /// does not.
-  int FactorSegment(int index, const ReducedMatrix& A, const double* b);
+  /// The block of S at which it fails; -1: it does not.
+  int FactorSegment(int index, const ReducedMatrix& A);
   void SolveForward(const FrontSegment& segment, const double* b);
   void SolveBackward(const FrontSegment& segment, double* x);
   void Open(int f, const ReducedMatrix& A);

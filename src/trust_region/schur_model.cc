@@ -68,8 +68,11 @@ Status PlainModel::SolveReduced(const double* S, const double* b, const double* 
   if (!reduced_solver_) {
     return Status::Ok();
   }
-  const Status solved =
-      reduced_solver_->FactorizeAndSolve(ReducedMatrix(plans_.pattern, S, damping), b, step);
+  // All rows count as changed.
+  Status solved = reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {});
+  if (solved.ok()) {
+    solved = reduced_solver_->Solve(b, {}, {}, step);
+  }
   clock_->Charge(&seconds_->factorization);
   return solved;
 }

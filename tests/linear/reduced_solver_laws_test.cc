@@ -40,9 +40,6 @@ class ReducedSolverLaws : public testing::TestWithParam<SolverCase> {
       ASSERT_TRUE(solver_->Solve(b.data(), {}, {}, x.data()).ok());
       EXPECT_LT(test::RelativeError(x, llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), n))),
                 1e-11);
-      Eigen::VectorXd together = Eigen::VectorXd::Constant(n, 55.0);
-      ASSERT_TRUE(solver_->FactorizeAndSolve(system.Matrix(), b.data(), together.data()).ok());
-      EXPECT_EQ(together, x);
     }
   }
 

@@ -75,13 +75,6 @@ class INCERES_EXPORT ReducedSolver {
   virtual Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                        double* x) = 0;
 
-  /// Factorize with all of A changed, then Solve with all of b: for who has b by then. A solver may
-  /// take b along while it factors, and so read its factor once less; the result is the same.
-  virtual Status FactorizeAndSolve(const ReducedMatrix& A, const double* b, double* x) {
-    const Status factored = Factorize(A, {});
-    return factored.ok() ? Solve(b, {}, {}, x) : factored;
-  }
-
   /// What the last Factorize and the last Solve did.
   const Work& work() const { return work_; }
 
