@@ -136,8 +136,7 @@ StepCosts Predict(const std::string& file, const FactorGraph& graph) {
   const inceres::internal::SceneShape::Sample sample = scene.TakeSample();
   std::printf(
       "\n%s: %.0f unknowns, fill %.3f, length %d; millions of numbers that a product reads %.3f, "
-      "of "
-      "products %.3f, of their flops %.1f; writes a product %.3f\n",
+      "of products %.3f, of their flops %.1f; writes a product %.3f\n",
       file.c_str(), scene.size(), sample.fill, scene.Length(), 1e-6 * scene.numbers_read(),
       1e-6 * scene.num_products(), 1e-6 * scene.product_flops(), sample.writes_per_product);
   return PredictSteps(evaluator);

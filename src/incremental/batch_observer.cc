@@ -91,6 +91,8 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
     cost_ = iteration.cost;
     best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
   }
+  double& long_ago = last_costs_[static_cast<std::size_t>(iteration.iteration % kPaceIterations)];
+  gained_lately_ = std::exchange(long_ago, cost_) - cost_;
   num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
   WaitAfterRefusal(iteration);
   // What landmarks gained by themselves says nothing of the model.
@@ -147,14 +149,12 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
 }
 
 // Where Marquardt's rule is to go on: the strategy that was asked for has had its iterations, and
-// is not so fast that at its pace all of the cost would be gone within those that are left.
-bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) {
-  double& pace = paces_[static_cast<std::size_t>(iteration.iteration % kPace)];
-  const double gained = std::exchange(pace, cost_) - cost_;
-  const int num_left = options_.max_num_iterations - iteration.iteration;
+// is not on its way to an end by those that are left.
+bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) const {
   return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && !IsByMarquardt() &&
          iteration.iteration >= tuning_.patience &&
-         !(gained * num_left >= kPace * (cost_ - options_.fixed_cost));
+         !IsOnItsWay(gained_lately_, cost_ - options_.fixed_cost,
+                     options_.max_num_iterations - iteration.iteration);
 }
 
 // On request, or all evaluations are made.

@@ -8,6 +8,7 @@
 
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_options.h"
+#include "incremental/descent_pace.h"
 #include "incremental/stagnation.h"
 #include "incremental/tuning.h"
 #include "incremental/update_trace.h"
@@ -84,8 +85,6 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // Steps taken one after another, after which a Dog-Leg's radius is no longer what a refusal has
   // made it.
   static constexpr int kAcceptedInRow = 2;
-  // Iterations that a descent's pace is taken from.
-  static constexpr int kPace = 10;
 
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
@@ -117,7 +116,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
   bool HasSpentBudget() const;
-  bool IsOutOfPatience(const IterationSummary& iteration);
+  bool IsOutOfPatience(const IterationSummary& iteration) const;
   void WriteRow(const IterationSummary& iteration);
 
   const IncrementalOptions& options_;
@@ -127,10 +126,11 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   const int num_factors_;
   const double** const shown_state_;
   UpdateTrace& trace_;
-  double cost_ = 0.0;                  // of the state
-  std::array<double, kPace> paces_{};  // cost_ after each of the last iterations
-  double best_cost_ = 0.0;      // of a state there was, since the cost became another function
-  double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
+  double cost_ = 0.0;       // of the state
+  double best_cost_ = 0.0;  // of a state there was, since the cost became another function
+  std::array<double, kPaceIterations> last_costs_{};  // cost_ after each of the last iterations
+  double gained_lately_ = 0.0;                        // by all of these
+  double previous_gain_ = 0.0;                        // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
   double tried_radius_ = 0.0;     // of the step under judgment

@@ -138,8 +138,8 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
     batch.function_tolerance *=
         end == BatchEnd::kToTheEnd ? tuning.no_gain_share : tuning.settled_share;
   }
-  // Of a cost next to zero nearly all may be left where the gradient is below any constant: Ceres's
-  // default is not taken, and the user's own if he has set one.
+  // Of a cost next to zero nearly all may be left where the gradient is below Ceres's default, or
+  // any constant: it ends a solve where the user says so.
   batch.gradient_tolerance = only ? std::max(batch.gradient_tolerance, options.gradient_tolerance)
                                   : options.gradient_tolerance;
   batch.parameter_tolerance = options.parameter_tolerance;
@@ -183,7 +183,7 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     if (summary->message.empty()) {
       ClaimInWords words;
       words.SayLittleLeft(observer.rest(), summary->final_cost, options.function_tolerance);
-      words.WriteTo(&summary->message);
+      summary->message = words.text();
     }
     return {Termination::kConvergence, true};
   }

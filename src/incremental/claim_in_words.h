@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdarg>
-#include <cstddef>
 #include <cstdio>
 #include <string>
 
@@ -26,20 +25,13 @@ class ClaimInWords {
   /// would hold.
   void SayLittleLeft(double left, double cost, double function_tolerance) {
     const double share = cost > 0.0 && left > 0.0 ? left / cost : 0.0;
-    const Scientific left_in_words(share), allowed(function_tolerance);
-    if (share <= function_tolerance) {
-      Say("Function tolerance reached. |cost_change|/cost: %s <= %s", left_in_words.text(),
-          allowed.text());
-    } else {
-      Say("What is left undone is below the rounding of the cost. |cost_change|/cost: %s > %s",
-          left_in_words.text(), allowed.text());
-    }
+    Say(share <= function_tolerance
+            ? "Function tolerance reached. |cost_change|/cost: %s <= %s"
+            : "What is left undone is below the rounding of the cost. |cost_change|/cost: %s > %s",
+        Scientific(share).text(), Scientific(function_tolerance).text());
   }
-  /// Into a message that has room for whatever is said, from the first time on.
-  void WriteTo(std::string* message) const {
-    message->reserve(sizeof(text_));
-    *message = text_;
-  }
+  /// For whatever is said, from the first time on.
+  void MakeRoomIn(std::string* message) const { message->reserve(sizeof(text_)); }
 
  private:
   char text_[200] = "";

@@ -104,7 +104,7 @@ void IncrementalMinimizer::FinishConverged() {
     words_.SayLittleLeft(context_.summary->remaining_decrease, cost,
                          context_.options.function_tolerance);
   }
-  words_.WriteTo(&context_.summary->message);
+  words_.MakeRoomIn(&context_.summary->message);
   context_.Finish(Termination::kConvergence, words_.text());
 }
 

@@ -468,22 +468,23 @@ Status FindSymbolicFactor(const BlockPattern& pattern, bool may_dissect, Symboli
   }
   EliminationTree tree(pattern, order);
   const int num_blocks = pattern.num_blocks();
+  const double flops = tree.Flops();
   const auto take_parts = [&](int smallest_cut) {
     if (!pattern.groups.empty() || !OrderByParts(pattern, smallest_cut, &order)) {
       return false;
     }
     EliminationTree parts(pattern, order);
-    factor->dissected = parts.Flops() < kWorthOfHalves * tree.Flops();
+    factor->dissected = parts.Flops() < kWorthOfHalves * flops;
     if (factor->dissected) {
       parts.FindFronts(factor);
     }
     return factor->dissected;
   };
   const auto num_entries = static_cast<double>(pattern.columns.size());
-  const bool is_dear = tree.Flops() >= kFlopsPerBlockForParts * num_entries;
+  const bool is_dear = flops >= kFlopsPerBlockForParts * num_entries;
   const bool takes_parts =
       (is_dear && num_blocks > kSmallestCut && take_parts(kSmallestCut)) ||
-      (may_dissect && tree.Flops() >= kMinFlopsForDissection && take_parts(num_blocks - 1));
+      (may_dissect && flops >= kMinFlopsForDissection && take_parts(num_blocks - 1));
   if (!takes_parts) {
     tree.FindFronts(factor);
   }

@@ -70,7 +70,10 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   }
 }
 
-bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id) {
+bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id) {
+  if (!Linearization::MayHaveStrips(graph.NumFactors(id))) {
+    return false;
+  }
   std::vector<char> is_over(graph.num_variables(), 0);
   VariableId last = -1;
   for (int i = 0; i < graph.NumFactors(id); ++i) {
@@ -81,22 +84,21 @@ bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id) {
       continue;
     }
     if (is_over[landmark] != 0) {
-      return false;
+      return true;
     }
     if (last >= 0) {
       is_over[last] = 1;
     }
     last = landmark;
   }
-  return true;
+  return false;
 }
 
 std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
                                             FamilyId id) {
   const int num_factors = graph.NumFactors(id);
   const int num_landmarks = layout.num_landmarks();
-  if (num_landmarks == 0 || !Linearization::MayHaveStrips(num_factors) ||
-      LandmarksLieTogether(graph, id)) {
+  if (num_landmarks == 0 || !HasRecordsByLandmark(graph, id)) {
     return {};
   }
   // The factors of one landmark stay in the family's order, and with them the sums over them.

@@ -19,13 +19,13 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 /// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
 void PlaceWholeRows(const Layout& layout, Linearization* cache);
 
-/// Whether the factors of each landmark that moves are neighbors in the family, but for factors
-/// without one between them.
-bool LandmarksLieTogether(const FactorGraph& graph, FamilyId id);
+/// Whether a family that is stored by factor has its records in an order of their own, where
+/// landmarks are eliminated: where factors of a landmark that moves are not neighbors, but for
+/// those without one between them, and not of small families, which stay in the cache.
+bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id);
 
 /// Linearization::records in the order of landmarks, each factor with the first that it touches and
-/// those without any last: passes over J go from landmark to landmark. Empty where none are
-/// eliminated, where they lie together, and of small families, which stay in the cache.
+/// those without any last: passes over J go from landmark to landmark. Empty where there are none.
 std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
                                             FamilyId id);
 

@@ -68,9 +68,7 @@ std::int64_t BytesOfJacobians(const FactorGraph& graph, FamilyId id, JacobianSto
   const std::int64_t in_double = kDouble * PadToQuad(static_cast<int>(entries));
   const bool in_single = storage == JacobianStorage::kByFactorInSingle &&
                          Linearization::MayKeepSingles(family, graph.NumFactors(id));
-  const bool has_records = IsByFactor(storage) &&
-                           Linearization::MayHaveStrips(graph.NumFactors(id)) &&
-                           !LandmarksLieTogether(graph, id);
+  const bool has_records = IsByFactor(storage) && HasRecordsByLandmark(graph, id);
   std::int64_t bytes = num_places * in_double / (in_single ? 2 : 1);
   if (in_single || has_records) {
     bytes += Linearization::kStripSize * in_double;

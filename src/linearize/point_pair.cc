@@ -54,9 +54,12 @@ void PointPair::BuildTangents() {
   for (VariableId id = 0; id < graph_->num_variables(); ++id) {
     if (!is_curved(id)) {
       const bool moves = layout_.position[id] >= 0;
-      Tangent& flat = flat_[{graph_->AmbientSize(id), graph_->TangentSize(id), moves}];
-      flat.Set(*graph_, id, /*wanted=*/moves);  // the same each time
-      maps_[id] = &flat.map();
+      const auto [flat, is_new] =
+          flat_.try_emplace({graph_->AmbientSize(id), graph_->TangentSize(id), moves});
+      if (is_new) {
+        flat->second.Set(*graph_, id, /*wanted=*/moves);
+      }
+      maps_[id] = &flat->second.map();
     }
   }
   std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),

@@ -24,8 +24,8 @@ enum class CeresRules {
 struct StepOrigin {
   double cost = 0.0;       ///< of the current state
   double held_back = 0.0;  ///< what TrustRegionStrategy::HeldBack says of the step
-  bool within_rounding =
-      false;  ///< it moves no variable by more than a few units in the last place
+  /// it moves no variable by more than a few units in the last place
+  bool within_rounding = false;
 };
 
 /// Whoever may end a solve for the promise of its steps.

@@ -82,8 +82,8 @@ void StepSolve::Count(int num_solves, IterationSummary* iteration) {
 bool StepSolve::GoOnWithout() {
   // The limit itself is one too many.
   if (++num_invalid_ >= options_.max_num_consecutive_invalid_steps) {
-    // Rounding alone keeps the promise of a step from being positive, however it is damped. By
-    // Ceres's own rules the gradient's tolerance has ended the solve before.
+    // A step with whatever damping promises something but for rounding. By Ceres's own rules the
+    // gradient's tolerance has ended the solve before.
     if (loop_.judge != nullptr && num_empty_ == num_invalid_) {
       return EndSolve(Termination::kConvergence, {"Steps promise no more than rounding."},
                       &summary_);

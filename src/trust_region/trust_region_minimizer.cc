@@ -53,6 +53,12 @@ ObserverAction AskObservers(const SolverOptions& options, const IterationSummary
              : action;
 }
 
+double MaxNorm(const double* begin, const double* end) {
+  return std::accumulate(begin, end, 0.0, [](double largest, double entry) {
+    return std::max(largest, std::fabs(entry));
+  });
+}
+
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
 // space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
 // Where residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it
@@ -66,9 +72,7 @@ bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvalua
   }
   iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
   if (by_entries && iteration->gradient_max_norm == 0.0) {
-    iteration->gradient_max_norm = std::accumulate(
-        g.begin(), g.end(), 0.0,
-        [](double largest, double entry) { return std::max(largest, std::fabs(entry)); });
+    iteration->gradient_max_norm = MaxNorm(g.data(), g.data() + g.size());
   }
   return true;
 }
@@ -77,18 +81,14 @@ bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvalua
 // of full size that its values are taken to come of, times ε.
 bool IsWithinRounding(const Evaluator& evaluator, const std::vector<double>& step) {
   constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
-  const auto larger = [](double largest, double entry) {
-    return std::max(largest, std::fabs(entry));
-  };
   const Layout& layout = evaluator.layout();
   const FactorGraph& graph = evaluator.graph();
   for (std::size_t v = 0; v < layout.variables.size(); ++v) {
     const VariableId id = layout.variables[v];
     const double* const x = evaluator.points().current().data() + graph.StateOffset(id);
-    const double size = std::accumulate(x, x + graph.AmbientSize(id), 0.0, larger);
-    const double moved = std::accumulate(step.begin() + layout.packed_offset[v],
-                                         step.begin() + layout.packed_offset[v + 1], 0.0, larger);
-    if (!(moved <= kRounding * size)) {
+    const double moved =
+        MaxNorm(step.data() + layout.packed_offset[v], step.data() + layout.packed_offset[v + 1]);
+    if (!(moved <= kRounding * MaxNorm(x, x + graph.AmbientSize(id)))) {
       return false;
     }
   }

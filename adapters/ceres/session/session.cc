@@ -20,6 +20,7 @@
 #include "adapters/ceres/session/incremental_solve.h"
 #include "adapters/ceres/session/mode_choice.h"
 #include "adapters/ceres/session/window_watch.h"
+#include "src/incremental/descent_pace.h"
 
 namespace inceres {
 
@@ -33,21 +34,19 @@ std::int64_t NumEvaluations(const UpdateSummary& update) {
   return update.num_evaluated_factors + update.num_relinearized_factors;
 }
 
-// Whether the last iterations have come down so fast that at their pace all of the cost would be
-// gone within those that are left.
 bool IsOnItsWay(const ceres::Solver::Summary& summary, int iterations_left) {
-  constexpr std::ptrdiff_t kPace = 10;
   const auto& iterations = summary.iterations;
-  if (static_cast<std::ptrdiff_t>(iterations.size()) <= kPace) {
+  if (static_cast<int>(iterations.size()) <= internal::kPaceIterations) {
     return false;
   }
   const auto lower = [](double cost, const ceres::IterationSummary& iteration) {
     return iteration.step_is_successful ? std::min(cost, iteration.cost) : cost;
   };
   const double before =
-      std::accumulate(iterations.begin(), iterations.end() - kPace, summary.initial_cost, lower);
+      std::accumulate(iterations.begin(), iterations.end() - internal::kPaceIterations,
+                      summary.initial_cost, lower);
   const double now = summary.final_cost;
-  return (before - now) * iterations_left >= kPace * (now - summary.fixed_cost);
+  return internal::IsOnItsWay(before - now, now - summary.fixed_cost, iterations_left);
 }
 
 }  // namespace

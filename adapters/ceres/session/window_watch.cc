@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <functional>
 
+#include "adapters/ceres/read/index.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -21,9 +23,9 @@ void Mix(std::size_t* hash, std::size_t value) {
   *hash ^= value + 0x9e3779b97f4a7c15U + (*hash << 6) + (*hash >> 2);
 }
 
-std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
-  const auto r = static_cast<std::size_t>(&residual - view.residuals.data());
-  std::size_t hash = std::hash<const void*>()(view.ids[r]);
+std::size_t HashOf(const ProblemView& view, int r) {
+  const ResidualBlockView& residual = view.residuals[At(r)];
+  std::size_t hash = std::hash<const void*>()(view.ids[At(r)]);
   Mix(&hash, std::hash<const void*>()(residual.cost));
   for (int s = 0; s < residual.num_slots; ++s) {
     Mix(&hash, std::hash<const void*>()(view.block(view.SlotsOf(residual)[s]).values));
@@ -78,13 +80,14 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
   std::sort(states_now_.begin(), states_now_.end());
   links_now_.clear();
   bool has_new_link = false;
-  for (const ResidualBlockView& residual : view.residuals) {
+  for (const int r : view.moving) {
+    const ResidualBlockView& residual = view.residuals[At(r)];
     const int* slots = view.SlotsOf(residual);
-    if (residual.fixed || !std::all_of(slots, slots + residual.num_slots,
-                                       [&](int b) { return is_state(view.block(b)); })) {
+    if (!std::all_of(slots, slots + residual.num_slots,
+                     [&](int b) { return is_state(view.block(b)); })) {
       continue;
     }
-    links_now_.push_back(HashOf(view, residual));
+    links_now_.push_back(HashOf(view, r));
     const bool all_old = std::all_of(slots, slots + residual.num_slots, [&](int b) {
       return std::binary_search(states_.begin(), states_.end(), view.block(b).values);
     });
