@@ -180,23 +180,38 @@ double DampingShareOf(const IncrementalSchur& schur, int l) {
   return share;
 }
 
-// Of a landmark: whether the damping alone would nearly give its variance. Of a frame, which may
-// have come since the weakest direction was looked for: the same, or rounding.
+// Of a frame whose variances begin at this place: whether they are those that damping alone, or
+// rounding, would leave. It may have come since the weakest direction was looked for. `floor`:
+// μ and what counts as open.
+Status CheckFrame(const LiveSource& source, VariableId id, int begin, double floor,
+                  const Eigen::MatrixXd& joint) {
+  const IncrementalSchur& schur = source.system.schur();
+  const int row = source.system.FrameOf(id);
+  for (int j = 0; j < schur.frames()[row].size; ++j) {
+    // v D_jj (μ + open) < 1: a variance that damping alone would leave is 1 / (μ D_jj). Also
+    // false of a NaN.
+    if (!(joint(begin + j, begin + j) * schur.FrameDiagonal(row)[j] * floor < 1.0)) {
+      return NotDetermined(id, kFree);
+    }
+  }
+  return Status::Ok();
+}
+
+// Of a landmark: whether the damping alone would nearly give its variance.
 Status CheckVariances(const LiveSource& source, const Inverse& inverse, const LiveColumns& columns,
                       const std::vector<VariableId>& ids, const Eigen::MatrixXd& joint) {
   const IncrementalSchur& schur = source.system.schur();
   for (std::size_t k = 0; k < ids.size(); ++k) {
-    const int frame = source.system.FrameOf(ids[k]);
-    if (frame < 0 && DampingShareOf(schur, source.system.LandmarkOf(ids[k])) > kMostDampingError) {
-      return NotDetermined(ids[k], kFewViews);
-    }
-    for (int j = 0; frame >= 0 && j < schur.frames()[frame].size; ++j) {
-      const int at = columns.offsets()[k] + j;
-      // v D_jj (μ + open) < 1: a variance that damping alone would leave is 1 / (μ D_jj). Also
-      // false of a NaN.
-      if (!(joint(at, at) * schur.FrameDiagonal(frame)[j] * (inverse.mu + inverse.open) < 1.0)) {
-        return NotDetermined(ids[k], kFree);
+    if (source.system.FrameOf(ids[k]) < 0) {
+      if (DampingShareOf(schur, source.system.LandmarkOf(ids[k])) > kMostDampingError) {
+        return NotDetermined(ids[k], kFewViews);
       }
+      continue;
+    }
+    const Status checked =
+        CheckFrame(source, ids[k], columns.offsets()[k], inverse.mu + inverse.open, joint);
+    if (!checked.ok()) {
+      return checked;
     }
   }
   return Status::Ok();
@@ -223,12 +238,11 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
 }
 
 // `whole`: nothing of S waits to be factored, as the weakest direction is looked for by solves.
-Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids, bool whole,
-                FactorStaleness* staleness, Eigen::MatrixXd* joint) {
+Status FollowUndamped(const LiveSource& source, const std::vector<VariableId>& ids, bool whole,
+                      FactorStaleness* staleness, Eigen::MatrixXd* joint) {
   Status status = Status::Ok();
   if (source.system.schur().size() > 0) {
-    status =
-        source.undamped->Follow(&source.system.schur(), whole, &staleness->num_factored_frames);
+    status = source.undamped->Follow(source.system.schur(), whole, &staleness->num_factored_frames);
   }
   if (status.code == StatusCode::kSingular) {
     status.message.insert(
@@ -241,8 +255,27 @@ Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids, bo
                        staleness, joint)
           : status;
   return status.code == StatusCode::kUnavailable && !whole
-             ? Undamped(source, ids, /*whole=*/true, staleness, joint)
+             ? FollowUndamped(source, ids, /*whole=*/true, staleness, joint)
              : status;
+}
+
+// One frame is often the newest, whose marginal may be known without a factor.
+Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
+                FactorStaleness* staleness, Eigen::MatrixXd* joint) {
+  UndampedFactor& undamped = *source.undamped;
+  undamped.NoteChanges(&source.system.schur());
+  const int row = ids.size() == 1 ? source.system.FrameOf(ids[0]) : -1;
+  const bool knows_weakest = KnowsWeakest(source);
+  if (row >= 0 && knows_weakest && source.weakest->eigenvalue > kNoCurvature &&
+      undamped.KnowsMarginalOf(row)) {
+    *joint = undamped.marginal();
+    return CheckFrame(source, ids[0], 0, kNoCurvature, *joint);
+  }
+  const Status status = FollowUndamped(source, ids, !knows_weakest, staleness, joint);
+  if (status.ok() && row >= 0) {
+    undamped.Remember(source.system.schur(), row, *joint);
+  }
+  return status;
 }
 
 Status AsFactored(const LiveSource& source, const std::vector<VariableId>& ids,
@@ -329,7 +362,7 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
     }
     Eigen::MatrixXd joint;
     status = options.accuracy == CovarianceAccuracy::kUndamped
-                 ? Undamped(source, moving, !KnowsWeakest(source), &staleness, &joint)
+                 ? Undamped(source, moving, &staleness, &joint)
                  : AsFactored(source, moving, options, &staleness, &joint);
     if (status.ok()) {
       Place(source, joint, covariance);

@@ -51,20 +51,41 @@ bool UndampedFactor::MayWait(const IncrementalSchur& schur) {
          pending_.TakeUp(schur.S(), tree_, waiting_);
 }
 
-Status UndampedFactor::Follow(IncrementalSchur* schur, bool whole, int* num_factored) {
-  *num_factored = 0;
-  schur->changes().TakeUninverted(&changed_);
-  if (!changed_.empty()) {
-    std::vector<std::int32_t> before;
-    before.swap(waiting_);
-    std::set_union(before.begin(), before.end(), changed_.begin(), changed_.end(),
-                   std::back_inserter(waiting_));
+void UndampedFactor::NoteChanges(IncrementalSchur* schur) {
+  schur->changes().TakeUninverted(&scratch_);
+  if (scratch_.empty()) {
+    return;
   }
-  // What waits was taken up by the call that saw it change.
-  if (!is_new_ && (waiting_.empty() || (!whole && (changed_.empty() || MayWait(*schur))))) {
+  changed_.swap(scratch_);
+  scratch_.clear();
+  std::set_union(waiting_.begin(), waiting_.end(), changed_.begin(), changed_.end(),
+                 std::back_inserter(scratch_));
+  waiting_.swap(scratch_);
+  is_taken_up_ = false;
+  if (std::any_of(changed_.begin(), changed_.end(),
+                  [&](std::int32_t row) { return IsLeftOut(schur->frames()[row]); })) {
+    tip_.Forget();
+  }
+  tip_.Follow(schur->S(), changed_);
+}
+
+// Of what has just changed the row that came last is the one that the next is likely to be coupled
+// to.
+void UndampedFactor::Remember(const IncrementalSchur& schur, int row,
+                              const Eigen::MatrixXd& marginal) {
+  if (!changed_.empty() && changed_.back() == row) {
+    tip_.Set(schur.S(), row, marginal);
+  }
+}
+
+Status UndampedFactor::Follow(const IncrementalSchur& schur, bool whole, int* num_factored) {
+  *num_factored = 0;
+  if (!is_new_ && (waiting_.empty() || (!whole && (is_taken_up_ || MayWait(schur))))) {
+    is_taken_up_ = true;
     return factored_;
   }
-  factored_ = Factorize(*schur);
+  factored_ = Factorize(schur);
+  is_taken_up_ = true;
   *num_factored = tree_.work().factored_rows;
   return factored_;
 }
