@@ -3,6 +3,7 @@
 #include "linear/automatic_solver.h"
 #include "linear/dense_cholesky.h"
 #include "linear/lagged_pcg.h"
+#include "linear/path_cholesky.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
@@ -38,6 +39,9 @@ std::vector<int> EliminationOrderOf(const ReducedSolver& solver) {
   }
   if (const auto* sparse = dynamic_cast<const SparseCholesky*>(&solver)) {
     return sparse->tree().order;
+  }
+  if (const auto* paths = dynamic_cast<const PathCholesky*>(&solver)) {
+    return paths->order();
   }
   // Its preconditioner is such a factor.
   const auto* iterative = dynamic_cast<const LaggedPcg*>(&solver);

@@ -5,6 +5,7 @@
 #include "linear/automatic_solver.h"
 #include "linear/dense_cholesky.h"
 #include "linear/lagged_pcg.h"
+#include "linear/path_cholesky.h"
 #include "linear/reduced_prediction.h"
 #include "linear/resumed_solver.h"
 #include "linear/sparse_cholesky.h"
@@ -45,10 +46,22 @@ Direct Make(const BlockPattern& pattern, const Executor& executor, Status* statu
   return {std::move(solver), flops, entries};
 }
 
+// Paths first where S has many, and nobody has said in which order.
+Direct MakeSparse(const BlockPattern& pattern, const Executor& executor, Status* status) {
+  BlockPaths paths = pattern.groups.empty() ? FindBlockPaths(pattern) : BlockPaths();
+  if (!AreWorthEliminating(paths)) {
+    return Make<SparseCholesky>(pattern, executor, status);
+  }
+  auto solver = std::make_unique<PathCholesky>(executor);
+  *status = solver->Analyze(pattern, std::move(paths));
+  const double flops = solver->PredictedFlops(), entries = solver->PredictedEntries();
+  return {std::move(solver), flops, entries};
+}
+
 Direct MakeCheaper(const BlockPattern& pattern, const Executor& executor, Status* status) {
   const bool dense = IsSolvedDensely(pattern.size(), FillOf(pattern));
   return dense ? Make<DenseCholesky>(pattern, executor, status)
-               : Make<SparseCholesky>(pattern, executor, status);
+               : MakeSparse(pattern, executor, status);
 }
 
 // An iteration reads S once and the factor twice.
@@ -82,7 +95,7 @@ std::unique_ptr<ReducedSolver> MakeReducedSolver(ReducedSolverKind kind,
     case ReducedSolverKind::kDense:
       return Make<DenseCholesky>(pattern, executor, status).solver;
     case ReducedSolverKind::kSparse:
-      return Make<SparseCholesky>(pattern, executor, status).solver;
+      return MakeSparse(pattern, executor, status).solver;
     case ReducedSolverKind::kAutomatic:
     case ReducedSolverKind::kResumed:  // SolverOptions::Validate refuses it
       return MakeCheaper(pattern, executor, status).solver;

@@ -67,6 +67,7 @@ Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/
 
 // `failed`: the block of S at which there is no factor; or none.
 Status SparseCholesky::End(int failed) {
+  failed_at_ = failed;
   factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(failed);
   return factored_;
 }

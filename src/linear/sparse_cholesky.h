@@ -43,6 +43,8 @@ class SparseCholesky final : public ReducedSolver {
     return End(failed);
   }
 
+  /// The block of S at which the last factorization failed; -1: it did not.
+  int failed() const { return failed_at_; }
   /// Flops of one factorization.
   double PredictedFlops() const { return tree_.flops; }
   /// Entries of the factor.
@@ -87,6 +89,7 @@ class SparseCholesky final : public ReducedSolver {
   const BlockPattern* pattern_ = nullptr;
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   FrontTree tree_;
+  int failed_at_ = FrontTree::kNone;
   std::vector<int> failed_;        // per segment: block of S; -1: none
   ZeroedArray L_;                  // the pivots' columns of every front
   ZeroedArray updates_;            // those that do not wait at the same time share memory

@@ -45,6 +45,9 @@ struct SmallProducts {
   int depth = 0;
 };
 
+/// Largest block of a path of tiles.
+constexpr int kMostTileScalars = 8;
+
 /// Inner loops of small blocks, such as those of poses, where what is around a product would take
 /// longer than the product. As Kernels, one table an instruction set; each gives the bits of those
 /// kernels of its set that it stands for.
@@ -60,6 +63,21 @@ struct SmallKernels {
   /// C, 3 × 3 without padding, and the three entries of y unless that is null, written and not
   /// added to: what accumulate_products and accumulate_vectors would make of zeros.
   void (*sum_products_of_three)(const SmallProducts& products, double* C, double* y);
+
+  /// L Lᵀ of a path of blocks of `size` ≤ kMostTileScalars, each coupled to the next one and, once
+  /// those before it are eliminated, to one more, the anchor. A tile has the columns of a block: a
+  /// section of padded `size` rows for the block itself, one for the anchor, one for the next
+  /// block; they follow each other. Behind the last there is one more, of what comes after the
+  /// path: its own section and the anchor's lose what the path contributes there; and so does the
+  /// anchor's own block, one section a column, unless it is null. In L's own blocks the diagonal has
+  /// reciprocals, and above it is anything. The scalar that is not positive and finite; -1: none.
+  int (*eliminate_path)(int size, int count, double* tiles, double* anchor_square);
+  /// y := L⁻¹ y of a path, one section a block; the section behind them, and the anchor's, lose
+  /// what it contributes to them. Padding is zero.
+  void (*solve_path_forward)(int size, int count, const double* tiles, double* y, double* anchor);
+  /// y := L⁻ᵀ y, where the section behind the path and the anchor's have their solution already.
+  void (*solve_path_backward)(int size, int count, const double* tiles, const double* anchor,
+                              double* y);
 };
 
 /// The table of an instruction set, or null where KernelsFor is.

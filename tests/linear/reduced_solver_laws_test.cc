@@ -10,6 +10,7 @@
 
 #include "linear/dense_cholesky.h"
 #include "linear/eigen_ldlt_solver.h"
+#include "linear/path_cholesky.h"
 #include "linear/random_system.h"
 #include "linear/sparse_cholesky.h"
 #include "support/dense_oracle.h"
@@ -163,6 +164,10 @@ INSTANTIATE_TEST_SUITE_P(
                     SolverCase{"SparseCholesky",
                                [](const Executor& executor) {
                                  return std::make_unique<SparseCholesky>(executor);
+                               }},
+                    SolverCase{"PathCholesky",
+                               [](const Executor& executor) {
+                                 return std::make_unique<PathCholesky>(executor);
                                }},
                     SolverCase{
                         "EigenLdlt",

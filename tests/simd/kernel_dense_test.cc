@@ -1,5 +1,7 @@
 // The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as
 // it was.
+#include <cmath>
+
 #include "simd/kernel_fixture.h"
 
 namespace inceres::internal {
@@ -207,6 +209,133 @@ TEST_P(DenseKernels, ColumnProductsForOddSizes) {
           << rows << " x " << columns;
       EXPECT_NEAR(actual.squared_norm, expected.squared_norm, tolerance)
           << rows << " x " << columns;
+    }
+  }
+}
+
+// A path of blocks with an anchor, and what comes after it, as a dense matrix: path, next, anchor.
+class DensePath {
+ public:
+  DensePath(int size, int count, test::Random* random)
+      : size_(size), count_(count), dense_((count + 2) * size, (count + 2) * size, random) {
+    for (int c = 0; c < dense_.columns; ++c) {
+      for (int r = 0; r < dense_.rows; ++r) {
+        const int i = std::max(r / size, c / size), j = std::min(r / size, c / size);
+        // Neighbors, and the first with the anchor; what is behind the path begins with zeros.
+        const bool is_there =
+            i < count ? i - j <= 1 : j < count && (i == count ? j == count - 1 : j == 0);
+        dense_(r, c) = !is_there ? 0.0 : r == c ? 8.0 + size : 0.5 * random->Unit();
+        if (r < c) {
+          dense_(c, r) = dense_(r, c);
+        }
+      }
+    }
+  }
+
+  AlignedVector<double> Tiles() const {
+    AlignedVector<double> tiles(static_cast<std::size_t>((count_ + 1) * TileSize()), 0.0);
+    for (int t = 0; t < count_; ++t) {
+      for (int c = 0; c < size_; ++c) {
+        for (int r = 0; r < size_; ++r) {
+          Tile(&tiles, t, 0, r, c) = dense_(t * size_ + r, t * size_ + c);
+          Tile(&tiles, t, 1, r, c) = dense_((count_ + 1) * size_ + r, t * size_ + c);
+          Tile(&tiles, t, 2, r, c) = dense_((t + 1) * size_ + r, t * size_ + c);
+        }
+      }
+    }
+    return tiles;
+  }
+  double& Tile(AlignedVector<double>* tiles, int t, int section, int r, int c) const {
+    return (*tiles)[static_cast<std::size_t>(t * TileSize() + (3 * c + section) * Section() + r)];
+  }
+  int Section() const { return PadToQuad(size_); }
+  // The path's scalars eliminated one by one; L in the columns of the path.
+  void Eliminate() {
+    for (int k = 0; k < count_ * size_; ++k) {
+      const double root = std::sqrt(dense_(k, k));
+      for (int r = k; r < dense_.rows; ++r) {
+        dense_(r, k) /= root;
+      }
+      for (int c = k + 1; c < dense_.columns; ++c) {
+        for (int r = c; r < dense_.rows; ++r) {
+          dense_(r, c) -= dense_(r, k) * dense_(c, k);
+        }
+      }
+    }
+  }
+  double operator()(int r, int c) const { return dense_(r, c); }
+
+ private:
+  int TileSize() const { return 3 * Section() * size_; }
+
+  int size_, count_;
+  Matrix dense_;
+};
+
+TEST_P(DenseKernels, PathsAreEliminatedAsADenseMatrixIs) {
+  for (const int size : {1, 2, 3, 4, 5, 6, 7, 8}) {
+    const int count = 7, next = count * size, anchor = next + size;
+    DensePath path(size, count, &random_);
+    const int section = path.Section();
+    AlignedVector<double> tiles = path.Tiles();
+    AlignedVector<double> square(static_cast<std::size_t>(size * section), 0.0);
+    ASSERT_EQ(small_kernels().eliminate_path(size, count, tiles.data(), square.data()), -1);
+    path.Eliminate();
+    for (int c = 0; c < size; ++c) {
+      for (int r = 0; r < size; ++r) {
+        EXPECT_NEAR(path.Tile(&tiles, count - 1, 2, r, c), path(next + r, next - size + c), 1e-13);
+        EXPECT_NEAR(path.Tile(&tiles, count, 1, r, c), path(anchor + r, next + c), 1e-13);
+        if (r >= c) {
+          EXPECT_NEAR(path.Tile(&tiles, count, 0, r, c), path(next + r, next + c), 1e-13);
+          EXPECT_NEAR(square[static_cast<std::size_t>(c * section + r)],
+                      path(anchor + r, anchor + c), 1e-13);
+        }
+      }
+    }
+    // L y = b, then Lᵀ x = y with what is behind the path given.
+    const std::vector<double> b = random_.Vector(static_cast<std::size_t>(anchor + size));
+    std::vector<double> expected = b;
+    AlignedVector<double> y(static_cast<std::size_t>((count + 2) * section), 0.0);
+    const auto at = [&](int scalar) -> double& {
+      return y[static_cast<std::size_t>(scalar / size * section + scalar % size)];
+    };
+    for (int k = 0; k < anchor + size; ++k) {
+      at(k) = b[static_cast<std::size_t>(k)];
+    }
+    double* const of_anchor = y.data() + (count + 1) * section;
+    small_kernels().solve_path_forward(size, count, tiles.data(), y.data(), of_anchor);
+    for (int k = 0; k < next; ++k) {
+      expected[static_cast<std::size_t>(k)] /= path(k, k);
+      for (int r = k + 1; r < anchor + size; ++r) {
+        expected[static_cast<std::size_t>(r)] -= path(r, k) * expected[static_cast<std::size_t>(k)];
+      }
+    }
+    for (int k = 0; k < anchor + size; ++k) {
+      EXPECT_NEAR(at(k), expected[static_cast<std::size_t>(k)], 1e-12) << size << ", " << k;
+    }
+    small_kernels().solve_path_backward(size, count, tiles.data(), of_anchor, y.data());
+    for (int k = next - 1; k >= 0; --k) {
+      for (int r = k + 1; r < anchor + size; ++r) {
+        expected[static_cast<std::size_t>(k)] -= path(r, k) * expected[static_cast<std::size_t>(r)];
+      }
+      expected[static_cast<std::size_t>(k)] /= path(k, k);
+      EXPECT_NEAR(at(k), expected[static_cast<std::size_t>(k)], 1e-12) << size << ", " << k;
+    }
+  }
+}
+
+TEST_P(DenseKernels, APathThatIsNotDefiniteNamesTheScalar) {
+  for (const int size : {3, 5, 6}) {
+    for (const double pivot : {-1.0, 0.0, std::nan(""), HUGE_VAL}) {
+      const DensePath path(size, 4, &random_);
+      AlignedVector<double> tiles = path.Tiles();
+      path.Tile(&tiles, 2, 0, 1, 1) = pivot < 0.0 ? -100.0 : pivot;
+      if (pivot == 0.0) {
+        // A pivot of nothing that gets nothing.
+        std::fill(tiles.begin(), tiles.end(), 0.0);
+      }
+      EXPECT_EQ(small_kernels().eliminate_path(size, 4, tiles.data(), nullptr),
+                pivot == 0.0 ? 0 : 2 * size + 1);
     }
   }
 }
