@@ -1,11 +1,11 @@
 #include "linear/path_cholesky.h"
 
 #include <algorithm>
-#include <iterator>
+#include <functional>
 #include <utility>
 
-#include "base/counting_sort.h"
 #include "linear/not_positive_definite.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -21,8 +21,6 @@ namespace inceres::internal {
 
 namespace {
 
-// Of all nodes: those on paths, less two for each path, which is what its ends take.
-constexpr double kLeastShare = 0.25;
 // Paths a task.
 constexpr int kPathsATask = 8;
 
@@ -42,23 +40,9 @@ void CopyBlock(const double* from, int stride, int rows, int columns, double* to
 
 }  // namespace
 
-bool AreWorthEliminating(const BlockPaths& paths) {
-  const double saved =
-      static_cast<double>(paths.nodes.size()) - 2.0 * static_cast<double>(paths.paths.size());
-  return saved > kLeastShare * paths.num_nodes();
-}
-
-// visit(row of S, its first scalar in the node).
-template <typename Visit>
-void PathCholesky::ForEachRow(int node, const Visit& visit) const {
-  for (int k = paths_.node_begin[node]; k < paths_.node_begin[node + 1]; ++k) {
-    visit(paths_.blocks[k], local_[paths_.blocks[k]]);
-  }
-}
-
 template <typename Body>
 void PathCholesky::ForPaths(const Body& body) const {
-  executor_.For(num_paths(), kPathsATask, [&](int begin, int end) {
+  executor_.For(plan_.num_paths(), kPathsATask, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
       body(p);
     }
@@ -69,194 +53,32 @@ Status PathCholesky::Analyze(const ReducedMatrix& A) {
   return Analyze(A.pattern(), FindBlockPaths(A.pattern()));
 }
 
+// Arrays only grow: a solve whose pattern changes little takes no new memory.
 Status PathCholesky::Analyze(const BlockPattern& pattern, BlockPaths paths) {
-  pattern_ = &pattern;
-  paths_ = std::move(paths);
   factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
-  local_.assign(pattern.num_blocks(), 0);
-  for (int n = 0; n < paths_.num_nodes(); ++n) {
-    int size = 0;
-    for (int k = paths_.node_begin[n]; k < paths_.node_begin[n + 1]; ++k) {
-      local_[paths_.blocks[k]] = size;
-      size += pattern.block_size(paths_.blocks[k]);
-    }
-  }
-  PlacePaths();
-  ListRestRows();
-  MakeRestPattern();
-  ListPieces();
-  return rest_.Analyze(ReducedMatrix(rest_pattern_, rest_values_.data(), rest_diagonal_.data()));
+  plan_ = PathPlan(pattern, std::move(paths));
+  tiles_.resize(plan_.sizes().tiles);
+  vectors_.resize(plan_.sizes().vectors);
+  squares_.resize(plan_.sizes().square);
+  failed_.assign(plan_.num_paths(), -1);
+  const BlockPattern& rest = plan_.rest_pattern();
+  rest_values_.resize(static_cast<std::size_t>(rest.value_begin.back()));
+  rest_diagonal_.resize(rest.size());
+  rest_b_.resize(rest.size());
+  rest_x_.resize(rest.size());
+  return rest_.Analyze(ReducedMatrix(rest, rest_values_.data(), rest_diagonal_.data()));
 }
 
-void PathCholesky::PlacePaths() {
-  places_.assign(paths_.paths.size(), Place());
-  path_of_.assign(paths_.num_nodes(), BlockPaths::kNone);
-  index_.assign(paths_.num_nodes(), 0);
-  path_flops_ = path_entries_ = 0.0;
-  std::ptrdiff_t tiles = 0, vectors = 0, squares = 0;
-  for (int p = 0; p < num_paths(); ++p) {
-    const BlockPaths::Path& path = paths_.paths[p];
-    places_[p].tiles = tiles;
-    places_[p].vectors = vectors;
-    places_[p].square = squares;
-    const int count = path.end - path.begin;
-    tiles += (count + 1) * TileSize(p);
-    vectors += std::ptrdiff_t{count + 2} * Section(p);
-    squares += std::ptrdiff_t{path.size} * Section(p);
-    for (int k = path.begin; k < path.end; ++k) {
-      path_of_[paths_.nodes[k]] = p;
-      index_[paths_.nodes[k]] = k - path.begin;
-    }
-    const double d = path.size;
-    path_flops_ += count * d * d * d * (1.0 / 3.0 + 2.0 + 4.0);
-    path_entries_ += count * (0.5 * d * (d + 1.0) + 2.0 * d * d);
-  }
-  tiles_.resize(tiles);
-  vectors_.resize(vectors);
-  squares_.resize(squares);
-  failed_.assign(paths_.paths.size(), -1);
-}
-
-void PathCholesky::ListRestRows() {
-  rest_nodes_.clear();
-  for (int n = 0; n < paths_.num_nodes(); ++n) {
-    if (path_of_[n] == BlockPaths::kNone) {
-      index_[n] = static_cast<int>(rest_nodes_.size());
-      rest_nodes_.push_back(n);
-    }
-  }
-}
-
-// The blocks of S between nodes of the rest, and those that paths leave between their ends.
-void PathCholesky::MakeRestPattern() {
-  std::vector<std::pair<int, int>> pairs;
-  const auto add = [&pairs](int a, int b) { pairs.emplace_back(std::max(a, b), std::min(a, b)); };
-  for (int i = 0; i < pattern_->num_blocks(); ++i) {
-    const int row = paths_.node_of[i];
-    for (int k = pattern_->row_begin[i];
-         path_of_[row] == BlockPaths::kNone && k < pattern_->row_begin[i + 1]; ++k) {
-      const int column = paths_.node_of[pattern_->columns[k]];
-      if (path_of_[column] == BlockPaths::kNone) {
-        add(index_[row], index_[column]);
-      }
-    }
-  }
-  for (const BlockPaths::Path& path : paths_.paths) {
-    if (path.anchor != BlockPaths::kNone) {
-      add(index_[path.anchor], index_[path.next]);
-    }
-  }
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-  rest_pattern_ = BlockPattern();
-  rest_pattern_.offsets.assign(1, 0);
-  for (const int node : rest_nodes_) {
-    int size = 0;
-    ForEachRow(node, [&](int row, int) { size += pattern_->block_size(row); });
-    rest_pattern_.offsets.push_back(rest_pattern_.offsets.back() + size);
-  }
-  // A row's own block is its last pair.
-  rest_pattern_.row_begin.assign(1, 0);
-  rest_pattern_.value_begin.assign(1, 0);
-  for (const auto& [row, column] : pairs) {
-    rest_pattern_.columns.push_back(column);
-    rest_pattern_.value_begin.push_back(rest_pattern_.value_begin.back() +
-                                        std::int64_t{rest_pattern_.block_size(row)} *
-                                            rest_pattern_.block_size(column));
-    if (row == column) {
-      rest_pattern_.row_begin.push_back(static_cast<int>(rest_pattern_.columns.size()));
-    }
-  }
-  rest_values_.resize(static_cast<std::size_t>(rest_pattern_.value_begin.back()));
-  rest_diagonal_.resize(rest_pattern_.size());
-  rest_b_.resize(rest_pattern_.size());
-  rest_x_.resize(rest_pattern_.size());
-}
-
-// Where a block of the rest begins; row ≥ column.
-std::ptrdiff_t PathCholesky::RestBlock(int row, int column) const {
-  const auto begin = rest_pattern_.columns.begin();
-  const auto at = std::lower_bound(begin + rest_pattern_.row_begin[row],
-                                   begin + rest_pattern_.row_begin[row + 1], column);
-  return rest_pattern_.value_begin[at - begin];
-}
-
-// By the tile that they go to, and those of the rest.
-void PathCholesky::ListPieces() {
-  rest_pieces_.clear();
-  std::vector<int> begin;
-  const auto for_each_on_path = [this](const auto& add) {
-    for (int i = 0; i < pattern_->num_blocks(); ++i) {
-      for (int k = pattern_->row_begin[i]; k < pattern_->row_begin[i + 1]; ++k) {
-        const int j = pattern_->columns[k];
-        const int p = std::max(path_of_[paths_.node_of[i]], path_of_[paths_.node_of[j]]);
-        if (p != BlockPaths::kNone) {
-          add(p, PieceOnPath(i, j, k));
-        }
-      }
-    }
-  };
-  CountingSort(paths_.paths.size(), for_each_on_path, &begin, &pieces_);
-  for (int p = 0; p < num_paths(); ++p) {
-    places_[p].piece_begin = begin[p];
-    places_[p].piece_end = begin[p + 1];
-    std::sort(pieces_.begin() + begin[p], pieces_.begin() + begin[p + 1],
-              [](const Piece& a, const Piece& b) { return a.to < b.to; });
-  }
-  for (int i = 0; i < pattern_->num_blocks(); ++i) {
-    for (int k = pattern_->row_begin[i]; k < pattern_->row_begin[i + 1]; ++k) {
-      const int j = pattern_->columns[k];
-      if (path_of_[paths_.node_of[i]] == BlockPaths::kNone &&
-          path_of_[paths_.node_of[j]] == BlockPaths::kNone) {
-        rest_pieces_.push_back(PieceOfRest(i, j, k));
-      }
-    }
-  }
-}
-
-// In the tile of the node that is eliminated first: which section, then the place in it.
-PathCholesky::Piece PathCholesky::PieceOnPath(int i, int j, int block) const {
-  const int a = paths_.node_of[i], b = paths_.node_of[j];
-  const bool is_turned = path_of_[a] != BlockPaths::kNone && a != b &&
-                         (path_of_[b] == BlockPaths::kNone || index_[a] < index_[b]);
-  // Columns of the tile are those of `own`.
-  const int own = is_turned ? a : b, other = is_turned ? b : a;
-  const int p = path_of_[own];
-  const BlockPaths::Path& path = paths_.paths[p];
-  const int section = Section(p), stride = 3 * section;
-  int at = 0;
-  if (own != other) {
-    const bool is_last = index_[own] == path.end - path.begin - 1;
-    // Of a ring both ends have the same neighbor, and the last node comes by the section for next.
-    const bool is_next =
-        path_of_[other] != BlockPaths::kNone ||
-        (is_last && other == path.next && !(index_[own] == 0 && path.anchor == other));
-    at = is_next ? 2 * section : section;
-  }
-  const int row = local_[is_turned ? j : i], column = local_[is_turned ? i : j];
-  return {i, block,
-          places_[p].tiles + index_[own] * TileSize(p) + std::ptrdiff_t{column} * stride + at + row,
-          is_turned ? stride : 1, is_turned ? 1 : stride};
-}
-
-PathCholesky::Piece PathCholesky::PieceOfRest(int i, int j, int block) const {
-  const int a = index_[paths_.node_of[i]], b = index_[paths_.node_of[j]];
-  const int row = std::max(a, b), column = std::min(a, b);
-  const int stride = rest_pattern_.block_size(column);
-  const bool is_turned = a < b;
-  const int in_row = local_[is_turned ? j : i], in_column = local_[is_turned ? i : j];
-  return {i, block, RestBlock(row, column) + std::ptrdiff_t{in_row} * stride + in_column,
-          is_turned ? 1 : stride, is_turned ? stride : 1};
-}
-
-void PathCholesky::PlacePiece(const Piece& piece, const ReducedMatrix& A, double* values) const {
+void PathCholesky::PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix& A,
+                              double* values) const {
   const double* const block = A.Block(piece.i, piece.block);
   if (block == nullptr) {
     return;  // left out: zeros stay
   }
-  const int j = pattern_->columns[piece.block];
-  const int rows = pattern_->block_size(piece.i), columns = pattern_->block_size(j);
-  const int stride = pattern_->row_stride(j);
+  const BlockPattern& pattern = plan_.pattern();
+  const int j = pattern.columns[piece.block];
+  const int rows = pattern.block_size(piece.i), columns = pattern.block_size(j);
+  const int stride = pattern.row_stride(j);
   double* const to = values + piece.to;
   if (rows == 3 && columns == 3) {
     CopyBlock<3>(block, stride, 3, 3, to, piece.row_step, piece.column_step);
@@ -269,34 +91,36 @@ void PathCholesky::PlacePiece(const Piece& piece, const ReducedMatrix& A, double
 
 // From assembly to elimination while it is in the cache.
 int PathCholesky::EliminatePath(int p, const ReducedMatrix& A) {
-  const BlockPaths::Path& path = paths_.paths[p];
-  const Place& place = places_[p];
-  const int count = path.end - path.begin, stride = 3 * Section(p);
+  const BlockPaths::Path& path = plan_.path(p);
+  const PathPlan::Place& place = plan_.place(p);
+  const int stride = 3 * plan_.Section(p);
   double* const tiles = tiles_.data() + place.tiles;
-  std::fill_n(tiles, (count + 1) * TileSize(p), 0.0);
+  std::fill_n(tiles, (plan_.NumNodes(p) + 1) * plan_.TileSize(p), 0.0);
   for (int k = place.piece_begin; k < place.piece_end; ++k) {
-    PlacePiece(pieces_[k], A, tiles_.data());
+    PlacePiece(plan_.pieces()[k], A, tiles_.data());
   }
   double* tile = tiles;
-  for (int k = path.begin; k < path.end; ++k, tile += TileSize(p)) {
-    ForEachRow(paths_.nodes[k], [&](int row, int local) {
-      for (int r = 0; r < pattern_->block_size(row); ++r) {
-        tile[std::ptrdiff_t{local + r} * (stride + 1)] += A.diagonal()[pattern_->offsets[row] + r];
+  for (int k = path.begin; k < path.end; ++k, tile += plan_.TileSize(p)) {
+    plan_.ForEachRowOfPath(k, [&](int row, int local) {
+      const double* const diagonal = A.diagonal() + plan_.pattern().offsets[row];
+      for (int r = 0; r < plan_.pattern().block_size(row); ++r) {
+        tile[std::ptrdiff_t{local + r} * (stride + 1)] += diagonal[r];
       }
     });
   }
   double* square = nullptr;
   if (path.anchor != BlockPaths::kNone) {
     square = squares_.data() + place.square;
-    std::fill_n(square, std::ptrdiff_t{path.size} * Section(p), 0.0);
+    std::fill_n(square, std::ptrdiff_t{path.size} * plan_.Section(p), 0.0);
   }
-  return BestSmallKernels().eliminate_path(path.size, count, tiles, square);
+  return BestSmallKernels().eliminate_path(path.size, plan_.NumNodes(p), tiles, square);
 }
 
 // The rest gains a block of the path, of which a column has `column_stride` entries.
 void PathCholesky::AddBlock(const double* from, int column_stride, int row, int column, int size) {
   const bool is_turned = row < column;
-  double* const to = rest_values_.data() + RestBlock(std::max(row, column), std::min(row, column));
+  double* const to =
+      rest_values_.data() + plan_.RestBlock(std::max(row, column), std::min(row, column));
   const int row_step = is_turned ? 1 : size, column_step = is_turned ? size : 1;
   for (int c = 0; c < size; ++c) {
     for (int r = 0; r < size; ++r) {
@@ -306,70 +130,143 @@ void PathCholesky::AddBlock(const double* from, int column_stride, int row, int 
 }
 
 void PathCholesky::AddToRest(int p) {
-  const BlockPaths::Path& path = paths_.paths[p];
+  const BlockPaths::Path& path = plan_.path(p);
   if (path.next == BlockPaths::kNone) {
     return;
   }
-  const int section = Section(p), stride = 3 * section;
+  const int section = plan_.Section(p), stride = 3 * section, size = path.size;
   const double* const end =
-      tiles_.data() + places_[p].tiles + (path.end - path.begin) * TileSize(p);
-  const int next = index_[path.next];
-  AddBlock(end, stride, next, next, path.size);
+      tiles_.data() + plan_.place(p).tiles + plan_.NumNodes(p) * plan_.TileSize(p);
+  const int next = plan_.RestRow(path.next);
+  AddBlock(end, stride, next, next, size);
   if (path.anchor == BlockPaths::kNone) {
     return;
   }
-  const int anchor = index_[path.anchor];
-  AddBlock(squares_.data() + places_[p].square, section, anchor, anchor, path.size);
-  AddBlock(end + section, stride, anchor, next, path.size);
+  const int anchor = plan_.RestRow(path.anchor);
+  AddBlock(squares_.data() + plan_.place(p).square, section, anchor, anchor, size);
+  AddBlock(end + section, stride, anchor, next, size);
   if (anchor == next) {
-    // Of one block both halves: what is added for (anchor, next), and for (next, anchor).
-    double* const to = rest_values_.data() + RestBlock(next, next);
-    for (int c = 0; c < path.size; ++c) {
-      for (int r = 0; r < path.size; ++r) {
-        to[c * path.size + r] += end[section + c * stride + r];
+    // Of a ring the same once more, turned: both halves are in one block.
+    double* const to = rest_values_.data() + plan_.RestBlock(next, next);
+    for (int c = 0; c < size; ++c) {
+      for (int r = 0; r < size; ++r) {
+        to[c * size + r] += end[section + c * stride + r];
       }
     }
   }
 }
 
 Status PathCholesky::FactorizeRest(const ReducedMatrix& A) {
+  const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
   std::fill(rest_values_.begin(), rest_values_.end(), 0.0);
-  for (const Piece& piece : rest_pieces_) {
+  for (const PathPlan::Piece& piece : plan_.rest_pieces()) {
     PlacePiece(piece, A, rest_values_.data());
   }
-  for (int p = 0; p < num_paths(); ++p) {
+  for (int p = 0; p < plan_.num_paths(); ++p) {
     AddToRest(p);
   }
-  for (std::size_t row = 0; row < rest_nodes_.size(); ++row) {
-    ForEachRow(rest_nodes_[row], [&](int i, int local) {
-      std::copy_n(A.diagonal() + pattern_->offsets[i], pattern_->block_size(i),
-                  rest_diagonal_.begin() + rest_pattern_.offsets[row] + local);
+  for (int row = 0; row < rest.num_blocks(); ++row) {
+    plan_.ForEachRowOfRest(row, [&](int i, int local) {
+      std::copy_n(A.diagonal() + pattern.offsets[i], pattern.block_size(i),
+                  rest_diagonal_.begin() + rest.offsets[row] + local);
     });
   }
-  const Status status =
-      rest_.Factorize(ReducedMatrix(rest_pattern_, rest_values_.data(), rest_diagonal_.data()), {});
-  return rest_.failed() < 0
-             ? status
-             : NotPositiveDefinite(paths_.blocks[paths_.node_begin[rest_nodes_[rest_.failed()]]]);
+  return rest_.Factorize(ReducedMatrix(rest, rest_values_.data(), rest_diagonal_.data()), {});
 }
 
-// The first path that fails, in their order, is what is told.
 Status PathCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = PredictedFlops();
   ForPaths([&](int p) { failed_[p] = EliminatePath(p, A); });
+  const bool is_definite =
+      std::all_of(failed_.begin(), failed_.end(), [](int scalar) { return scalar < 0; });
+  factored_ = is_definite ? FactorizeRest(A) : NotPositiveDefinite(RowThatFails());
+  if (is_definite && factored_.code == StatusCode::kSingular) {
+    factored_ = NotPositiveDefinite(RowThatFails());
+  }
+  return factored_;
+}
+
+// Of the first path that fails, in their order; else of the rest, where it is known to a node.
+int PathCholesky::RowThatFails() const {
   const auto failed =
       std::find_if(failed_.begin(), failed_.end(), [](int scalar) { return scalar >= 0; });
+  int culprit = -1;
   if (failed == failed_.end()) {
-    factored_ = FactorizeRest(A);
-    return factored_;
+    plan_.ForEachRowOfRest(rest_.failed(),
+                           [&](int row, int local) { culprit = local == 0 ? row : culprit; });
+    return culprit;
   }
-  const BlockPaths::Path& path = paths_.paths[failed - failed_.begin()];
-  const int node = paths_.nodes[path.begin + *failed / path.size];
-  int culprit = paths_.blocks[paths_.node_begin[node]];
-  ForEachRow(node,
-             [&](int row, int local) { culprit = local <= *failed % path.size ? row : culprit; });
-  factored_ = NotPositiveDefinite(culprit);
-  return factored_;
+  const BlockPaths::Path& path = plan_.path(static_cast<int>(failed - failed_.begin()));
+  plan_.ForEachRowOfPath(path.begin + *failed / path.size, [&](int row, int local) {
+    culprit = local <= *failed % path.size ? row : culprit;
+  });
+  return culprit;
+}
+
+// y = L⁻¹ b of a path, in padded sections, and what it takes from its two ends.
+void PathCholesky::SolveForward(int p, const double* b) {
+  const BlockPattern& pattern = plan_.pattern();
+  const BlockPaths::Path& path = plan_.path(p);
+  double* y = VectorsOf(p);
+  std::fill_n(y, std::ptrdiff_t{plan_.NumNodes(p) + 2} * plan_.Section(p), 0.0);
+  for (int k = path.begin; k < path.end; ++k, y += plan_.Section(p)) {
+    plan_.ForEachRowOfPath(k, [&](int row, int local) {
+      std::copy_n(b + pattern.offsets[row], pattern.block_size(row), y + local);
+    });
+  }
+  BestSmallKernels().solve_path_forward(path.size, plan_.NumNodes(p),
+                                        tiles_.data() + plan_.place(p).tiles, VectorsOf(p),
+                                        AnchorOf(p));
+}
+
+Status PathCholesky::SolveRest(const double* b, double* x) {
+  const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
+  for (int row = 0; row < rest.num_blocks(); ++row) {
+    plan_.ForEachRowOfRest(row, [&](int i, int local) {
+      std::copy_n(b + pattern.offsets[i], pattern.block_size(i),
+                  rest_b_.begin() + rest.offsets[row] + local);
+    });
+  }
+  const auto add = [&](int node, const double* section, int size) {
+    if (node != BlockPaths::kNone) {
+      double* const to = rest_b_.data() + rest.offsets[plan_.RestRow(node)];
+      std::transform(section, section + size, to, to, std::plus<>());
+    }
+  };
+  for (int p = 0; p < plan_.num_paths(); ++p) {
+    add(plan_.path(p).next, NextOf(p), plan_.path(p).size);
+    add(plan_.path(p).anchor, AnchorOf(p), plan_.path(p).size);
+  }
+  const Status solved = rest_.Solve(rest_b_.data(), {}, {}, rest_x_.data());
+  for (int row = 0; solved.ok() && row < rest.num_blocks(); ++row) {
+    plan_.ForEachRowOfRest(row, [&](int i, int local) {
+      std::copy_n(rest_x_.begin() + rest.offsets[row] + local, pattern.block_size(i),
+                  x + pattern.offsets[i]);
+    });
+  }
+  return solved;
+}
+
+// x = L⁻ᵀ y of a path, whose ends are known by now; where it is free, L has zeros.
+void PathCholesky::SolveBackward(int p, double* x) {
+  const BlockPattern& pattern = plan_.pattern();
+  const BlockPaths::Path& path = plan_.path(p);
+  const auto take = [&](int node, double* section) {
+    if (node != BlockPaths::kNone) {
+      std::copy_n(rest_x_.begin() + plan_.rest_pattern().offsets[plan_.RestRow(node)], path.size,
+                  section);
+    }
+  };
+  take(path.next, NextOf(p));
+  take(path.anchor, AnchorOf(p));
+  double* y = VectorsOf(p);
+  BestSmallKernels().solve_path_backward(path.size, plan_.NumNodes(p),
+                                         tiles_.data() + plan_.place(p).tiles, AnchorOf(p), y);
+  for (int k = path.begin; k < path.end; ++k, y += plan_.Section(p)) {
+    plan_.ForEachRowOfPath(k, [&](int row, int local) {
+      std::copy_n(y + local, pattern.block_size(row), x + pattern.offsets[row]);
+    });
+  }
 }
 
 Status PathCholesky::Solve(const double* b, const Rows& /*changed_b*/,
@@ -377,81 +274,24 @@ Status PathCholesky::Solve(const double* b, const Rows& /*changed_b*/,
   if (!factored_.ok()) {
     return factored_;
   }
-  const SmallKernels& kernels = BestSmallKernels();
-  const auto anchor_of = [this](int p) {
-    const BlockPaths::Path& path = paths_.paths[p];
-    return vectors_.data() + places_[p].vectors +
-           std::ptrdiff_t{path.end - path.begin + 1} * Section(p);
-  };
-  // Sections of the nodes, padded, then two of zeros.
-  ForPaths([&](int p) {
-    const BlockPaths::Path& path = paths_.paths[p];
-    double* y = vectors_.data() + places_[p].vectors;
-    std::fill_n(y, std::ptrdiff_t{path.end - path.begin + 2} * Section(p), 0.0);
-    for (int k = path.begin; k < path.end; ++k, y += Section(p)) {
-      ForEachRow(paths_.nodes[k], [&](int row, int local) {
-        std::copy_n(b + pattern_->offsets[row], pattern_->block_size(row), y + local);
-      });
-    }
-    kernels.solve_path_forward(path.size, path.end - path.begin, tiles_.data() + places_[p].tiles,
-                               vectors_.data() + places_[p].vectors, anchor_of(p));
-  });
-  for (std::size_t row = 0; row < rest_nodes_.size(); ++row) {
-    ForEachRow(rest_nodes_[row], [&](int i, int local) {
-      std::copy_n(b + pattern_->offsets[i], pattern_->block_size(i),
-                  rest_b_.begin() + rest_pattern_.offsets[row] + local);
-    });
-  }
-  const auto add = [&](int node, const double* section, int size) {
-    double* const to = rest_b_.data() + rest_pattern_.offsets[index_[node]];
-    std::transform(section, section + size, to, to, std::plus<>());
-  };
-  for (int p = 0; p < num_paths(); ++p) {
-    const BlockPaths::Path& path = paths_.paths[p];
-    if (path.next != BlockPaths::kNone) {
-      add(path.next, anchor_of(p) - Section(p), path.size);
-    }
-    if (path.anchor != BlockPaths::kNone) {
-      add(path.anchor, anchor_of(p), path.size);
-    }
-  }
-  const Status solved = rest_.Solve(rest_b_.data(), {}, {}, rest_x_.data());
-  if (!solved.ok()) {
-    return solved;
-  }
-  ForPaths([&](int p) {
-    const BlockPaths::Path& path = paths_.paths[p];
-    const auto take = [&](int node, double* section) {
-      if (node != BlockPaths::kNone) {
-        std::copy_n(rest_x_.begin() + rest_pattern_.offsets[index_[node]], path.size, section);
-      }
-    };
-    double* y = vectors_.data() + places_[p].vectors;
-    take(path.next, anchor_of(p) - Section(p));
-    take(path.anchor, anchor_of(p));
-    kernels.solve_path_backward(path.size, path.end - path.begin, tiles_.data() + places_[p].tiles,
-                                anchor_of(p), y);
-    for (int k = path.begin; k < path.end; ++k, y += Section(p)) {
-      ForEachRow(paths_.nodes[k], [&](int row, int local) {
-        std::copy_n(y + local, pattern_->block_size(row), x + pattern_->offsets[row]);
-      });
-    }
-  });
-  for (std::size_t row = 0; row < rest_nodes_.size(); ++row) {
-    ForEachRow(rest_nodes_[row], [&](int i, int local) {
-      std::copy_n(rest_x_.begin() + rest_pattern_.offsets[row] + local, pattern_->block_size(i),
-                  x + pattern_->offsets[i]);
-    });
+  ForPaths([&](int p) { SolveForward(p, b); });
+  const Status solved = SolveRest(b, x);
+  if (solved.ok()) {
+    ForPaths([&](int p) { SolveBackward(p, x); });
   }
   return solved;
 }
 
 std::vector<int> PathCholesky::order() const {
   std::vector<int> rows;
-  const auto add = [&](int node) { ForEachRow(node, [&](int row, int) { rows.push_back(row); }); };
-  std::for_each(paths_.nodes.begin(), paths_.nodes.end(), add);
+  const auto add = [&rows](int row, int) { rows.push_back(row); };
+  for (int p = 0; p < plan_.num_paths(); ++p) {
+    for (int k = plan_.path(p).begin; k < plan_.path(p).end; ++k) {
+      plan_.ForEachRowOfPath(k, add);
+    }
+  }
   for (const int row : rest_.tree().order) {
-    add(rest_nodes_[row]);
+    plan_.ForEachRowOfRest(row, add);
   }
   return rows;
 }
@@ -459,8 +299,7 @@ std::vector<int> PathCholesky::order() const {
 std::size_t PathCholesky::Bytes() const {
   const std::size_t doubles = tiles_.capacity() + squares_.capacity() + vectors_.capacity() +
                               rest_values_.capacity() + 3 * rest_b_.capacity();
-  return rest_.Bytes() + doubles * sizeof(double) +
-         (pieces_.capacity() + rest_pieces_.capacity()) * sizeof(Piece);
+  return rest_.Bytes() + plan_.Bytes() + doubles * sizeof(double);
 }
 
 }  // namespace inceres::internal

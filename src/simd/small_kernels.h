@@ -69,8 +69,9 @@ struct SmallKernels {
   /// section of padded `size` rows for the block itself, one for the anchor, one for the next
   /// block; they follow each other. Behind the last there is one more, of what comes after the
   /// path: its own section and the anchor's lose what the path contributes there; and so does the
-  /// anchor's own block, one section a column, unless it is null. In L's own blocks the diagonal has
-  /// reciprocals, and above it is anything. The scalar that is not positive and finite; -1: none.
+  /// anchor's own block, one section a column, unless it is null. In L's own blocks the diagonal
+  /// has reciprocals, and above it is anything. The scalar that is not positive and finite; -1:
+  /// none.
   int (*eliminate_path)(int size, int count, double* tiles, double* anchor_square);
   /// y := L⁻¹ y of a path, one section a block; the section behind them, and the anchor's, lose
   /// what it contributes to them. Padding is zero.
