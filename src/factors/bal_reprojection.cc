@@ -294,8 +294,8 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
 
 // The choice changes the time, never the result.
 template <bool kWithJacobians>
-EvaluationFailure EvaluateRange(
-    const std::vector<BalReprojectionFamily::Measurement>& measurements, const FactorBatch& batch) {
+EvaluationFailure EvaluateRange(const std::vector<BalReprojectionFamily::Measurement>& measurements,
+                                const FactorBatch& batch) {
   if (batch.end - batch.begin < kFewFactors) {
     return EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements.data(), batch);
   }
