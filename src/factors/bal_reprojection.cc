@@ -265,6 +265,9 @@ constexpr int kFewFactors = 8;
 // From so many on, cameras of a family are mostly not those of the factors just before.
 constexpr std::size_t kManyFactors = 1 << 15;
 
+// Points that are asked for before they are come to: those of one camera lie anywhere.
+constexpr int kPointsAhead = 12;
+
 // One loop, compiled six times: with or without Jacobians, and with each memory of rotations.
 template <bool kWithJacobians, typename Rotations>
 EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements,
@@ -273,6 +276,9 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
   for (int i = batch.begin; i < batch.end; ++i) {
     const double* camera = batch.parameters[2 * static_cast<std::ptrdiff_t>(i)];
     const double* X = batch.parameters[2 * static_cast<std::ptrdiff_t>(i) + 1];
+    if (i + kPointsAhead < batch.end) {
+      __builtin_prefetch(batch.parameters[2 * static_cast<std::ptrdiff_t>(i + kPointsAhead) + 1]);
+    }
     const CameraRotation& rotation = rotations.Get(camera);
     const Projection v = Project(rotation, camera, X);
     double* residual = batch.residuals + 2 * static_cast<std::ptrdiff_t>(i);

@@ -30,6 +30,16 @@ double* BeforeBy(std::ptrdiff_t count, const double* data) {
   return reinterpret_cast<double*>(address);  // NOLINT(performance-no-int-to-ptr)
 }
 
+// Records lie apart where they are in another order than the factors: so many ahead are asked for.
+constexpr int kRecordsAhead = 12;
+
+void FetchToWrite(const double* record, std::ptrdiff_t size) {
+  constexpr std::ptrdiff_t kLine = 64 / sizeof(double);
+  for (std::ptrdiff_t at = 0; at < size; at += kLine) {
+    __builtin_prefetch(record + at, /*rw=*/1);
+  }
+}
+
 }  // namespace
 
 // Sizes only; memory comes with the factors. Data pointers stay null until Grow.
@@ -188,6 +198,10 @@ void Linearization::KeepStrip(int begin, int end) {
   for (int i = begin; i < end; ++i) {
     const std::ptrdiff_t record = Record(i);
     const double* const J = first.data + i * first.factor_stride;
+    if (!records.empty() && !keeps_singles() && i + kRecordsAhead < end) {
+      FetchToWrite(jacobian_values.data() + Record(i + kRecordsAhead) * first.factor_stride,
+                   first.factor_stride);
+    }
     if (keeps_singles()) {
       std::transform(J, J + first.factor_stride, first.single + record * first.factor_stride,
                      [](double entry) { return static_cast<float>(entry); });
