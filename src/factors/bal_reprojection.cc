@@ -2,6 +2,9 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstring>
+#include <memory>
+#include <vector>
 
 #include "inceres/problem/ambient_family.h"
 #include "inceres/problem/rotation.h"
@@ -79,6 +82,57 @@ class RotationCache {
 
   const double* keys_[1 << kBits] = {};
   CameraRotation rotations_[1 << kBits];  // not initialized: an entry is read after its key was set
+};
+
+// For large families, whose cameras come back from call to call: remembers rotations by the bits of
+// w, for as long as the thread lives. What is found is what would be computed, whenever that was.
+class KeptRotations {
+ public:
+  // Memory of a thread's own, from the first large family it evaluates on.
+  static KeptRotations& OfThread() {
+    thread_local const std::unique_ptr<KeptRotations> kept = std::make_unique<KeptRotations>();
+    return *kept;
+  }
+
+  KeptRotations() {
+    // Equal to no bits of an angle that gives a finite rotation.
+    std::memset(static_cast<void*>(entries_), 0xff, sizeof(entries_));
+  }
+
+  const CameraRotation& Get(const double* camera) {
+    Bits w;
+    std::memcpy(&w, camera, sizeof(w));
+    const std::uint64_t mixed =
+        ((w.bits[0] * kMultiplier ^ w.bits[1]) * kMultiplier ^ w.bits[2]) * kMultiplier;
+    Entry& entry = entries_[mixed >> (64 - kBits)];
+    if (std::memcmp(&entry.w, &w, sizeof(w)) != 0) {
+      entry.w = w;
+      ComputeRotation<true>(camera, entry.rotation);
+    }
+    return entry.rotation;
+  }
+
+ private:
+  static constexpr int kBits = 11;
+  static constexpr std::uint64_t kMultiplier = 0x9E3779B97F4A7C15;
+
+  struct Bits {
+    std::uint64_t bits[3];
+  };
+  struct Entry {
+    Bits w;
+    CameraRotation rotation;
+  };
+  Entry entries_[1 << kBits];
+};
+
+// As the memories of one call.
+class RotationsOfThread {
+ public:
+  const CameraRotation& Get(const double* camera) { return kept_.Get(camera); }
+
+ private:
+  KeptRotations& kept_ = KeptRotations::OfThread();
 };
 
 // The values of one projection that both the residual and the Jacobians need.
@@ -208,8 +262,13 @@ inline double WriteJacobians(const FactorBatch& batch, int i, const Projection& 
 
 // The cache pays from a few factors on: it is 19 KiB to clear in part and to spread over.
 constexpr int kFewFactors = 8;
+// From so many on, cameras of a family are mostly not those of the factors just before.
+constexpr std::size_t kManyFactors = 1 << 15;
 
-// One loop, compiled four times: with or without Jacobians, and with either memory of rotations.
+// Points that are asked for before they are come to: those of one camera lie anywhere.
+constexpr int kPointsAhead = 12;
+
+// One loop, compiled six times: with or without Jacobians, and with each memory of rotations.
 template <bool kWithJacobians, typename Rotations>
 EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measurements,
                                const FactorBatch& batch) {
@@ -217,6 +276,9 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
   for (int i = batch.begin; i < batch.end; ++i) {
     const double* camera = batch.parameters[2 * static_cast<std::ptrdiff_t>(i)];
     const double* X = batch.parameters[2 * static_cast<std::ptrdiff_t>(i) + 1];
+    if (i + kPointsAhead < batch.end) {
+      __builtin_prefetch(batch.parameters[2 * static_cast<std::ptrdiff_t>(i + kPointsAhead) + 1]);
+    }
     const CameraRotation& rotation = rotations.Get(camera);
     const Projection v = Project(rotation, camera, X);
     double* residual = batch.residuals + 2 * static_cast<std::ptrdiff_t>(i);
@@ -238,11 +300,15 @@ EvaluationFailure EvaluateWith(const BalReprojectionFamily::Measurement* measure
 
 // The choice changes the time, never the result.
 template <bool kWithJacobians>
-EvaluationFailure EvaluateRange(const BalReprojectionFamily::Measurement* measurements,
+EvaluationFailure EvaluateRange(const std::vector<BalReprojectionFamily::Measurement>& measurements,
                                 const FactorBatch& batch) {
-  return batch.end - batch.begin < kFewFactors
-             ? EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements, batch)
-             : EvaluateWith<kWithJacobians, RotationCache<kWithJacobians>>(measurements, batch);
+  if (batch.end - batch.begin < kFewFactors) {
+    return EvaluateWith<kWithJacobians, LastRotation<kWithJacobians>>(measurements.data(), batch);
+  }
+  return measurements.size() < kManyFactors
+             ? EvaluateWith<kWithJacobians, RotationCache<kWithJacobians>>(measurements.data(),
+                                                                           batch)
+             : EvaluateWith<kWithJacobians, RotationsOfThread>(measurements.data(), batch);
 }
 
 }  // namespace
@@ -252,8 +318,8 @@ BalReprojectionFamily::BalReprojectionFamily(int camera_tangent_size, int point_
 }
 
 EvaluationFailure BalReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return batch.jacobians == nullptr ? EvaluateRange<false>(measurements().data(), batch)
-                                    : EvaluateRange<true>(measurements().data(), batch);
+  return batch.jacobians == nullptr ? EvaluateRange<false>(measurements(), batch)
+                                    : EvaluateRange<true>(measurements(), batch);
 }
 
 }  // namespace inceres

@@ -236,8 +236,15 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
   // All chunks begin at 0: they use the same memory one after the other.
   std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
+  int chunk = 0;
   for (const int q : frame_incidences) {
-    std::int64_t& next_quad = chunk_quads[ChunkOf(landmarks[q])];
+    // A frame's incidences ascend by chunk: mostly that of the one before, or one soon after it.
+    const int landmark = landmarks[q];
+    chunk = landmark < chunk_begin[chunk] ? 0 : chunk;
+    while (landmark >= chunk_begin[chunk + 1]) {
+      ++chunk;
+    }
+    std::int64_t& next_quad = chunk_quads[chunk];
     incidences[q].y = static_cast<std::int32_t>(next_quad);
     next_quad += QuadsOfBlock(q);
   }

@@ -30,6 +30,26 @@ double* BeforeBy(std::ptrdiff_t count, const double* data) {
   return reinterpret_cast<double*>(address);  // NOLINT(performance-no-int-to-ptr)
 }
 
+// Records lie apart where they are in another order than the factors: so many ahead are asked for.
+constexpr int kRecordsAhead = 12;
+
+void FetchToWrite(const Linearization& cache, int factor) {
+  constexpr std::ptrdiff_t kLine = 64 / sizeof(double);
+  if (cache.records.empty() || cache.keeps_singles()) {
+    return;
+  }
+  const std::ptrdiff_t size = cache.slots[0].factor_stride;
+  const double* const record = cache.jacobian_values.data() + cache.Record(factor) * size;
+  for (std::ptrdiff_t at = 0; at < size; at += kLine) {
+    __builtin_prefetch(record + at, /*rw=*/1);
+  }
+}
+
+void Narrow(const double* values, std::ptrdiff_t count, float* out) {
+  std::transform(values, values + count, out,
+                 [](double entry) { return static_cast<float>(entry); });
+}
+
 }  // namespace
 
 // Sizes only; memory comes with the factors. Data pointers stay null until Grow.
@@ -188,9 +208,9 @@ void Linearization::KeepStrip(int begin, int end) {
   for (int i = begin; i < end; ++i) {
     const std::ptrdiff_t record = Record(i);
     const double* const J = first.data + i * first.factor_stride;
+    FetchToWrite(*this, std::min(i + kRecordsAhead, end - 1));
     if (keeps_singles()) {
-      std::transform(J, J + first.factor_stride, first.single + record * first.factor_stride,
-                     [](double entry) { return static_cast<float>(entry); });
+      Narrow(J, first.factor_stride, first.single + record * first.factor_stride);
     } else {
       std::copy_n(J, first.factor_stride, jacobian_values.data() + record * first.factor_stride);
     }

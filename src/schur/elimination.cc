@@ -51,6 +51,11 @@ void AddRows(int rows, int columns, const double* __restrict block, double* __re
   }
 }
 
+// Whose z the term meets: those are a quad apart.
+int LandmarkOf(const VectorTerm& term) {
+  return term.v / kQuad;
+}
+
 }  // namespace
 
 Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -77,6 +82,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
   // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
   S_ = ZeroedArray::Unwritten(plans.pattern.value_begin.back());
   b_.resize(plans.pattern.size());
+  rhs_end_.resize(static_cast<std::size_t>(evaluator.layout().num_frames));
   const Layout& layout = evaluator.layout();
   padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);
   // For b: of each frame its blocks of Y and the z they meet, in the order of the chunks.
@@ -250,16 +256,16 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
   double* sum = scratch->Zeroed(1, size);
-  // A frame's incidences are sorted by chunk: a chunk's are found by its first landmark.
-  const auto begin_of = [&](int of_chunk) {
-    const int* all = incidences_.frame_incidences.data();
-    const int landmark = incidences_.chunk_begin[of_chunk];
-    return static_cast<int>(
-        std::partition_point(all + incidences_.frame_begin[i], all + incidences_.frame_begin[i + 1],
-                             [&](int q) { return incidences_.landmarks[q] < landmark; }) -
-        all);
-  };
-  SubtractOfFrame(z_.data(), frame, begin_of(chunk), begin_of(chunk + 1), sum);
+  // A frame's incidences are sorted by chunk, and chunks follow each other: this one's begin where
+  // those of the chunk before have ended.
+  const int begin = chunk == 0 ? incidences_.frame_begin[i] : rhs_end_[i];
+  const int landmark_end = incidences_.chunk_begin[chunk + 1];
+  int& end = rhs_end_[i];
+  end = begin;
+  while (end < incidences_.frame_begin[i + 1] && LandmarkOf(rhs_terms_[end]) < landmark_end) {
+    ++end;
+  }
+  SubtractOfFrame(z_.data(), frame, begin, end, sum);
   for (int k = 0; k < size; ++k) {
     const int at = pattern.offsets[i] + k;
     // c = −g of the frames, where b begins.
@@ -270,9 +276,7 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
 // sum −= Σ Y_li v_l over a frame's incidences from begin to end.
 void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end,
                                   double* sum) const {
-  const auto size_of = [&](int k) {
-    return incidences_.sizes[incidences_.landmarks[incidences_.frame_incidences[k]]];
-  };
+  const auto size_of = [&](int k) { return incidences_.sizes[LandmarkOf(rhs_terms_[k])]; };
   while (begin < end) {
     int last = begin;
     // Within a chunk they are sorted by landmark size: runs of one depth, as the kernel wants them.

@@ -79,6 +79,7 @@ class Elimination {
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
   std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
   std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
+  std::vector<int> rhs_end_;              // per frame: behind those of the last chunk
   mutable CoupledProducts coupled_;
   const bool keeps_all_;  // not where all that is asked for comes from the Jacobians
 };

@@ -1,6 +1,7 @@
 // What the solver may ask of a family: tangent maps of every kind, strides, ranges, repeated calls,
 // failures.
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <string>
 
@@ -158,6 +159,38 @@ TEST_F(BalReprojectionSeam, SeesParametersThatChangeBetweenCalls) {
   double expected[2];
   ReferenceResidual(states_[0].camera, states_[0].point, states_[0].x, states_[0].y, expected);
   EXPECT_NEAR(residuals_[0], expected[0], 1e-9);
+}
+
+// A large family remembers rotations from call to call: by all bits of the angle, so that cameras
+// that move in place, and a zero that changes its sign, are seen.
+TEST_F(BalReprojectionSeam, LargeFamiliesHaveTheBitsOfSmallOnes) {
+  Build(200);
+  states_[7].camera[1] = 0.0;
+  BalReprojectionFamily large;
+  for (int i = 0; i < (1 << 15); ++i) {
+    const BalState& state = states_[static_cast<std::size_t>(i) % states_.size()];
+    large.Add({state.x, state.y});
+  }
+  for (int round = 0; round < 3; ++round) {
+    Clear();
+    ASSERT_FALSE(EvaluateAll().failed());
+    const std::vector<double> residuals = residuals_, J_c = J_c_, J_p = J_p_;
+    for (int repeat = 0; repeat < 2; ++repeat) {
+      Clear();
+      const JacobianView views[2] = {{J_c_.data(), 2 * kCameraStride, kCameraStride},
+                                     {J_p_.data(), 2 * kPointStride, kPointStride}};
+      ASSERT_FALSE(large
+                       .Evaluate({0, static_cast<int>(states_.size()), parameters_.data(),
+                                  maps_.data(), residuals_.data(), views})
+                       .failed());
+      const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {
+        return std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
+      };
+      EXPECT_TRUE(same(residuals_, residuals) && same(J_c_, J_c) && same(J_p_, J_p)) << round;
+    }
+    states_[3].camera[0] += 0.25;
+    states_[7].camera[1] = -states_[7].camera[1];
+  }
 }
 
 TEST_F(BalReprojectionSeam, ConstantsAreNotWritten) {
