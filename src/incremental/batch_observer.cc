@@ -138,7 +138,7 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
     settled_ = true;
     rest_ = -1.0;
   }
-  if (hold_.on && (hold_.is_over || settled_ || !iteration.step_is_valid)) {
+  if (hold_.on && (hold_.is_over || settled_ || !IsWorthHolding(iteration))) {
     EndHold();
   }
   if (!go_on) {
@@ -223,6 +223,13 @@ void BatchObserver::BeginHold(Stagnation::Verdict verdict) {
   hold_.proves = verdict == Stagnation::Verdict::kRefusals;
   hold_.from_cost = cost_;
   stagnation_.BeginAtBorder(cost_, /*refused=*/false);
+}
+
+// Where no claim can follow, Ceres's rule is enough: the gain of one step.
+bool BatchObserver::IsWorthHolding(const IterationSummary& iteration) const {
+  return iteration.step_is_valid &&
+         (hold_.proves || num_refusing_ == 1 || !iteration.step_is_successful ||
+          iteration.cost_change > Tolerance(cost_));
 }
 
 // The others are at their minimum. If that was worth it, all go on from there. If not, it is the

@@ -115,6 +115,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool HoldsLittleBack() const { return held_back_ <= tuning_.held_back_share * Tolerance(cost_); }
   bool HasStagnated(const IterationSummary& iteration);
   void BeginHold(Stagnation::Verdict verdict);
+  bool IsWorthHolding(const IterationSummary& iteration) const;
   void EndHold();
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
