@@ -56,7 +56,12 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepO
   // where the cost is less curved than its model, it gains more than it has promised.
   tries_claim_ = claims && end_ == BatchEnd::kToTheEnd && !blurred &&
                  promise > tuning_.no_gain_share * Tolerance(cost);
+  num_refusing_ = origin.num_refusing;
   settled_ = claims && !tries_claim_;
+  if (hold_.on) {
+    hold_.is_over = settled_ || tries_claim_;
+    settled_ = tries_claim_ = false;
+  }
   rest_ = !claims ? 0.0 : series ? rest : promise;
   promises_nothing_ = SeesAll() && promise <= Tolerance(cost);
   last_promise_ = promise;
@@ -79,6 +84,9 @@ bool BatchObserver::IsLast(const IterationSummary& iteration) {
       std::fabs(iteration.relative_decrease - 1.0) <= 1.0 - tuning_.kept_promise) {
     settled_ = true;
     rest_ = std::max(rest - iteration.cost_change, 0.0);
+  }
+  if (hold_.on) {
+    hold_.is_over |= std::exchange(settled_, false);
   }
   return settled_;
 }
@@ -129,6 +137,9 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
   if (!settled_ && HasStagnated(iteration)) {
     settled_ = true;
     rest_ = -1.0;
+  }
+  if (hold_.on && (hold_.is_over || settled_ || !IsWorthHolding(iteration))) {
+    EndHold();
   }
   if (!go_on) {
     ended_by_user_ = true;
@@ -186,6 +197,14 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
   // it.
   const Stagnation::Verdict verdict =
       stagnation_.After(iteration, cost_, Tolerance(cost_), tried_radius_);
+  if (hold_.on) {
+    return verdict != Stagnation::Verdict::kGoOn;
+  }
+  if (num_refusing_ > 0 && (verdict == Stagnation::Verdict::kRefusals ||
+                            (verdict == Stagnation::Verdict::kUnproven && stagnation_.creeps()))) {
+    BeginHold(verdict);
+    return false;
+  }
   // The end that no model confirms is named as such.
   trace_.summary().rests_on_refusals |= verdict == Stagnation::Verdict::kRefusals;
   stagnates_ = verdict == Stagnation::Verdict::kUnproven;
@@ -193,6 +212,54 @@ bool BatchObserver::HasStagnated(const IterationSummary& iteration) {
     words_ = stagnation_.InWords(verdict, cost_);
   }
   return verdict == Stagnation::Verdict::kProven || verdict == Stagnation::Verdict::kRefusals;
+}
+
+// Where steps are stopped by a border, whatever their length, the variables of those who refuse are
+// held, and the others go on.
+void BatchObserver::BeginHold(Stagnation::Verdict verdict) {
+  words_ = stagnation_.InWords(verdict, cost_);
+  hold_.on = true;
+  hold_.is_over = false;
+  hold_.proves = verdict == Stagnation::Verdict::kRefusals;
+  hold_.from_cost = cost_;
+  stagnation_.BeginAtBorder(cost_, /*refused=*/false);
+}
+
+// Where no claim can follow, Ceres's rule is enough: the gain of one step.
+bool BatchObserver::IsWorthHolding(const IterationSummary& iteration) const {
+  return iteration.step_is_valid &&
+         (hold_.proves || num_refusing_ == 1 || !iteration.step_is_successful ||
+          iteration.cost_change > Tolerance(cost_));
+}
+
+// The others are at their minimum. If that was worth it, all go on from there. If not, it is the
+// end: a minimum, if those who are held have one direction only, which is refused, or if steps of
+// all lengths have been.
+void BatchObserver::EndHold() {
+  const double gained = hold_.from_cost - cost_;
+  hold_.on = false;
+  settled_ = stagnates_ = false;
+  const bool proves = hold_.proves || num_refusing_ == 1;
+  const bool is_there = gained <= Allowed(cost_);
+  const bool is_near = gained <= Tolerance(cost_);
+  // What refusals have proven they have of where it was, and next to that: once more, if need be.
+  const bool was_near = std::exchange(hold_.is_near, is_near);
+  if (!is_near || (proves && !is_there && !was_near)) {
+    words_.clear();
+    stagnation_.BeginAtBorder(cost_, hold_.proves && is_near);
+    return;
+  }
+  settled_ = proves && is_there;
+  stagnates_ = !settled_;
+  if (stagnates_) {
+    words_ = Stagnation::kCreeps;
+  } else if (!hold_.proves) {
+    words_ =
+        "A cost function refuses all lengths of steps in the one direction in which there is "
+        "anything to gain.";
+  }
+  trace_.summary().rests_on_refusals |= settled_;
+  rest_ = -1.0;
 }
 
 // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.

@@ -51,6 +51,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool IsLast(const IterationSummary& iteration) override;
   bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
+  bool HoldsRefusing() override { return hold_.on; }
   double LeastRadius() override {
     return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
   }
@@ -109,10 +110,13 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool SeesEnough() const {
     return SeesAll() ||
            (IsByMarquardt() && HoldsLittleBack() && tried_radius_ >= tuning_.proof_radius &&
-            (steps_to_wait_ > 0 || stagnation_.is_proving()));
+            (steps_to_wait_ > 0 || stagnation_.is_proving() || hold_.on));
   }
   bool HoldsLittleBack() const { return held_back_ <= tuning_.held_back_share * Tolerance(cost_); }
   bool HasStagnated(const IterationSummary& iteration);
+  void BeginHold(Stagnation::Verdict verdict);
+  bool IsWorthHolding(const IterationSummary& iteration) const;
+  void EndHold();
   bool IsRefusedForNothing(const IterationSummary& iteration) const;
   bool HasJustSettled(const IterationSummary& iteration);
   bool HasSpentBudget() const;
@@ -150,6 +154,15 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool promises_nothing_ = false;
   int num_accepted_in_row_ = kAcceptedInRow;
   Stagnation stagnation_;
+  int num_refusing_ = 0;  // degrees of freedom of the variables at a border
+  // The variables that a border has stopped stand still while the others go on.
+  struct Hold {
+    bool on = false;
+    bool is_over = false;  // the others are at their minimum
+    bool is_near = false;  // the last time they gained no more than the tolerance
+    bool proves = false;   // steps of all lengths were refused before
+    double from_cost = 0.0;
+  } hold_;
 };
 
 }  // namespace inceres::internal

@@ -27,8 +27,7 @@ bool EarlierFactor::KnowsGraph() const {
 }
 
 bool EarlierFactor::SeesLittle(double remaining) {
-  return context_.stop.IsLittleLeft(remaining, 0.0, context_.system.cost(),
-                                    context_.summary->num_iterations, context_.mostly_new);
+  return context_.IsLittleLeft(remaining, 0.0);
 }
 
 // A step that kept its promise, on a pose graph, has hardly changed S in the direction that counts:

@@ -126,9 +126,9 @@ bool IncrementalMinimizer::Begin() {
   const StoppingRule before = context_.stop;
   context_.stop = StoppingRule(StopRulesFor(system, context_.tuning),
                                context_.options.function_tolerance, context_.options.fixed_cost,
-                               system.RoundingOfCost(), summary.num_iterations, system.cost());
+                               system.rounding().AtMost(), summary.num_iterations, system.cost());
   if (begins) {
-    context_.stop.GoOnFrom(before);
+    context_.stop.GoOnFrom(before, system.OnlyGrew());
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
@@ -145,8 +145,7 @@ bool IncrementalMinimizer::IsLittleLeft(double landmark_gain) {
   const double remaining = context_.summary->remaining_decrease;
   // Whoever judges refusals later wants to know what was left near the floor.
   context_.control.Sees(remaining);
-  return context_.stop.IsLittleLeft(remaining, landmark_gain, context_.system.cost(),
-                                    context_.summary->num_iterations, context_.mostly_new);
+  return context_.IsLittleLeft(remaining, landmark_gain);
 }
 
 // A claim of convergence is made as early as possible: from what is known without a factorization,

@@ -7,6 +7,7 @@
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "incremental/active_bounds.h"
+#include "incremental/cost_rounding.h"
 #include "incremental/dirty_subgraph.h"
 #include "incremental/incremental_schur.h"
 #include "incremental/index_set.h"
@@ -134,7 +135,7 @@ class IncrementalSystem {
   /// Whether what is cached of it is not what it is now.
   bool IsDirty(FactorRef ref) const { return dirty_.Has(ref); }
   double cost() const { return cost_.value(); }
-  double RoundingOfCost() const { return internal::RoundingOfCost(graph_, variables_, schur_); }
+  CostRounding rounding() const { return {graph_, variables_, families_, schur_}; }
   int num_factors() const { return members_.num_factors(); }
   const ActiveBounds& bounds() const { return bounds_; }
   const FactorGraph& graph() const { return graph_; }

@@ -4,9 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "incremental/incremental_schur.h"
 #include "linearize/incremental_family.h"
-#include "linearize/variable_store.h"
 
 namespace inceres::internal {
 
@@ -33,11 +31,5 @@ class RunningCost {
   double peak_ = 0.0;             // the largest it has been since it was summed
   std::int64_t num_changes_ = 0;  // since then
 };
-
-/// How much of the cost rounding may be: ½ Σ_v ‖x_v‖_∞² tr(C_vv) (n ε)², for a residual that comes
-/// of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a pass over
-/// the frames, or over the landmarks where no frame can move.
-double RoundingOfCost(const FactorGraph& graph, const VariableStore& variables,
-                      const IncrementalSchur& schur);
 
 }  // namespace inceres::internal

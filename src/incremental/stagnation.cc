@@ -89,8 +89,7 @@ std::string Stagnation::InWords(Verdict verdict, double cost) const {
         num_since_gain_, 1.0 / widest_, (gained_from_ - cost) / cost);
   }
   if (verdict == Verdict::kUnproven && creeps_) {
-    return "Steps creep along where a cost function refuses, and gain next to nothing: it is not "
-           "proven that this is a minimum.";
+    return kCreeps;
   }
   const std::string gained =
       Formatted("Steps stagnate: the last %d have gained %e of the cost",

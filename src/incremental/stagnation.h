@@ -20,6 +20,10 @@ namespace inceres::internal {
 class Stagnation {
  public:
   enum class Verdict { kGoOn, kProven, kUnproven, kRefusals };
+  /// What an end without a proof rests on where steps creep along a border.
+  static constexpr char kCreeps[] =
+      "Steps creep along where a cost function refuses, and gain next to nothing: it is not "
+      "proven that this is a minimum.";
 
   explicit Stagnation(const Tuning::Batch& tuning) : tuning_(tuning) {}
 
@@ -28,8 +32,18 @@ class Stagnation {
   /// After an iteration that tried a step with this radius; `cost` is where it has led to, and
   /// `tolerance` what does not count of it.
   Verdict After(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  /// The same where all lengths of steps have been tried at a border, and who refused was held
+  /// since: they are tried again before that is an end. `refused`: all of them were.
+  void BeginAtBorder(double cost, bool refused) {
+    Begin(cost);
+    creeps_ = true;
+    went_between_ = refused;
+    restart_radius_ = tuning_.proof_radius;
+  }
   /// What a verdict that ends the descent rests on, at this cost.
   std::string InWords(Verdict verdict, double cost) const;
+  /// Whether steps have crept along a border when all lengths of them had been tried.
+  bool creeps() const { return creeps_; }
   /// Whether steps are taken with little damping for the sake of a proof.
   bool is_proving() const { return is_proving_; }
   /// The radius from which the descent is to go on, or 0; asked once.

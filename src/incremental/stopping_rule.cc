@@ -12,7 +12,7 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   // From the test that needs no history to the one that needs most. An Update that is mostly new
   // has no steps yet that tell of the next, but it may stagnate.
   stagnated_gain_ = -1.0;
-  if (remaining + (landmark_creep_ - 1.0) * landmark_gain <= Allowed(cost) ||
+  if (Rest(remaining, landmark_gain) <= Allowed(cost) ||
       (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
                        HasBeenClaimed(remaining, landmark_gain, cost)))) {
     return true;

@@ -22,28 +22,46 @@ namespace inceres::internal {
 class StoppingRule {
  public:
   StoppingRule() = default;
-  /// For an Update that begins at this cost, of which a part is fixed and which rounding blurs by
-  /// so much, with this iteration.
+  /// For an Update that begins at this cost, of which a part is fixed and at most so much is
+  /// rounding, with this iteration.
   StoppingRule(const Tuning::Stop& tuning, double function_tolerance, double fixed_cost,
-               double rounding, int iteration, double cost)
+               double most_rounding, int iteration, double cost)
       : tuning_(tuning),
         function_tolerance_(function_tolerance),
         fixed_cost_(fixed_cost),
-        rounding_(rounding),
+        most_rounding_(most_rounding),
+        rounding_(most_rounding),
         checked_iteration_(iteration),
         checked_cost_(cost) {}
 
   /// T: cost changes below it do not count. The user's tolerance times what can change of the cost,
   /// and where that is next to zero the rounding of the residuals.
   double Tolerance(double cost) const {
-    return std::max(function_tolerance_ * (cost - fixed_cost_), rounding_ / tuning_.share);
+    return std::max(OfFunction(cost), rounding_ / tuning_.share);
   }
   /// σ T: what an Update may leave undone.
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
   double rounding() const { return rounding_; }
+  /// Whether it depends on how much of the cost is rounding if no more than this is little; that is
+  /// then to be set, as far as it counts. And what is known of it, where nothing has moved since.
+  bool AsksForRounding(double remaining, double cost) const {
+    const double most = most_rounding_ / tuning_.share;
+    return most > OfFunction(cost) && remaining <= most;
+  }
+  void SetRounding(double rounding) { rounding_ = known_rounding_ = rounding; }
+  double known_rounding() const { return known_rounding_; }
+  double NegligibleRounding(double cost) const { return 0.5 * tuning_.share * OfFunction(cost); }
+  /// What the first of the tests holds against it.
+  double Rest(double remaining, double landmark_gain) const {
+    return remaining + (landmark_creep_ - 1.0) * landmark_gain;
+  }
 
   /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
-  void GoOnFrom(const StoppingRule& before) { claim_ = before.claim_; }
+  /// Where the problem has only grown since, what was rounding still is.
+  void GoOnFrom(const StoppingRule& before, bool only_grew) {
+    claim_ = before.claim_;
+    known_rounding_ = only_grew ? before.known_rounding_ : 0.0;
+  }
 
   /// Whether little is left. Asked once an iteration. An Update that is new for the most part
   /// learns nothing from its last step.
@@ -65,10 +83,12 @@ class StoppingRule {
     last_remaining_ = remaining;
     last_gain_ratio_ = gain_ratio;
     claim_ = Claim();
+    known_rounding_ = 0.0;
   }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
   void LandmarksGained(double gain, double promise) {
     landmark_creep_ = std::max(1.0, gain / promise);
+    known_rounding_ = 0.0;
   }
 
  private:
@@ -79,6 +99,7 @@ class StoppingRule {
     double series = 0.0;
   };
 
+  double OfFunction(double cost) const { return function_tolerance_ * (cost - fixed_cost_); }
   bool NextStepsGainLittle(double remaining, double landmark_gain, double cost);
   bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
@@ -89,9 +110,11 @@ class StoppingRule {
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;
   double fixed_cost_ = 0.0;
-  double rounding_ = 0.0;
-  int checked_iteration_ = 0;  // from which on HasStagnated counts
-  double checked_cost_ = 0.0;  // then
+  double most_rounding_ = 0.0;
+  double rounding_ = 0.0;        // of the residuals, when they were last looked at
+  double known_rounding_ = 0.0;  // the same; 0 if anything has moved since
+  int checked_iteration_ = 0;    // from which on HasStagnated counts
+  double checked_cost_ = 0.0;    // then
   double stagnated_gain_ = -1.0;
   double last_remaining_ = 0.0;
   double last_gain_ratio_ = 1.0;

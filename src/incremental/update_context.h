@@ -38,6 +38,9 @@ struct UpdateContext {
   void Finish(Termination termination, const char* message);
   /// T of docs/algorithms.md, "Stopping rule".
   double Tolerance() const { return stop.Tolerance(system.cost()); }
+  /// StoppingRule::IsLittleLeft of what is left now. Where that may rest on how much of the cost is
+  /// rounding, residuals are looked at first.
+  bool IsLittleLeft(double remaining, double landmark_gain);
   UpdateIteration& row() { return trace->row(); }
 
   IncrementalOptions options;

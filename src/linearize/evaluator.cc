@@ -230,8 +230,8 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
 }
 
 // With the values at which it failed, by name.
-Status Evaluator::DescribeFailure(bool jacobians, FamilyId id,
-                                  const EvaluationFailure& failure) const {
+Status Evaluator::DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) {
+  failed_factor_ = {id, failure.factor, -1};
   const Linearization& cache = families_[id];
   return Status::Error(
       StatusCode::kEvaluationFailed,

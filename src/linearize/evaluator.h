@@ -74,6 +74,9 @@ class Evaluator {
   void set_leaves_out_zero_blocks(bool leaves_out) { leaves_out_zero_blocks_ = leaves_out; }
   bool leaves_out_zero_blocks() const { return leaves_out_zero_blocks_; }
 
+  /// At which factor the last pass that failed did so.
+  FactorId failed_factor() const { return failed_factor_; }
+
   std::int64_t Bytes() const;
 
   /// Who plans with this evaluator counts here what he takes; null: nobody counts.
@@ -113,7 +116,7 @@ class Evaluator {
   Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
   Status EvaluateStrips(bool known_point);
   Status Prepare(bool jacobians, FamilyId id);
-  Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure) const;
+  Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure);
 
   const FactorGraph* graph_;
   const Layout& layout_;
@@ -128,6 +131,7 @@ class Evaluator {
   // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;
+  FactorId failed_factor_;
   std::vector<std::int32_t> announced_;  // scratch of Prepare
   std::vector<Strip> strips_;            // empty: no family has any
   AlignedVector<double> gradient_;       // padded; of families in single precision

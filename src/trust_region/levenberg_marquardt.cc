@@ -20,6 +20,9 @@ constexpr double kLeastGrowth = 1.05;
 constexpr double kKeptPromise = 0.25;
 constexpr int kStepsInRow = 4;
 
+// Times the damping of an entry that is held: what is left of its step is rounding.
+constexpr double kHolds = 1e30;
+
 }  // namespace
 
 void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<double>& scale) {
@@ -34,6 +37,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   decrease_factor_ = 2.0;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
+  held_.clear();
   damping_.resize(scale.size());
   damped_step_.resize(scale.size());
 }
@@ -47,8 +51,15 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
     const double s2 = (*scale_)[j] * (*scale_)[j];
     damping_[j] = std::clamp(s2 * H_diagonal[j], min_diagonal_, max_diagonal_) / (radius_ * s2);
   }
+  for (std::size_t j = 0; j < held_.size(); ++j) {
+    damping_[j] *= held_[j] != 0 ? kHolds : 1.0;
+  }
   ++*num_solves;
-  return model->Solve(damping_.data(), step);
+  const Status solved = model->Solve(damping_.data(), step);
+  for (std::size_t j = 0; j < held_.size(); ++j) {
+    step[j] = held_[j] != 0 ? 0.0 : step[j];
+  }
+  return solved;
 }
 
 double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<double>& step) {
@@ -88,6 +99,9 @@ void LevenbergMarquardt::Widen(double radius) {
 }
 
 void LevenbergMarquardt::Restart(double radius) {
+  if (radius == 0.0) {
+    return;
+  }
   radius_ = std::min(radius, max_radius_);
   radius_before_ = 0.0;
   is_new_width_ = false;

@@ -26,6 +26,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   bool Restore(const std::vector<double>& saved) override;
   void Widen(double radius) override;
   void Restart(double radius) override;
+  void Hold(const std::vector<char>& held) override { held_ = held; }
 
  private:
   bool tenfold_ = false;  // Marquardt's rule
@@ -41,6 +42,7 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   int num_accepted_in_row_ = 0;
   std::vector<double> damping_;
   std::vector<double> damped_step_;
+  std::vector<char> held_;
 };
 
 }  // namespace inceres::internal

@@ -26,6 +26,8 @@ struct StepOrigin {
   double held_back = 0.0;  ///< what TrustRegionStrategy::HeldBack says of the step
   /// it moves no variable by more than a few units in the last place
   bool within_rounding = false;
+  /// degrees of freedom of the variables that StepJudge::HoldsRefusing holds, or would hold
+  int num_refusing = 0;
 };
 
 /// Whoever may end a solve for the promise of its steps.
@@ -50,6 +52,10 @@ class StepJudge {
   /// Whether a step that was accepted is taken back, and refused, where its end has a cost and no
   /// Jacobians. By default that ends the solve, as in Ceres.
   virtual bool TakesBack() { return false; }
+
+  /// Asked before each step of a damped strategy: whether it is to leave the variables where they
+  /// are whose factors have refused to be evaluated since a whole step was last taken.
+  virtual bool HoldsRefusing() { return false; }
 
   /// Asked before each step: the radius to begin anew with, or 0.
   virtual double RestartRadius() { return 0.0; }

@@ -47,6 +47,16 @@ void StepTrial::Run(double cost, IterationSummary* iteration) {
   if (refinement_.Descends() && HasEnd()) {
     Descend(cost, iteration);
   }
+  if (is_cut_ || EndsBeyondBorder()) {
+    NoteRefusal();
+  } else if (!holds_ && iteration->step_share >= 1.0) {
+    refusing_.Clear();
+  }
+}
+
+const std::vector<char>& StepTrial::Hold(bool holds) {
+  holds_ = holds;
+  return holds ? refusing_.flags() : no_flags_;
 }
 
 void StepTrial::Follow(double start_cost, IterationSummary* iteration) {

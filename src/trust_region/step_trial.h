@@ -9,6 +9,7 @@
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_evaluation.h"
 #include "trust_region/loop_options.h"
+#include "trust_region/refusing_variables.h"
 
 namespace inceres::internal {
 
@@ -41,8 +42,16 @@ class StepTrial {
   bool is_cut() const { return is_cut_; }
   /// No length of it can be evaluated.
   bool EndsBeyondBorder() const { return IsByMarquardt() && !HasEnd(); }
-  /// Whether it is short only because it, or its end, cannot be evaluated.
-  bool IsHeldAtBorder() const { return is_cut_ || EndsBeyondBorder(); }
+  /// Whether it is short only because it, or its end, cannot be evaluated, or variables were held.
+  bool IsHeldAtBorder() const { return holds_ || is_cut_ || EndsBeyondBorder(); }
+
+  /// From now on steps leave the variables where they are that have refused to be evaluated since a
+  /// whole step was last taken, or they do not: which ones, by flags.
+  const std::vector<char>& Hold(bool holds);
+  /// The degrees of freedom of those variables.
+  int num_refusing() const { return refusing_.size(); }
+  /// The point that was accepted cannot be evaluated after all.
+  void NoteRefusal() { refusing_.Add(evaluation_.evaluator()); }
   /// Whether coordinate descent has led below where the step began: such a step is taken whatever
   /// its gain ratio.
   bool descent_was_useful() const { return descent_was_useful_; }
@@ -69,6 +78,9 @@ class StepTrial {
   double promise_ = 0.0;
   double cost_ = 0.0;
   bool is_cut_ = false;
+  RefusingVariables refusing_;
+  bool holds_ = false;
+  const std::vector<char> no_flags_;
   bool descent_was_useful_ = false;
 };
 

@@ -45,10 +45,12 @@ class TrustRegionStrategy {
   /// The next step is to be damped by no more than this radius allows; if it is refused, what was
   /// is again.
   virtual void Widen(double /*radius*/) {}
+  /// Entries of steps that are zero from now on, by flags; empty: none.
+  virtual void Hold(const std::vector<char>& /*held*/) {}
   /// What it has learned from steps, and to go on with that of another one, started alike.
   virtual std::vector<double> Save() const = 0;
   virtual bool Restore(const std::vector<double>& saved) = 0;
-  /// This radius from now on, and nothing of what steps before have taught.
+  /// This radius from now on, and nothing of what steps before have taught; 0: all as it is.
   virtual void Restart(double /*radius*/) {}
 };
 

@@ -185,10 +185,9 @@ void TrustRegionMinimizer::BeginIteration() {
   iteration_.gradient_max_norm = previous.gradient_max_norm;
   // A restart forgets what steps have taught; a widened radius is for this step alone.
   if (loop_.judge != nullptr) {
-    if (const double radius = loop_.judge->RestartRadius(); radius > 0.0) {
-      strategy_->Restart(radius);
-    }
+    strategy_->Restart(loop_.judge->RestartRadius());
     strategy_->Widen(loop_.judge->LeastRadius());
+    strategy_->Hold(trial_.Hold(loop_.judge->HoldsRefusing()));
   }
   iteration_.trust_region_radius =
       strategy_->Radius();  // of this step; at its end that of the next
@@ -197,8 +196,9 @@ void TrustRegionMinimizer::BeginIteration() {
 // A step that has a model decrease; false: the judge ends the solve without it.
 bool TrustRegionMinimizer::IsWorthTrying() {
   return loop_.judge == nullptr ||
-         loop_.judge->IsWorthTrying(iteration_, {cost_, strategy_->HeldBack(model_, trial_.step()),
-                                                 IsWithinRounding(evaluator_, trial_.step())}) ||
+         loop_.judge->IsWorthTrying(
+             iteration_, {cost_, strategy_->HeldBack(model_, trial_.step()),
+                          IsWithinRounding(evaluator_, trial_.step()), trial_.num_refusing()}) ||
          GoesOn(ObserverAction::kTerminateSuccessfully, &summary_.termination, &summary_.message);
 }
 
@@ -441,6 +441,7 @@ bool TrustRegionMinimizer::TakeBack() {
     summary_.failed_step = summary_.detail;
   }
   summary_.detail.clear();
+  trial_.NoteRefusal();
   RejectStep(std::numeric_limits<double>::max());
   return Linearize(/*new_point=*/true);
 }

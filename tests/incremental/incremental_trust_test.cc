@@ -27,6 +27,33 @@ struct Pixel {
   double xy[2] = {0.0, 0.0};
 };
 
+// weight · (x − origin).
+std::shared_ptr<FunctionFamily> WeighedPrior(double weight, const std::vector<double>& origin) {
+  const int size = static_cast<int>(origin.size());
+  return std::make_shared<FunctionFamily>(
+      size, std::vector<FactorFamily::Slot>{{size, size}},
+      [weight, origin, size](int, const double* const* p, double* f, double** J) {
+        for (int k = 0; k < size; ++k) {
+          f[k] = weight * (p[0][k] - origin[static_cast<std::size_t>(k)]);
+          for (int c = 0; J != nullptr && J[0] != nullptr && c < size; ++c) {
+            J[0][k * size + c] = c == k ? weight : 0.0;
+          }
+        }
+        return true;
+      });
+}
+
+// What a solver that remembers nothing comes down to from where this one is.
+double Least(const IncrementalSolver& solver) {
+  FactorGraph copy = solver.graph();
+  for (VariableId id = 0; id < copy.num_variables(); ++id) {
+    copy.SetValues(id, solver.Values(id));
+  }
+  SolverOptions options;
+  options.function_tolerance = 1e-12;
+  return Solve(options, &copy).final_cost;
+}
+
 // Cameras in a row that do not turn, with priors, see points some 5 in front of them. One point may
 // be forbidden to come nearer than a depth: its cost function then refuses.
 struct Row {
@@ -105,15 +132,7 @@ struct Row {
   }
 
   // What a solver that remembers nothing still gains from here, relative.
-  double Excess(double cost) {
-    FactorGraph copy = solver.graph();
-    for (VariableId id = 0; id < copy.num_variables(); ++id) {
-      copy.SetValues(id, solver.Values(id));
-    }
-    SolverOptions options;
-    options.function_tolerance = 1e-12;
-    return (cost - Solve(options, &copy).final_cost) / cost;
-  }
+  double Excess(double cost) const { return (cost - Least(solver)) / cost; }
 
   Random random;
   std::vector<Pixel> pixels;
@@ -155,8 +174,9 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
   EXPECT_GT(refused, 100) << "the cost function is to have refused steps";
 }
 
-// A chain of poses without a loop: its minimum is zero but for rounding.
-TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
+// A chain of poses without a loop, whose first pose is constant or held by a prior of this weight:
+// its minimum is zero but for rounding.
+void GrowsWithoutALoop(double weight) {
   std::vector<double> steps;
   IncrementalSolver solver{IncrementalOptions()};
   const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
@@ -183,9 +203,15 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
       }));
   Random random(3);
   double pose[3] = {100.0, -40.0, 0.3};
+  const std::vector<double> origin(pose, pose + 3);
+  const auto priors = solver.AddFamily(WeighedPrior(weight, origin));
   GraphEdit edit(solver.graph());
   VariableId last = edit.AddVariable(pose, 3, Role::kFrame);
-  edit.SetConstant(last, true);
+  if (weight > 0.0) {
+    edit.AddFactor(priors, 0, {last});
+  } else {
+    edit.SetConstant(last, true);
+  }
   int num_iterations = 0;
   for (int n = 0; n < 60; ++n) {
     steps.push_back(0.2 * random.Unit());
@@ -203,6 +229,65 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
     num_iterations += summary.num_iterations;
   }
   EXPECT_LE(num_iterations, 2 * 60);
+}
+
+TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
+  for (const double weight : {0.0, 1.0, 1e7, 1e15}) {
+    SCOPED_TRACE(weight);
+    GrowsWithoutALoop(weight);
+  }
+}
+
+// Positions in a row, each measured from the one before. The first has a prior of a weight that
+// makes one last place of its value more than all of the cost, and is where the prior wants it; a
+// few of the later ones are measured anew, from it, and disagree.
+TEST(IncrementalTrust, RoundingOfAHeavyPriorIsNoToleranceForTheRest) {
+  constexpr int kPositions = 12;
+  for (const double weight : {1.0, 1e14, 1e15, 1e16}) {
+    IncrementalOptions options;
+    options.batch_share = 2.0;
+    IncrementalSolver solver(options);
+    const auto priors = solver.AddFamily(WeighedPrior(weight, {0.1}));
+    double measured[kPositions + 1];  // by the places of the factors
+    const auto steps = solver.AddFamily(std::make_shared<FunctionFamily>(
+        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+        [&measured](int i, const double* const* p, double* f, double** J) {
+          f[0] = p[1][0] - p[0][0] - measured[i];
+          for (int s = 0; J != nullptr && s < 2; ++s) {
+            if (J[s] != nullptr) {
+              J[s][0] = s == 0 ? -1.0 : 1.0;
+            }
+          }
+          return true;
+        }));
+    GraphEdit edit(solver.graph());
+    std::vector<VariableId> positions;
+    for (int k = 0; k < kPositions; ++k) {
+      const double start = 0.1 + k;
+      positions.push_back(edit.AddVariable(&start, 1, Role::kFrame));
+      measured[k] = 1.0;
+      if (k > 0) {
+        edit.AddFactor(steps, 0, {positions[static_cast<std::size_t>(k) - 1], positions.back()});
+      }
+    }
+    edit.AddFactor(priors, 0, {positions[0]});
+    ASSERT_TRUE(solver.Apply(edit).ok());
+    solver.Update();
+    // d apart over n steps of weight one: the cost is ½ d² / (n + 1), in all of the row together.
+    for (int k = 0; k < 2; ++k) {
+      edit.Restart();
+      const int last = kPositions - 1 - 5 * k;
+      measured[kPositions - 1 + k] = last + (k == 0 ? 0.3 : -0.2);
+      edit.AddFactor(steps, 0, {positions[0], positions[static_cast<std::size_t>(last)]});
+      ASSERT_TRUE(solver.Apply(edit).ok());
+      const UpdateSummary summary = solver.Update();
+      EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+      EXPECT_LE(summary.num_iterations, 4);
+      EXPECT_EQ(summary.num_unsuccessful_steps, 0);
+      const double least = Least(solver);
+      EXPECT_LE(summary.final_cost - least, 1e-6 * least) << "weight " << weight << ", edge " << k;
+    }
+  }
 }
 
 TEST(IncrementalTrust, WhatACostFunctionRefusesToEvaluateProvesNoMinimum) {

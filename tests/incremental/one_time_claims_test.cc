@@ -153,6 +153,93 @@ TEST(OneTimeClaims, AStepWhoseEndHasNoJacobiansIsTakenBack) {
   EXPECT_EQ(summary.final_cost, summary.iterations.back().cost);
 }
 
+// Two blocks, x, of one value or of two, and y of two. x begins where a factor refuses to go on,
+// and would go on; y is far from its minimum, by residuals that are not linear.
+struct Border {
+  explicit Border(int size_of_x) {
+    const auto border = graph.AddFamily(std::make_shared<FunctionFamily>(
+        size_of_x, std::vector<FactorFamily::Slot>{{size_of_x, size_of_x}},
+        [size_of_x](int, const double* const* p, double* f, double** J) {
+          for (int k = 0; k < size_of_x; ++k) {
+            f[k] = p[0][k] - 3.0;
+            for (int c = 0; J != nullptr && J[0] != nullptr && c < size_of_x; ++c) {
+              J[0][k * size_of_x + c] = c == k ? 1.0 : 0.0;
+            }
+          }
+          // The normal of the border is none of the axes, and not the gradient.
+          return p[0][0] + (size_of_x > 1 ? 0.3 * p[0][1] : 0.0) <= 1.0;
+        }));
+    const auto both = graph.AddFamily(std::make_shared<FunctionFamily>(
+        3, std::vector<FactorFamily::Slot>{{size_of_x, size_of_x}, {2, 2}},
+        [size_of_x](int, const double* const* p, double* f, double** J) {
+          f[0] = p[1][0] + 0.1 * p[1][0] * p[1][0] - p[0][0];
+          f[1] = p[1][1] - 2.0 * p[0][0];
+          f[2] = 0.5 * (p[1][0] + p[1][1]) - 4.0;
+          if (J != nullptr && J[0] != nullptr) {
+            std::fill(J[0], J[0] + 3 * size_of_x, 0.0);
+            J[0][0] = -1.0;
+            J[0][size_of_x] = -2.0;
+          }
+          if (J != nullptr && J[1] != nullptr) {
+            const double rows[6] = {1.0 + 0.2 * p[1][0], 0.0, 0.0, 1.0, 0.5, 0.5};
+            std::copy(rows, rows + 6, J[1]);
+          }
+          return true;
+        }));
+    const double start[2] = {1.0, 0.0};
+    x = graph.AddVariable(start, size_of_x, Role::kFrame);
+    const double far[2] = {9.0, -5.0};
+    y = graph.AddVariable(far, 2, Role::kFrame);
+    graph.AddFactor(border, 0, {x});
+    graph.AddFactor(both, 0, {x, y});
+  }
+
+  UpdateSummary Solve() {
+    Solver solver(/*max_bytes=*/0);
+    UpdateSummary summary;
+    internal::SolveOnce(IncrementalOptions(), &solver, &graph, &summary);
+    return summary;
+  }
+
+  FactorGraph graph;
+  VariableId x = -1;
+  VariableId y = -1;
+};
+
+// The cost with x where it begins, and y at its minimum.
+double LeastAtBorder(int size_of_x) {
+  Border world(size_of_x);
+  GraphEdit edit(world.graph);
+  edit.SetConstant(world.x, true);
+  EXPECT_TRUE(world.graph.Apply(edit).ok());
+  SolverOptions options;
+  options.function_tolerance = 1e-14;
+  const Summary summary = Solve(options, &world.graph);
+  EXPECT_LT(summary.final_cost, 0.9 * summary.initial_cost);
+  return summary.final_cost;
+}
+
+// x has one direction, and that is refused: with y at its minimum it is a minimum.
+TEST(OneTimeClaims, WhoDoesNotRefuseGoesOnWhereABorderStopsTheRest) {
+  Border world(1);
+  const UpdateSummary summary = world.Solve();
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_TRUE(summary.rests_on_refusals);
+  EXPECT_NE(summary.message.find("refuse"), std::string::npos) << summary.message;
+  const double least = LeastAtBorder(1);
+  EXPECT_LE(summary.final_cost, least * (1.0 + 1e-6));
+  EXPECT_GE(summary.final_cost, least * (1.0 - 1e-6));
+}
+
+// x could still go along the border, where it would gain: nothing that is called a minimum is above
+// what it could gain there.
+TEST(OneTimeClaims, ABorderThatCanBeFollowedIsNoMinimum) {
+  Border world(2);
+  const UpdateSummary summary = world.Solve();
+  EXPECT_LE(summary.final_cost, LeastAtBorder(2) * (1.0 + 1e-6));
+  EXPECT_LT(summary.iterations.size(), 51u);
+}
+
 // Steps that gain a hundredth of the tolerance each.
 Stagnation::Verdict Walk(double radius, double* restart_radius) {
   const internal::Tuning::Batch tuning;
