@@ -35,8 +35,11 @@ void SolveOnce(const internal::SolveCall& call) {
   internal::OrderingView ordering;
   const std::string obstacle = internal::FindObstacle(
       options, solve_options.mode == SolveMode::kIncremental, callback,
-      [&] { internal::Introspect(*call.problem, &view, internal::NumReaders(call.options)); }, view,
-      &ordering, &report->exact_reason);
+      [&] {
+        internal::Introspect(*call.problem, &view, internal::NumReaders(call.options),
+                             !call.solve_options.problem_has_no_bounds);
+      },
+      view, &ordering, &report->exact_reason);
   const bool incremental =
       solve_options.mode == SolveMode::kIncremental && report->exact_reason.empty();
   if (!obstacle.empty()) {

@@ -29,7 +29,11 @@ constexpr int kWidePanelSize = 600;
 // rows whose first column is looked at together: a multiple of every kernel's tile height
 constexpr int kGranule = 12;
 constexpr int kRowStrip = 96;  // rows a task: whole granules, so tasks do not change the arithmetic
-constexpr int kParallelSize = 128;  // smaller matrices are not worth waking a thread
+// Such a matrix is not worth waking a thread. Its rows begin where they do, and columns are taken a
+// tile at a time: windows of some poses leave much out. The kernel takes its sums in one slice
+// each, so that nothing but zeros is left out of them.
+constexpr int kSmallSize = 192;
+constexpr int kTileColumns = 4;
 
 }  // namespace
 
@@ -58,13 +62,19 @@ Status DenseCholesky::Analyze(const ReducedMatrix& A) {
   return Status::Ok();
 }
 
+bool DenseCholesky::IsSmall() const {
+  return size_ <= kSmallSize;
+}
+
 void DenseCholesky::FindRowStarts() {
   offset_of_.resize(pattern_->num_blocks());
   quad_start_.assign(padded_size_ / kQuad, padded_size_);
+  // Down to the first column of a panel in a larger matrix: a panel is taken as a whole or not at
+  // all.
+  const int step = IsSmall() ? 1 : panel_;
   for (int place = 0; place < pattern_->num_blocks(); ++place) {
     offset_of_[order_.blocks[place]] = order_.offsets[place];
-    // Down to the first column of its panel: a panel is taken as a whole or not at all.
-    const int start = order_.offsets[order_.first[place]] / panel_ * panel_;
+    const int start = order_.offsets[order_.first[place]] / step * step;
     for (int row = order_.offsets[place]; row < order_.offsets[place + 1]; ++row) {
       quad_start_[row / kQuad] = std::min(quad_start_[row / kQuad], start);
     }
@@ -77,39 +87,79 @@ int DenseCholesky::StartOf(int top, int bottom) const {
                            quad_start_.begin() + PadToQuad(bottom) / kQuad);
 }
 
-// The rows from `top` on that have something in the columns from `first` to `end`.
-void DenseCholesky::CutStrips(int top, int first, int end, std::vector<Strip>* strips) const {
-  strips->clear();
-  for (; top < padded_size_; top += kGranule) {
-    // Granule by granule; neighbors with the same start become one strip, up to the length of a
-    // task.
+// The rows from the group's first on that products with the columns ahead of `first` reach. They
+// begin at the later of a strip's start and that of the group's own rows.
+void DenseCholesky::CutGroup(int first, Group* group) const {
+  std::vector<Strip>& strips = group->updated;
+  strips.clear();
+  const int earliest = StartOf(group->left, group->right);
+  // Granule by granule; neighbors with the same start become one strip, up to the length of a
+  // task.
+  for (int top = group->left; earliest < first && top < padded_size_; top += kGranule) {
     const int bottom = std::min(top + kGranule, padded_size_);
-    const int start = std::max(first, StartOf(top, bottom));
-    // These rows have nothing in the columns concerned.
-    if (start >= end) {
+    const int start = std::max(earliest, StartOf(top, bottom));
+    if (start >= first) {
       continue;
     }
-    const bool joins = !strips->empty() && strips->back().bottom == top &&
-                       strips->back().start == start && top - strips->back().top < kRowStrip;
+    const bool joins = !strips.empty() && strips.back().bottom == top &&
+                       strips.back().start == start && top - strips.back().top < kRowStrip;
+    if (joins) {
+      strips.back().bottom = bottom;
+    } else {
+      strips.push_back(Strip{top, bottom, start});
+    }
+  }
+}
+
+// The rows behind a panel that have something in its columns.
+void DenseCholesky::CutBelow(int first, int end, std::vector<Strip>* strips) const {
+  strips->clear();
+  for (int top = end; top < padded_size_; top += kGranule) {
+    const int bottom = std::min(top + kGranule, padded_size_);
+    if (StartOf(top, bottom) >= end) {
+      continue;
+    }
+    const bool joins =
+        !strips->empty() && strips->back().bottom == top && top - strips->back().top < kRowStrip;
     if (joins) {
       strips->back().bottom = bottom;
     } else {
-      strips->push_back(Strip{top, bottom, start});
+      strips->push_back(Strip{top, bottom, first});
     }
   }
 }
 
 void DenseCholesky::CutPanels() {
   panels_.resize(static_cast<std::size_t>((size_ + panel_ - 1) / panel_));
+  const int columns = IsSmall() ? kTileColumns : panel_;
   int first = 0;
   for (Panel& panel : panels_) {
     const int end = std::min(first + panel_, size_);
-    // Where none of the panel's own rows has begun, no product can reach it: a strip's products
-    // begin at the later of its start and the panel's.
-    CutStrips(first, StartOf(first, end), first, &panel.updated);
-    CutStrips(end, first, end, &panel.below);
+    panel.groups.resize(static_cast<std::size_t>((end - first + columns - 1) / columns));
+    int left = first;
+    for (Group& group : panel.groups) {
+      group.left = left;
+      group.right = left = std::min(left + columns, end);
+      CutGroup(first, &group);
+    }
+    CutBelow(first, end, &panel.below);
     first = end;
   }
+}
+
+double DenseCholesky::ProductFlops() const {
+  double flops = 0.0;
+  int first = 0;
+  for (const Panel& panel : panels_) {
+    for (const Group& group : panel.groups) {
+      for (const Strip& strip : group.updated) {
+        flops +=
+            2.0 * (strip.bottom - strip.top) * (group.right - group.left) * (first - strip.start);
+      }
+    }
+    first += panel_;
+  }
+  return flops;
 }
 
 // The blocks of S keep to one side of the diagonal; in another order some belong on the other.
@@ -133,18 +183,26 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
 
 // Subtracts what the columns ahead of the panel contribute to it. The rows of the padding are zero
 // and stay so: with them there is nothing left over for the kernels to do one by one.
-void DenseCholesky::UpdatePanel(int first, int width) {
+void DenseCholesky::UpdatePanel(int first) {
+  for (const Group& group : PanelAt(first).groups) {
+    UpdateGroup(first, group);
+  }
+}
+
+void DenseCholesky::UpdateGroup(int first, const Group& group) {
   const Kernels& kernels = BestKernels();
-  const std::vector<Strip>& strips = PanelAt(first).updated;
-  const int num_strips = static_cast<int>(strips.size());
-  // One task for all of them where the matrix is small.
-  executor_.For(num_strips, size_ >= kParallelSize ? 1 : num_strips, [&](int begin, int end) {
+  const std::vector<Strip>& strips = group.updated;
+  const auto update = [&](int begin, int end) {
     for (int k = begin; k < end; ++k) {
       const auto [top, bottom, start] = strips[k];
-      kernels.subtract_outer(bottom - top, width, first - start, Column(start) + top, stride_,
-                             Column(start) + first, stride_, Column(first) + top, stride_);
+      kernels.subtract_outer(bottom - top, group.right - group.left, first - start,
+                             Column(start) + top, stride_, Column(start) + group.left, stride_,
+                             Column(group.left) + top, stride_);
     }
-  });
+  };
+  const int num_strips = static_cast<int>(strips.size());
+  // One task for all of them where the matrix is small.
+  executor_.For(num_strips, IsSmall() ? num_strips : 1, update);
 }
 
 void DenseCholesky::SolvePanel(int first, int width) {
@@ -162,7 +220,7 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
   for (int first = 0; first < size_ && factored_.ok(); first += panel_) {
     const int width = std::min(panel_, size_ - first);
     int failed = 0;
-    UpdatePanel(first, width);
+    UpdatePanel(first);
     if (FactorDiagonalBlock(Column(first) + first, stride_, width, &failed)) {
       SolvePanel(first, width);
       continue;

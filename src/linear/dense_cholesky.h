@@ -33,26 +33,37 @@ class DenseCholesky final : public ReducedSolver {
   double PredictedFlops() const { return order_.flops; }
   /// Entries of the factor that may not be zero.
   double PredictedEntries() const { return order_.entries; }
+  /// Flops of the products with columns ahead of each panel as they are carried out: tiles reach
+  /// beyond the envelope.
+  double ProductFlops() const;
 
  private:
   /// Rows [top, bottom), in whole quads, that have something from column start on.
   struct Strip {
     int top, bottom, start;
   };
+  /// Columns [left, right) of a panel.
+  struct Group {
+    int left, right;
+    std::vector<Strip> updated;  // by the columns ahead of the panel
+  };
   struct Panel {
-    std::vector<Strip> updated;  // by the columns ahead of it
-    std::vector<Strip> below;    // of its own columns
+    std::vector<Group> groups;
+    std::vector<Strip> below;  // of its own columns
   };
 
+  bool IsSmall() const;
   void FindRowStarts();
   int StartOf(int top, int bottom) const;
-  void CutStrips(int top, int first, int end, std::vector<Strip>* strips) const;
+  void CutGroup(int first, Group* group) const;
+  void CutBelow(int first, int end, std::vector<Strip>* strips) const;
   void CutPanels();
   const Panel& PanelAt(int first) const {
     return panels_[static_cast<std::size_t>(first / panel_)];
   }
   void CopyIn(const ReducedMatrix& A);
-  void UpdatePanel(int first, int width);
+  void UpdatePanel(int first);
+  void UpdateGroup(int first, const Group& group);
   void SolvePanel(int first, int width);
   double* Column(int j) { return L_.data() + static_cast<std::ptrdiff_t>(j) * stride_; }
 
@@ -61,7 +72,7 @@ class DenseCholesky final : public ReducedSolver {
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   DenseOrder order_;
   std::vector<int> offset_of_;   // per block of the pattern: its first scalar row in the order
-  std::vector<int> quad_start_;  // per quad of rows: first column of its first panel
+  std::vector<int> quad_start_;  // per quad of rows: the first column that has something
   std::vector<Panel> panels_;
   int size_ = 0;
   int padded_size_ = 0;  // to whole quads; below size_ the columns are zero

@@ -133,7 +133,7 @@ void Evaluator::BuildFamily(FamilyId id) {
     cache.GrowTables(num_places);
     PlaceWholeRows(layout_, &cache);
   } else if (storage_ == JacobianStorage::kBySlot) {
-    cache.Grow(num_places, num_places);
+    PlaceBySlot(num_places, &cache);
   } else {
     cache.PlaceByFactor(num_places,
                         storage_ == JacobianStorage::kByFactorInSingle &&
@@ -151,6 +151,9 @@ void Evaluator::BuildFamily(FamilyId id) {
       PlaceInTangent(layout_, begin, end, &cache);
     }
   });
+  if (storage_ == JacobianStorage::kBySlot) {
+    ClearUnwritten(&cache);
+  }
   FindParameters(id);
   BindFamily(id);
 }

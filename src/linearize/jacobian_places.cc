@@ -19,6 +19,26 @@ namespace {
 constexpr int kMaxWholeColumns = 16;
 constexpr std::int64_t kMaxWholeRows = 1024;
 
+// Jacobians by slot whose zeros would cost a pass over memory that is used again; those of a larger
+// array come with its pages. And most of it is written by every evaluation anyway.
+bool ComesUnwritten(std::size_t size) {
+  constexpr std::size_t kMostUnwritten = std::size_t{1} << 17;  // a megabyte
+  return size <= kMostUnwritten;
+}
+
+// One to three entries at the end of each row.
+void ClearPadding(int padding, int row_stride, double* begin, double* end) {
+  for (double* next_row = begin + row_stride; next_row <= end; next_row += row_stride) {
+    next_row[-1] = 0.0;
+    if (padding > 1) {
+      next_row[-2] = 0.0;
+    }
+    if (padding > 2) {
+      next_row[-3] = 0.0;
+    }
+  }
+}
+
 // The first variable of the factor that is one, or -1.
 template <typename Is>
 VariableId FirstOf(const FactorGraph& graph, FamilyId id, int factor, const Is& is) {
@@ -129,6 +149,43 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
       const auto factor = static_cast<int>(k / cache->num_slots);
       cache->record_offsets[cache->Entry(cache->Record(factor)) + k % cache->num_slots] =
           cache->tangent_offsets[k];
+    }
+  }
+}
+
+void PlaceBySlot(int num_places, Linearization* cache) {
+  const auto size = static_cast<std::size_t>(cache->FactorSize() * num_places);
+  cache->jacobian_values = ComesUnwritten(size) ? ZeroedArray::Unwritten(size) : ZeroedArray(size);
+  cache->capacity = num_places;
+  double* next = cache->jacobian_values.data();
+  for (std::size_t s = 0; s < cache->slots.size(); ++s) {
+    SlotJacobians& slot = cache->slots[s];
+    slot.data = next;
+    next += slot.factor_stride * num_places;
+    cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+  }
+  cache->candidate_residuals =
+      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
+  cache->GrowTables(num_places);
+  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+}
+
+void ClearUnwritten(Linearization* cache) {
+  if (!ComesUnwritten(cache->jacobian_values.size())) {
+    return;
+  }
+  for (int s = 0; s < cache->num_slots; ++s) {
+    const SlotJacobians& slot = cache->slots[s];
+    const int padding = slot.row_stride - slot.columns;
+    const std::int32_t* offset = cache->tangent_offsets.data() + s;
+    double* block = slot.data;
+    for (int i = 0; i < cache->num_factors;
+         ++i, block += slot.factor_stride, offset += cache->num_slots) {
+      if (*offset < 0) {
+        std::fill_n(block, slot.factor_stride, 0.0);
+      } else if (padding > 0) {
+        ClearPadding(padding, slot.row_stride, block, block + slot.factor_stride);
+      }
     }
   }
 }

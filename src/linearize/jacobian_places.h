@@ -19,6 +19,14 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 /// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
 void PlaceWholeRows(const Layout& layout, Linearization* cache);
 
+/// Memory by slot, once, instead of Linearization::Grow. Until ClearUnwritten anything may be in
+/// the Jacobians.
+void PlaceBySlot(int num_places, Linearization* cache);
+
+/// Makes zeros of what no evaluation writes: blocks without a place in the tangent vector, as
+/// tangent_offsets now says, and the padding of the others.
+void ClearUnwritten(Linearization* cache);
+
 /// Whether a family that is stored by factor has its records in an order of their own, where
 /// landmarks are eliminated: where factors of a landmark that moves are not neighbors, but for
 /// those without one between them, and not of small families, which stay in the cache.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <functional>
+#include <new>
+#include <utility>
 
 #include "inceres/problem/ambient_family.h"
 
@@ -78,16 +80,14 @@ int CountIdentityColumns(const TangentMap& map, const int* selection) {
 // Returns null, or what is wrong with M.
 // Ceres's test of outputs: filled with a value nobody computes, then checked for it and for NaN.
 const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const double* x,
-                                 std::vector<double>* M) {
+                                 int count, double* M) {
   // First-estimate Jacobians: the map belongs to the pinned values as well.
   const double* pinned = graph.HasPins() ? graph.PinnedValues(id) : nullptr;
-  const int count = static_cast<int>(M->size());
-  MarkUnwritten(M->data(), count);
-  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : x, M->data())) {
+  MarkUnwritten(M, count);
+  if (!graph.manifold(id)->PlusJacobian(pinned != nullptr ? pinned : x, M)) {
     return "returned false";
   }
-  return AreWritten(M->data(), count) ? nullptr
-                                      : "has an entry that is not finite or was not written";
+  return AreWritten(M, count) ? nullptr : "has an entry that is not finite or was not written";
 }
 
 }  // namespace
@@ -121,6 +121,19 @@ bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, cons
   return true;
 }
 
+// Two matrices, aligned as those of their own allocations would be, and a selection.
+std::unique_ptr<Tangent::Curved, Tangent::Free> Tangent::MakeCurved(int size) {
+  const auto count = (static_cast<std::size_t>(size) + 1) / 2 * 2;
+  void* const memory = ::operator new(sizeof(Curved) + count * (2 * sizeof(double) + sizeof(int)));
+  auto* const curved = new (memory) Curved();
+  auto* const doubles = reinterpret_cast<double*>(curved + 1);
+  curved->M = new (doubles) double[count];
+  curved->candidate_M = new (doubles + count) double[count];
+  curved->selection = new (doubles + 2 * count) int[count];
+  curved->capacity = size;
+  return std::unique_ptr<Curved, Free>(curved);
+}
+
 void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
   map_ = TangentMap();
   map_.ambient_size = graph.AmbientSize(id);
@@ -128,32 +141,31 @@ void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
   // Until it is computed, and always of a variable without a manifold.
   map_.kind = wanted ? TangentMap::Kind::kIdentity : TangentMap::Kind::kConstant;
   const bool curved = wanted && graph.manifold(id) != nullptr;
-  if (curved && curved_ == nullptr) {
-    curved_ = std::make_unique<Curved>();
+  const int size = curved ? map_.ambient_size * map_.tangent_size : 0;
+  if (curved && (curved_ == nullptr || curved_->capacity < size)) {
+    curved_ = MakeCurved(size);
   }
   if (curved_ != nullptr) {
-    // A variable whose manifold is gone keeps the struct, with no size: is_curved() asks for M.
-    curved_->M.resize(curved ? map_.ambient_size * map_.tangent_size : 0);
-    curved_->selection.resize(curved ? map_.tangent_size : 0);
+    // A variable whose manifold is gone keeps the struct, with no size.
+    curved_->size = size;
     curved_->stale = true;
     curved_->has_candidate = false;
   }
 }
 
 const char* Tangent::Compute(const FactorGraph& graph, VariableId id, const double* x) {
-  if (const char* fault = EvaluatePlusJacobian(graph, id, x, &curved_->M)) {
+  if (const char* fault = EvaluatePlusJacobian(graph, id, x, curved_->size, curved_->M)) {
     return fault;
   }
-  map_.plus_jacobian = curved_->M.data();
-  ClassifyTangentMap(&map_, curved_->selection.data());
+  map_.plus_jacobian = curved_->M;
+  ClassifyTangentMap(&map_, curved_->selection);
   curved_->stale = false;
   return nullptr;
 }
 
 // Into a second matrix: the map of the current point is still in use until the step is accepted.
 const char* Tangent::ComputeCandidate(const FactorGraph& graph, VariableId id, const double* x) {
-  curved_->candidate_M.resize(curved_->M.size());
-  const char* fault = EvaluatePlusJacobian(graph, id, x, &curved_->candidate_M);
+  const char* fault = EvaluatePlusJacobian(graph, id, x, curved_->size, curved_->candidate_M);
   curved_->has_candidate = fault == nullptr;
   return fault;
 }
@@ -169,11 +181,12 @@ void Tangent::AcceptCandidate() {
   curved_->stale = false;
   // The older matrix becomes the room of the next candidate. The address of map_ stays; its data
   // moves.
-  curved_->M.swap(curved_->candidate_M);
-  const bool same = map_.plus_jacobian != nullptr && curved_->M == curved_->candidate_M;
-  map_.plus_jacobian = curved_->M.data();
+  std::swap(curved_->M, curved_->candidate_M);
+  const bool same = map_.plus_jacobian != nullptr &&
+                    std::equal(curved_->M, curved_->M + curved_->size, curved_->candidate_M);
+  map_.plus_jacobian = curved_->M;
   if (!same) {
-    ClassifyTangentMap(&map_, curved_->selection.data());
+    ClassifyTangentMap(&map_, curved_->selection);
   }
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
-#include <vector>
 
 #include "inceres/problem/factor_graph.h"
 
@@ -25,7 +25,7 @@ class Tangent {
 
   const TangentMap& map() const { return map_; }
   /// Whether the map depends on the point.
-  bool is_curved() const { return curved_ != nullptr && !curved_->M.empty(); }
+  bool is_curved() const { return curved_ != nullptr && curved_->size > 0; }
 
   /// M := ∂(x ⊞ δ)/∂δ at x, checked. Returns null, or what is wrong with it: words to follow
   /// "PlusJacobian".
@@ -49,16 +49,24 @@ class Tangent {
   void AcceptCandidate();
 
  private:
-  struct Curved {
-    std::vector<double> M;
-    std::vector<double> candidate_M;
-    std::vector<int> selection;
-    bool stale = true;
-    bool has_candidate = false;  // candidate_M is the candidate's
+  // What it points to follows it in memory, for windows have many and make them anew.
+  struct alignas(16) Curved {
+    double* M;
+    double* candidate_M;
+    int* selection;
+    int size;      // of M; 0 while the variable has no manifold
+    int capacity;  // of M
+    bool stale;
+    bool has_candidate;  // candidate_M is the candidate's
+  };
+  struct Free {
+    void operator()(Curved* curved) const { ::operator delete(curved); }
   };
 
+  static std::unique_ptr<Curved, Free> MakeCurved(int size);
+
   TangentMap map_;
-  std::unique_ptr<Curved> curved_;  // null of a variable that never had a manifold
+  std::unique_ptr<Curved, Free> curved_;  // null of a variable that never had a manifold
 };
 
 }  // namespace inceres::internal

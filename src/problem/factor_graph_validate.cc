@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <string>
 
 #include "problem/edit_state.h"
@@ -183,6 +184,77 @@ bool RepeatsIds(const VariableId* ids, int num_slots) {
   return s == 0 && num_slots > 0 && ids[0] >= 0;
 }
 
+// Whether factors are in order, at a glance: of a slot that has the variable it had in the factor
+// before only that is asked. "No" is for FindFault to say what it is, or that it is nothing.
+class FactorGlance {
+ public:
+  FactorGlance(const FactorFamily& family, const VariableTable& variables)
+      : family_(family),
+        num_slots_(family.num_slots()),
+        num_variables_(variables.size()),
+        records_(variables.size() > 0 ? &variables[0] : nullptr) {
+    for (int s = 0; s < num_slots_ && num_slots_ <= kMostSlots; ++s) {
+      slots_[s] = family.slot(s);
+      takes_any_manifold_[s] = family.Space(s) == SlotSpace::kAny;
+    }
+  }
+
+  /// `before` was in order at the last glance, or is null.
+  bool IsInOrder(const VariableId* ids, const VariableId* before) {
+    if (num_slots_ > kMostSlots) {
+      return false;
+    }
+    landmarks_ = before != nullptr ? landmarks_ : 0;
+    for (int s = 0; s < num_slots_; ++s) {
+      if ((before == nullptr || ids[s] != before[s]) && !IsSlotInOrder(ids, s)) {
+        return false;
+      }
+    }
+    return (landmarks_ & (landmarks_ - 1)) == 0;  // one at most
+  }
+
+ private:
+  static constexpr int kMostSlots = 16;
+
+  bool IsSlotInOrder(const VariableId* ids, int s) {
+    const VariableId id = ids[s];
+    if (id < 0 || id >= num_variables_ || IsAmongOthers(ids, s)) {
+      return false;
+    }
+    const VariableRecord& variable = records_[id];
+    const std::uint32_t bit = std::uint32_t{1} << s;
+    landmarks_ &= ~bit;
+    if (variable.removed || variable.ambient_size != slots_[s].ambient_size) {
+      return false;
+    }
+    if (variable.constant || variable.tangent_size == 0) {
+      return true;
+    }
+    landmarks_ |= variable.role == Role::kLandmark ? bit : 0;
+    return variable.tangent_size == slots_[s].tangent_size &&
+           (variable.manifold == nullptr || takes_any_manifold_[s] ||
+            accepted_.Accepts(family_, s, *variable.manifold));
+  }
+
+  bool IsAmongOthers(const VariableId* ids, int s) const {
+    for (int t = 0; t < num_slots_; ++t) {
+      if (t != s && ids[t] == ids[s]) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  const FactorFamily& family_;
+  const int num_slots_;
+  const int num_variables_;
+  const VariableRecord* const records_;
+  FactorFamily::Slot slots_[kMostSlots];
+  bool takes_any_manifold_[kMostSlots];
+  internal::AcceptedManifolds accepted_;
+  std::uint32_t landmarks_ = 0;  // a bit for each slot with one that moves
+};
+
 // `edited`: an edit was checked.
 Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
                       const FamilyRecord& record, FamilyId id, bool edited) {
@@ -208,6 +280,8 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
                          std::equal(ids + num_slots, ids + record.variables.size(), ids);
   const int num_different = all_alike ? 1 : record.num_factors;
   internal::AcceptedManifolds accepted;
+  FactorGlance glance(family, variables);
+  const VariableId* before = nullptr;  // the last one that was glanced at and in order
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
       continue;
@@ -215,6 +289,11 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
     if (factor > 0 && RepeatsIds(ids, num_slots)) {
       continue;  // the one before was found to be in order
     }
+    if (glance.IsInOrder(ids, before)) {
+      before = ids;
+      continue;
+    }
+    before = nullptr;
     const FactorFault fault = internal::FindFault(
         family, ids,
         [&variables](VariableId variable) { return internal::See(variables, variable); },

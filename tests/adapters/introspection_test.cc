@@ -79,6 +79,19 @@ TEST(Introspection, CountsConstantsFixedResidualsAndUnusedBlocks) {
   EXPECT_FALSE(unused.reduced());
 }
 
+// Whoever says that a problem has none is believed.
+TEST(Introspection, BoundsAreNotLookedForWhereThereAreNone) {
+  double x[2] = {1.0, 2.0};
+  ceres::Problem problem;
+  problem.AddParameterBlock(x, 2);
+  problem.SetParameterLowerBound(x, 1, 0.0);
+  ProblemView view;
+  Introspect(problem, &view, 1, /*may_have_bounds=*/false);
+  EXPECT_EQ(view.blocks[0].bounds, BoundsKind::kNone);
+  Introspect(problem, &view);
+  EXPECT_EQ(view.blocks[0].bounds, BoundsKind::kBounded);
+}
+
 // Of a problem that several tasks read: with bounds, manifolds and constants, and blocks that
 // repeat or do not.
 TEST(Introspection, IsTheSameWithSeveralThreads) {

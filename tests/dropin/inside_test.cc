@@ -109,6 +109,41 @@ TEST(DropinInside, ALivingProblemIsRemembered) {
   EXPECT_GT(cost.num_jacobians, first);
 }
 
+// Nobody looks for bounds where none was ever set: each way to set one is seen, before the first
+// solve and after it, and where the Problem has moved.
+TEST(DropinInside, BoundsAreSeenWhenTheyAreSet) {
+  double x = 3.0;
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  Square cost(2.5);
+  ceres::Problem problem(options);
+  problem.AddResidualBlock(&cost, nullptr, &x);
+  Solve(&problem);
+  EXPECT_NEAR(x, std::sqrt(2.5), 1e-6);
+  problem.SetParameterLowerBound(&x, 0, 2.0);
+  x = 3.0;
+  Solve(&problem);
+  EXPECT_EQ(x, 2.0);
+  ceres::Problem moved(std::move(problem));
+  x = 3.0;
+  Solve(&moved);
+  EXPECT_EQ(x, 2.0);
+
+  ceres::Problem other(options);
+  other.AddResidualBlock(&cost, nullptr, &x);
+  other.SetParameterUpperBound(&x, 0, 1.5);
+  x = 1.0;
+  Solve(&other);
+  EXPECT_EQ(x, 1.5);
+
+  // of a constant, which stock refuses in its words
+  double y = 1.0;
+  other.AddParameterBlock(&y, 1);
+  other.SetParameterBlockConstant(&y);
+  other.SetParameterLowerBound(&y, 0, 2.0);
+  EXPECT_EQ(Solve(&other).termination_type, ceres::FAILURE);
+}
+
 // Changed where it stands: no call of the Problem's tells.
 TEST(DropinInside, ACostFunctionThatChangesInPlaceIsNoticed) {
   double x = 3.0;

@@ -57,6 +57,16 @@ TEST(DenseOrder, IsAPermutationWithItsOffsets) {
   }
 }
 
+// Tiles of 12 rows reach beyond the rows' beginnings, but not far: the products take little more
+// than the whole factorization inside the envelope.
+TEST(DenseOrder, ProductsKeepToTheEnvelope) {
+  const RandomSystem system = Window(11);
+  const Executor executor(1);
+  DenseCholesky solver(executor);
+  ASSERT_TRUE(solver.Analyze(system.Matrix()).ok());
+  EXPECT_LT(solver.ProductFlops(), 1.35 * solver.PredictedFlops());
+}
+
 // In the order of the pattern the speeds and biases come last and are full rows.
 TEST(DenseOrder, SpeedsAndBiasesAheadOfPosesTakeAThirdOfTheFlops) {
   const RandomSystem system = Window(11);

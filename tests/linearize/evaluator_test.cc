@@ -1,5 +1,7 @@
 #include "linearize/evaluator.h"
 
+#include <malloc.h>
+
 #include <gtest/gtest.h>
 
 #include "inceres/problem/manifolds.h"
@@ -129,6 +131,31 @@ TEST(Evaluator, TangentMapsAreClassifiedAtEveryPoint) {
     EXPECT_LT(
         test::RelativeError(test::ToDense(core.plans.pattern, core.hessian.C().data()), oracle.H),
         1e-12);
+  }
+}
+
+// Memory that comes with anything in it: padding, and blocks of constants, are zero all the same.
+TEST(Evaluator, WhatNoEvaluationWritesIsZero) {
+  const auto bundle = MakeBundle(CurvedBundle());
+#ifdef M_PERTURB
+  mallopt(M_PERTURB, 0x5a);
+#endif
+  const CorePipeline core(bundle->graph());
+#ifdef M_PERTURB
+  mallopt(M_PERTURB, 0);
+#endif
+  for (const Linearization& family : core.evaluator.families()) {
+    for (int s = 0; s < family.num_slots; ++s) {
+      const SlotJacobians& slot = family.slots[s];
+      for (int i = 0; i < family.num_factors; ++i) {
+        const bool written = family.tangent_offsets[family.Entry(i) + s] >= 0;
+        for (int k = 0; k < slot.factor_stride; ++k) {
+          if (!written || k % slot.row_stride >= slot.columns) {
+            EXPECT_EQ(slot.data[i * slot.factor_stride + k], 0.0);
+          }
+        }
+      }
+    }
   }
 }
 

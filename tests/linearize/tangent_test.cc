@@ -1,5 +1,7 @@
 #include "linearize/tangent.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -112,6 +114,26 @@ TEST_F(TangentOfCandidates, AMapOfARefusedCandidateIsNotThatOfTheNext) {
   tangent_.AcceptCandidate();  // at 5
   RefreshAt(5.0);
   EXPECT_EQ(M(), 25.0);
+}
+
+// The matrix of the candidate and the selection lie behind the matrix of the point, each with room
+// of its own, also after a smaller manifold before.
+TEST_F(TangentOfCandidates, ALargerManifoldHasRoomForItsMatrices) {
+  const std::vector<double> x = {0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8};
+  const VariableId pose =
+      graph_.AddVariable(x.data(), 7, Role::kFrame, std::make_shared<PoseManifold>());
+  tangent_.Set(graph_, pose, /*wanted=*/true);
+  ASSERT_EQ(tangent_.Compute(graph_, pose, x.data()), nullptr);
+  const std::vector<double> at_x(tangent_.map().plus_jacobian, tangent_.map().plus_jacobian + 42);
+  const std::vector<double> y = {0.1, 0.2, 0.3, 0.6, 0.0, 0.0, 0.8};
+  ASSERT_EQ(tangent_.ComputeCandidate(graph_, pose, y.data()), nullptr);
+  EXPECT_TRUE(std::equal(at_x.begin(), at_x.end(), tangent_.map().plus_jacobian));
+  EXPECT_EQ(tangent_.map().num_identity_columns, 3);
+  tangent_.AcceptCandidate();
+  std::vector<double> at_y(42);
+  ASSERT_TRUE(graph_.manifold(pose)->PlusJacobian(y.data(), at_y.data()));
+  EXPECT_TRUE(std::equal(at_y.begin(), at_y.end(), tangent_.map().plus_jacobian));
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(tangent_.map().plus_jacobian) % 16, 0U);
 }
 
 TEST_F(TangentOfCandidates, AMapOfAnotherManifoldIsGone) {

@@ -169,6 +169,35 @@ TEST_F(Validate, TwoLandmarksInAFactor) {
   EXPECT_TRUE(graph_.Validate().ok());  // only one of them varies
 }
 
+// Of a factor only the slots count that have another variable than in the one before, but together
+// with those that have the same.
+TEST_F(Validate, AFactorLikeTheOneBeforeItButForOneSlot) {
+  const VariableId landmarks[] = {1, 2};
+  const VariableId frame = graph_.AddVariable(kValues, 3, Role::kFrame);
+  const auto pairs = graph_.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}, 4));
+  const auto connect = [&](VariableId a, VariableId b) {
+    const VariableId ids[] = {a, b};
+    graph_.Connect(pairs, ids);
+  };
+  connect(frame, landmarks[0]);
+  connect(frame, landmarks[1]);  // another landmark in the place of the first
+  connect(landmarks[0], frame);  // where there was one there is none
+  EXPECT_TRUE(graph_.Validate().message.find("connected") != std::string::npos);
+  connect(landmarks[0], landmarks[1]);
+  ExpectError("factor 3 of blank (variables 1, 2): slot 1 is a second landmark (variable 2)");
+}
+
+TEST_F(Validate, AFactorThatRepeatsWhatTheOneBeforeItHas) {
+  const VariableId frame = graph_.AddVariable(kValues, 3, Role::kFrame);
+  const auto pairs = graph_.AddFamily(
+      std::make_shared<BlankFamily>(1, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}, 2));
+  const VariableId good[] = {frame, 1}, bad[] = {frame, frame};
+  graph_.Connect(pairs, good);
+  graph_.Connect(pairs, bad);
+  ExpectError("slot 1 repeats variable 3");
+}
+
 TEST_F(Validate, LandmarkTooLarge) {
   const VariableId big = graph_.AddVariable(kValues, 5, Role::kLandmark);
   ExpectError("variable 3 is a landmark of tangent size 5");

@@ -31,10 +31,13 @@ ParameterBlockView LookUpBlock(const ceres::Problem& problem, double* values) {
   return block;
 }
 
-void LookUpBounds(const ceres::Problem& problem, std::vector<double>* bounds,
+void LookUpBounds(const ceres::Problem& problem, bool may_have_bounds, std::vector<double>* bounds,
                   ParameterBlockView* block) {
   block->constant = block->constant || block->tangent_size == 0;
   block->first_bound = bounds->size();
+  if (!may_have_bounds) {
+    return;
+  }
   block->bounds = ReadBounds(problem, block->values, block->ambient_size, block->constant, bounds);
 }
 
@@ -58,7 +61,7 @@ void AppendBounds(const std::vector<double>& bounds, std::size_t begin, std::siz
 // parameters: most of what it takes to read a problem of many points. Manifolds are asked by one
 // thread, as Ceres asks them.
 void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& pointers,
-                  int num_threads, ProblemView* view) {
+                  int num_threads, bool may_have_bounds, ProblemView* view) {
   constexpr std::size_t kBlocksPerTask = 1024;
   const std::size_t count = pointers.size();
   std::vector<std::vector<double>> bounds((count + kBlocksPerTask - 1) / kBlocksPerTask);
@@ -69,7 +72,7 @@ void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& poi
       ParameterBlockView& block = view->blocks[b];
       block = LookUpBlock(problem, pointers[b]);
       if (block.manifold == nullptr) {
-        LookUpBounds(problem, &bounds[b / kBlocksPerTask], &block);
+        LookUpBounds(problem, may_have_bounds, &bounds[b / kBlocksPerTask], &block);
       }
     }
   });
@@ -80,16 +83,17 @@ void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& poi
     }
     if (block.manifold != nullptr) {
       block.tangent_size = TangentSizeOf(*block.manifold);
-      LookUpBounds(problem, &view->bounds, &block);
+      LookUpBounds(problem, may_have_bounds, &view->bounds, &block);
     }
   }
 }
 
-void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, ProblemView* view) {
+void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, bool may_have_bounds,
+                         ProblemView* view) {
   std::vector<double*> pointers;
   problem.GetParameterBlocks(&pointers);
   view->index.Build(pointers);
-  LookUpBlocks(problem, pointers, num_threads, view);
+  LookUpBlocks(problem, pointers, num_threads, may_have_bounds, view);
   for (std::size_t b = 0; b < view->blocks.size(); ++b) {
     const ParameterBlockView& block = view->blocks[b];
     CheckValues(block, view);
@@ -221,9 +225,10 @@ std::size_t ProblemView::Bytes() const {
          index.Bytes();
 }
 
-void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads) {
+void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads,
+                bool may_have_bounds) {
   view->Clear();
-  ReadParameterBlocks(problem, num_threads, view);
+  ReadParameterBlocks(problem, num_threads, may_have_bounds, view);
   ResidualReader(view).Run(problem, num_threads);
   for (const ParameterBlockView& block : view->blocks) {
     Count(block, &view->all);

@@ -114,8 +114,10 @@ struct ProblemView {
 /// Ceres (two per bound).
 ProblemView Introspect(const ceres::Problem& problem);
 /// The same into the memory of an earlier view. With several threads they call Ceres's getters, and
-/// the sizes of cost functions and manifolds, at the same time; the view is the same.
-void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads = 1);
+/// the sizes of cost functions and manifolds, at the same time; the view is the same. Without
+/// may_have_bounds no block has any.
+void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads = 1,
+                bool may_have_bounds = true);
 
 /// The same of a problem in which, since this view was taken, nothing but values has changed. Cost:
 /// linear in parameters.

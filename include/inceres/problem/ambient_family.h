@@ -290,7 +290,9 @@ class AmbientFamily : public FactorFamily {
     const int num_slots = this->num_slots();
     const int num_entries = most * num_slots;
     int k = num_slots;
-    while (k < num_entries && maps[k]->IsLike(*maps[k - num_slots])) {
+    // Neighbors mostly share their maps, but for one slot.
+    while (k < num_entries &&
+           (maps[k] == maps[k - num_slots] || maps[k]->IsLike(*maps[k - num_slots]))) {
       ++k;
     }
     return k < num_entries ? k / num_slots : most;

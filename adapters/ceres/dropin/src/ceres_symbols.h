@@ -119,6 +119,9 @@ struct NextCeres {
   /// its structs differ: nothing but the addresses above may be used, and everything goes through
   /// unread.
   bool is_ours = false;
+  /// Whether the whole process calls the drop-in first. Where it is linked into a program, shared
+  /// libraries of that may call Ceres directly.
+  bool sees_all_calls = false;
 };
 
 /// Found at the first call, then the same for good. Threads: any.

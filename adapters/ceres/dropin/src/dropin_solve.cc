@@ -53,6 +53,7 @@ SolveOptions Asked(const KnownProblem& known, SolveMode mode) {
   SolveOptions options = OptionsFromEnvironment();
   options.mode = mode;
   options.evaluation_callback = known.evaluation_callback;
+  options.problem_has_no_bounds = Next().sees_all_calls && !known.has_bounds;
   return options;
 }
 

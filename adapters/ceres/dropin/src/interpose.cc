@@ -44,6 +44,14 @@ void NoteEdit(const ceres::Problem* problem, const ceres::CostFunction* added) {
   }
 }
 
+// In every mode, also before the first solve: without, nobody looks for any.
+void NoteBounds(const ceres::Problem* problem) {
+  KnownProblem* known = IsActive() ? TheRegistry().Find(problem) : nullptr;
+  if (known != nullptr) {
+    known->has_bounds = true;
+  }
+}
+
 template <typename... Parameters, typename... Arguments>
 void Edit(void (*next)(ceres::Problem*, Parameters...), ceres::Problem* problem,
           Arguments... arguments) {
@@ -223,10 +231,12 @@ void SetParameterBlockVariable(ceres::Problem* problem, double* values) {
 
 void SetParameterLowerBound(ceres::Problem* problem, double* values, int index, double bound) {
   Edit(Next().SetParameterLowerBound, problem, values, index, bound);
+  NoteBounds(problem);
 }
 
 void SetParameterUpperBound(ceres::Problem* problem, double* values, int index, double bound) {
   Edit(Next().SetParameterUpperBound, problem, values, index, bound);
+  NoteBounds(problem);
 }
 
 void MakeCovariance(ceres::Covariance* covariance, const ceres::Covariance::Options& options) {

@@ -94,7 +94,7 @@ NextCeres FindNext() {
   INCERES_CERES_SYMBOLS(INCERES_FIND_NEXT)
 #undef INCERES_FIND_NEXT
   const std::string found = Mismatch(reinterpret_cast<const void*>(next.SolverSolve));
-  next.is_ours = found.empty();
+  next.is_ours = next.sees_all_calls = found.empty();
   if (!next.is_ours) {
     LOG(WARNING) << "inceres: the drop-in is for " << Release() << " (" << kSoname << ") and found "
                  << found << "; it stands aside, and that Ceres solves everything.";

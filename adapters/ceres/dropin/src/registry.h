@@ -24,6 +24,7 @@ struct KnownProblem {
   ceres::EvaluationCallback* evaluation_callback;
 
   std::int64_t num_solves = 0;  ///< of this Problem, by whichever solver
+  bool has_bounds = false;      ///< one was set, at any time
 
   // Kept in incremental and auto mode, from the first solve on.
   /// since the session was last asked: a block added or removed, a constant, manifold or bound set

@@ -62,6 +62,11 @@ struct INCERES_EXPORT SolveOptions {
   /// not look through the problem again; values may differ.
   bool problem_unedited = false;
 
+  /// No bound was ever set on a parameter block of the problem: then Ceres is not asked for any,
+  /// which takes two look-ups for each value, of constant blocks too. The drop-in, which sees the
+  /// calls that set them, says so by itself. A bound that is there all the same would be ignored.
+  bool problem_has_no_bounds = false;
+
   /// That of the cross-check. Solve does not need it: a cross-check with invalid options is named
   /// in the log and left out; other options that are invalid end a solve with FAILURE.
   Status Validate() const { return cross_check.Validate(); }
