@@ -125,6 +125,32 @@ void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
   }
 }
 
+// y = −U_invᵀ Yᵀ x, landmark by landmark. Held frames do not move.
+double LandmarkDampingAlong(const IncrementalSchur& schur, const Eigen::VectorXd& x) {
+  double sum = 0.0;
+  std::vector<BlockRow> rows;
+  for (int l = 0; l < static_cast<int>(schur.landmarks().size()); ++l) {
+    if (!CountsInS(schur, l)) {
+      continue;
+    }
+    const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
+    Eigen::VectorXd u = Eigen::VectorXd::Zero(landmark.size);
+    schur.blocks().Rows(l, &rows);
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      const int frame = landmark.frames[r];
+      if (!schur.frames()[frame].held) {
+        u += YTransposed(rows[r], landmark.size) *
+             x.segment(schur.FrameOffset(frame), schur.frames()[frame].size);
+      }
+    }
+    const Eigen::VectorXd y = InverseRootOf(schur, l).transpose() * u;
+    for (int i = 0; i < landmark.size; ++i) {
+      sum += schur.blocks().lambda(l) * schur.blocks().P(l)[i * kQuad + i] * y[i] * y[i];
+    }
+  }
+  return sum;
+}
+
 // x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
 Status LivePreconditioner::Apply(const double* r, double* x) const {
   const IncrementalSchur& schur = system_.schur();

@@ -34,6 +34,10 @@ class LiveColumns {
   SparseColumns V_;
 };
 
+/// Σ_l λ_l y_lᵀ diag(P_l) y_l, y = −(P + λD)⁻¹ Wᵀ x: what the damping of the landmarks has of xᵀSx,
+/// while they follow a step x of the frames. x as S is.
+double LandmarkDampingAlong(const IncrementalSchur& schur, const Eigen::VectorXd& x);
+
 /// M⁻¹r and M = H + Λ of all variables of the system, by its elimination and a factor of S + μD:
 /// the damped system as it was linearized. r and x by quads of the system's padded vectors.
 class LivePreconditioner {

@@ -41,6 +41,8 @@ namespace {
 
 // Each costs a solve with the factor.
 constexpr int kInverseIterations = 4;
+// Where the landmarks' damping may be what holds that direction: the gauge, and others beside it.
+constexpr int kMoreInverseIterations = 12;
 // By how much the graph may grow before the weakest direction is looked for again.
 constexpr double kGrowth = 1.1;
 // Of a landmark: damping that takes more than this share of a variance outweighs what factors say.
@@ -49,6 +51,10 @@ constexpr double kMostDampingError = 0.5;
 constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
 constexpr double kNoCurvature = 1e-12;
+// Of what holds the weakest direction: with more the landmarks' damping is all there is.
+constexpr double kMostOfLandmarks = 0.9;
+// From here on it is worth more iterations.
+constexpr double kManyOfLandmarks = 0.1;
 constexpr double kNoFactorHere = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
@@ -61,7 +67,7 @@ Status NotDetermined(VariableId id, const char* why) {
 
 constexpr const char* kFree =
     "the gauge is free, or what holds it is lost in the damping of the factor "
-    "(LiveCovarianceOptions::exact)";
+    "(CovarianceAccuracy::kExact)";
 
 constexpr const char* kFewViews = "the landmark is not determined by its factors";
 
@@ -113,15 +119,17 @@ void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, E
 
 // Inverse iteration with (S + μD)⁻¹ D.
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
-// smallest eigenvalue is μ more than that of D^−½ S D^−½.
+// smallest eigenvalue is μ more than that of D^−½ S D^−½. S has the damping of the landmarks, so
+// that it holds a free gauge too: which share of θ − μ that is tells the last x.
 Status FindWeakest(const LiveSource& source, const Inverse& inverse,
                    const std::vector<int>& offsets) {
   const IncrementalSchur& schur = source.system.schur();
   Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
   Eigen::VectorXd x = D, y = D;
   MakeProbe(schur, offsets, &D, &x);
-  double theta = HUGE_VAL;
-  for (int i = 0; i < kInverseIterations && x.squaredNorm() > 0.0; ++i) {
+  double theta = HUGE_VAL, of_landmarks = 0.0;
+  int most = kInverseIterations;
+  for (int i = 0; i < most && x.squaredNorm() > 0.0; ++i) {
     // xᵀDx = 1.
     x /= std::sqrt(x.dot(D.cwiseProduct(x)));
     const Eigen::VectorXd b = D.cwiseProduct(x);
@@ -129,8 +137,13 @@ Status FindWeakest(const LiveSource& source, const Inverse& inverse,
     if (!solved.ok()) {
       return solved;
     }
-    theta = b.dot(y) / y.dot(D.cwiseProduct(y));
+    const double length = y.dot(D.cwiseProduct(y));
+    theta = b.dot(y) / length;
     x = y;
+    if (i + 1 == most) {
+      of_landmarks = LandmarkDampingAlong(schur, x) / length;
+      most = of_landmarks > kManyOfLandmarks * (theta - inverse.mu) ? kMoreInverseIterations : most;
+    }
   }
   Eigen::Index largest = 0;
   x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
@@ -138,7 +151,7 @@ Status FindWeakest(const LiveSource& source, const Inverse& inverse,
   const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
                    offsets.begin() - 1;
   // θ ≥ μ but for rounding.
-  *source.weakest = {std::max(0.0, theta - inverse.mu), schur.frames()[row].id,
+  *source.weakest = {std::max(0.0, theta - inverse.mu), of_landmarks, schur.frames()[row].id,
                      schur.structure().num_frames(), true};
   return Status::Ok();
 }
@@ -161,7 +174,9 @@ Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::v
   }
   // 1/λ in place of 1/(λ + μ): the share that is missing of the largest variance.
   *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
-  return weakest.eigenvalue > inverse.open ? Status::Ok() : NotDetermined(weakest.variable, kFree);
+  const bool is_held = weakest.eigenvalue > inverse.open &&
+                       weakest.of_landmarks <= kMostOfLandmarks * weakest.eigenvalue;
+  return is_held ? Status::Ok() : NotDetermined(weakest.variable, kFree);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.

@@ -11,12 +11,13 @@
 namespace inceres::internal {
 
 /// The weakest direction of D^−½ S D^−½, remembered from one covariance to the next, for to find it
-/// takes solves: what the damping of the frames may hide, and whether the gauge is free.
+/// takes solves: what damping may hide, and whether the gauge is free.
 struct WeakestDirection {
   double eigenvalue = 0.0;
-  VariableId variable = -1;  // with the largest share in it
-  int num_frames = 0;        // when it was looked for
-  bool is_known = false;     // and nothing was taken out of the graph since
+  double of_landmarks = 0.0;  // what of it is the landmarks' damping
+  VariableId variable = -1;   // with the largest share in it
+  int num_frames = 0;         // when it was looked for
+  bool is_known = false;      // and nothing was taken out of the graph since
 };
 
 /// What covariances are taken from: a system that an Update has left, and the factor of its S.

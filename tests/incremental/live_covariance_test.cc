@@ -303,6 +303,45 @@ TEST(LiveCovariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// Frames that landmarks alone tie together: the damping of the landmarks would give numbers.
+TEST(LiveCovariance, LandmarksDoNotHoldAFreeGauge) {
+  for (const int size : {3, 30}) {
+    IncrementalSolver solver{IncrementalOptions()};
+    const auto views = solver.AddFamily(
+        std::make_shared<LinearFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}));
+    GraphEdit edit(solver.graph());
+    Random random(static_cast<unsigned>(size));
+    std::vector<VariableId> frames;
+    MatrixXd A(3, 6);
+    A << -MatrixXd::Identity(3, 3), MatrixXd::Identity(3, 3);
+    for (int i = 0; i < size; ++i) {
+      frames.push_back(edit.AddVariable(random.Vector(3).data(), 3, Role::kFrame));
+      for (int k = 0; i > 0 && k < 5; ++k) {
+        const VariableId point = edit.AddVariable(random.Vector(3).data(), 3, Role::kLandmark);
+        edit.AddFactor(views, {A, RandomMatrix(&random, 3, 1)}, {frames[i - 1], point});
+        edit.AddFactor(views, {A, RandomMatrix(&random, 3, 1)}, {frames[i], point});
+      }
+    }
+    ASSERT_TRUE(solver.Apply(edit).ok());
+    solver.Update();
+    for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
+      LiveCovariance covariance;
+      const Status status = solver.MarginalCovariance(frames.back(), options, &covariance);
+      EXPECT_EQ(status.code, StatusCode::kSingular) << size;
+      EXPECT_NE(status.message.find("gauge"), std::string::npos) << status.message;
+      EXPECT_EQ(covariance.size(), 0);
+    }
+    GraphEdit hold(solver.graph());
+    hold.SetConstant(frames[0], true);
+    ASSERT_TRUE(solver.Apply(hold).ok());
+    solver.Update();
+    LiveCovariance covariance, exact;
+    ASSERT_TRUE(solver.MarginalCovariance(frames.back(), {}, &covariance).ok());
+    ASSERT_TRUE(solver.MarginalCovariance(frames.back(), Exact(), &exact).ok());
+    EXPECT_LT(LargestError(DenseOf(covariance), DenseOf(exact)), 1e-2);
+  }
+}
+
 // A path that grows by a pose an Update, with a loop now and then, looked at in between: few calls
 // factor anything, and none is less exact for it.
 TEST(LiveCovariance, APoseAlongThePathFactorsNothing) {
