@@ -11,6 +11,7 @@
 #include "incremental/exact_covariance.h"
 #include "incremental/factor_staleness.h"
 #include "incremental/live_columns.h"
+#include "incremental/live_gauge.h"
 #include "linear/live_factor.h"
 #include "problem/find_fault.h"
 
@@ -31,31 +32,20 @@ Status LiveCovarianceOptions::Validate() const {
 // Three sources: that factor as it is, a second one of S without damping, and conjugate gradients
 // at the values of now with the first as their preconditioner. A Cholesky factor exists of a
 // singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
-// means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together, and each variance
-// against the one that damping alone would leave. The smallest eigenvalue also bounds what the
+// means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together (live_gauge.cc), and each
+// variance against the one that damping alone would leave. The smallest eigenvalue also bounds what the
 // damping hides: a share of at most μ / (λ + μ) of a variance.
 //
 // Nothing of the system changes. Constants have zeros in the result.
 namespace internal {
 namespace {
 
-// Each costs a solve with the factor.
-constexpr int kInverseIterations = 4;
-// Where the landmarks' damping may be what holds that direction: the gauge, and others beside it.
-constexpr int kMoreInverseIterations = 12;
-// By how much the graph may grow before the weakest direction is looked for again.
-constexpr double kGrowth = 1.1;
 // Of a landmark: damping that takes more than this share of a variance outweighs what factors say.
 constexpr double kMostDampingError = 0.5;
 // A direction in which S has less than this share of the damping is open: rounding is what it has.
 constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
 constexpr double kNoCurvature = 1e-12;
-// Of what holds the weakest direction: with more the landmarks' damping is all there is.
-constexpr double kMostOfLandmarks = 0.9;
-// From here on it is worth more iterations.
-constexpr double kManyOfLandmarks = 0.1;
-constexpr double kNoFactorHere = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
   return Status::Error(StatusCode::kSingular, message);
@@ -100,83 +90,22 @@ struct Inverse {
   double open;  // a direction with a smaller eigenvalue has no information
 };
 
-// diag(C) of the frames that take part, mixed signs in units of its −½th power.
-void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, Eigen::VectorXd* D,
-               Eigen::VectorXd* x) {
-  std::uint32_t bits = 1;
-  for (std::size_t row = 0; row + 1 < offsets.size(); ++row) {
-    const IncrementalSchur::Frame& frame = schur.frames()[row];
-    const bool takes_part = !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
-    for (int k = 0; k < frame.size && takes_part; ++k) {
-      const int at = offsets[row] + k;
-      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kNoFactorHere);
-      // A linear congruential sequence, always the same: covariances have the same bits each time.
-      bits = bits * 1664525u + 1013904223u;
-      (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
-    }
-  }
-}
-
-// Inverse iteration with (S + μD)⁻¹ D.
-// θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
-// smallest eigenvalue is μ more than that of D^−½ S D^−½. S has the damping of the landmarks, so
-// that it holds a free gauge too: which share of θ − μ that is tells the last x.
-Status FindWeakest(const LiveSource& source, const Inverse& inverse,
-                   const std::vector<int>& offsets) {
+Status CheckGauge(const LiveSource& source, const Inverse& inverse, double* damping_error) {
   const IncrementalSchur& schur = source.system.schur();
-  Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
-  Eigen::VectorXd x = D, y = D;
-  MakeProbe(schur, offsets, &D, &x);
-  double theta = HUGE_VAL, of_landmarks = 0.0;
-  int most = kInverseIterations;
-  for (int i = 0; i < most && x.squaredNorm() > 0.0; ++i) {
-    // xᵀDx = 1.
-    x /= std::sqrt(x.dot(D.cwiseProduct(x)));
-    const Eigen::VectorXd b = D.cwiseProduct(x);
-    const Status solved = inverse.factor.Solve(offsets, b.data(), y.data());
-    if (!solved.ok()) {
-      return solved;
-    }
-    const double length = y.dot(D.cwiseProduct(y));
-    theta = b.dot(y) / length;
-    x = y;
-    if (i + 1 == most) {
-      of_landmarks = LandmarkDampingAlong(schur, x) / length;
-      most = of_landmarks > kManyOfLandmarks * (theta - inverse.mu) ? kMoreInverseIterations : most;
-    }
-  }
-  Eigen::Index largest = 0;
-  x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
-  // The row that has this scalar; offsets of free rows are those of the next one.
-  const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
-                   offsets.begin() - 1;
-  // θ ≥ μ but for rounding.
-  *source.weakest = {std::max(0.0, theta - inverse.mu), of_landmarks, schur.frames()[row].id,
-                     schur.structure().num_frames(), true};
-  return Status::Ok();
-}
-
-// The eigenvalue is remembered: looking for it takes solves, and it changes little from Update to
-// Update. What comes may be weaker, so it is looked for again once the graph has grown by a share.
-bool KnowsWeakest(const LiveSource& source) {
-  return source.weakest->is_known &&
-         source.system.schur().structure().num_frames() <= kGrowth * source.weakest->num_frames;
-}
-
-Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
-                  double* damping_error) {
-  const WeakestDirection& weakest = *source.weakest;
-  if (!KnowsWeakest(source)) {
-    const Status found = FindWeakest(source, inverse, offsets);
+  if (!IsStillKnown(*source.weakest, schur)) {
+    const Status found = FindWeakest(schur, inverse.factor, inverse.mu, source.weakest);
     if (!found.ok()) {
       return found;
     }
   }
   // 1/λ in place of 1/(λ + μ): the share that is missing of the largest variance.
-  *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
-  const bool is_held = weakest.eigenvalue > inverse.open &&
-                       weakest.of_landmarks <= kMostOfLandmarks * weakest.eigenvalue;
-  return is_held ? Status::Ok() : NotDetermined(weakest.variable, kFree);
+  const double lambda = source.weakest->eigenvalue;
+  *damping_error = inverse.mu > 0.0 ? inverse.mu / (lambda + inverse.mu) : 0.0;
+  if (!IsHeld(*source.weakest, inverse.open)) {
+    return NotDetermined(source.weakest->variable, kFree);
+  }
+  const VariableId free = FindFreeNewFrame(schur, inverse.open, source.weakest);
+  return free < 0 ? Status::Ok() : NotDetermined(free, kFree);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
@@ -227,7 +156,7 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
   joint->setZero(columns.offsets().back(), columns.offsets().back());
   // Landmarks that see no frame that moves have no columns: their own blocks are all there is.
   if (!columns.V().rows.empty()) {
-    status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
+    status = CheckGauge(source, inverse, &staleness->damping_error);
     status = !status.ok()                  ? status
              : inverse.undamped != nullptr ? inverse.undamped->Product(columns.V(), offsets, joint)
                                            : inverse.factor.Product(columns.V(), offsets, joint);
@@ -344,7 +273,8 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
     }
     Eigen::MatrixXd joint;
     status = options.accuracy == CovarianceAccuracy::kUndamped
-                 ? Undamped(source, moving, !KnowsWeakest(source), &staleness, &joint)
+                 ? Undamped(source, moving, !IsStillKnown(*source.weakest, source.system.schur()),
+                            &staleness, &joint)
                  : AsFactored(source, moving, options, &staleness, &joint);
     if (status.ok()) {
       Place(source, joint, covariance);
