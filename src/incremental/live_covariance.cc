@@ -33,8 +33,8 @@ Status LiveCovarianceOptions::Validate() const {
 // at the values of now with the first as their preconditioner. A Cholesky factor exists of a
 // singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
 // means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together (live_gauge.cc), and each
-// variance against the one that damping alone would leave. The smallest eigenvalue also bounds what the
-// damping hides: a share of at most μ / (λ + μ) of a variance.
+// variance against the one that damping alone would leave. The smallest eigenvalue also bounds what
+// the damping hides: a share of at most μ / (λ + μ) of a variance.
 //
 // Nothing of the system changes. Constants have zeros in the result.
 namespace internal {

@@ -15,11 +15,11 @@ namespace inceres::internal {
 
 // Whether anything holds what covariances are asked of (docs/algorithms.md, "From a live factor").
 // A Cholesky factor exists of a singular matrix too, thanks to damping or to rounding. So the
-// smallest eigenvalue λ of D^−½ S D^−½, of all frames together, is looked for, and which share of it
-// the landmarks' damping is, which S contains. It is remembered: looking for it takes solves, and it
-// changes little from Update to Update. What comes may be weaker, so it is looked for again once the
-// graph has grown by a share, and until then new frames are looked at by themselves: in a null
-// vector of the whole the frames from before do not move, or they would have been free before.
+// smallest eigenvalue λ of D^−½ S D^−½, of all frames together, is looked for, and which share of
+// it the landmarks' damping is, which S contains. It is remembered: looking for it takes solves,
+// and it changes little from Update to Update. What comes may be weaker, so it is looked for again
+// once the graph has grown by a share, and until then new frames are looked at by themselves: in a
+// null vector of the whole the frames from before do not move, or they would have been free before.
 namespace {
 
 // Each costs a solve with the factor.
