@@ -373,6 +373,19 @@ TEST(LiveCovariance, LandmarksDoNotHoldAFreeGauge) {
   }
 }
 
+// Without a free gauge being found, conjugate gradients that do not converge may mean one.
+TEST(LiveCovariance, WhatDoesNotConvergeMayNotBeHeld) {
+  LandmarkChain chain;
+  const std::vector<VariableId> frames = chain.Add(30);
+  chain.Hold(frames[0]);
+  LiveCovarianceOptions options = Exact();
+  options.max_iterations = 1;
+  LiveCovariance covariance;
+  const Status status = chain.solver.MarginalCovariance(frames.back(), options, &covariance);
+  EXPECT_EQ(status.code, StatusCode::kUnavailable);
+  EXPECT_NE(status.message.find("next to nothing holds"), std::string::npos) << status.message;
+}
+
 // What comes to a graph whose gauge is known to be held may be free by itself.
 TEST(LiveCovariance, AnIslandThatComesLaterIsFree) {
   LandmarkChain chain;
