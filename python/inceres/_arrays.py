@@ -18,6 +18,8 @@ def _shape_text(shape: Sequence[Any]) -> str:
 
 def to_floats(name: str, value: npt.ArrayLike, *shapes: Sequence[Optional[int]]) -> FloatArray:
     """A float64 array, row by row, of one of the shapes, None being any size. No needless copy."""
+    if isinstance(value, np.ma.MaskedArray) and np.any(value.mask):
+        raise ValueError(f"{name}: has masked entries, expected numbers everywhere")
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -35,6 +37,15 @@ def to_floats(name: str, value: npt.ArrayLike, *shapes: Sequence[Optional[int]])
         at = np.argwhere(~np.isfinite(array))[0]
         raise ValueError(f"{name}: entry {tuple(int(i) for i in at)} is not finite")
     return array
+
+
+def quaternion_norms(name: str, poses: FloatArray) -> FloatArray:
+    """Lengths of the quaternions of poses (n, 7), which must be 1 to three digits."""
+    norms: FloatArray = np.linalg.norm(poses[:, 3:], axis=1)
+    bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
+    if bad.size > 0:
+        raise ValueError(f"{name}: row {bad[0]}: a quaternion of length {norms[bad[0]]:.6g}")
+    return norms
 
 
 def to_indices(name: str, value: npt.ArrayLike, size: int, count: Optional[int] = None) -> IntArray:

@@ -9,7 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import FloatArray, IntArray, to_floats, to_indices, to_mask, write_into
+from ._arrays import (
+    FloatArray,
+    IntArray,
+    quaternion_norms,
+    to_floats,
+    to_indices,
+    to_mask,
+    write_into,
+)
 from ._errors import Interrupted, SolveError, is_usable
 
 MODELS = ("bal", "pinhole", "brown", "equidistant", "stereo", "inverse_depth")
@@ -141,10 +149,7 @@ def _make_problem(
     of_camera = to_indices("camera_indices", camera_indices, len(c), len(z))
     of_point = to_indices("point_indices", point_indices, len(p), len(z))
     if model != "bal":
-        norms = np.linalg.norm(c[:, 3:], axis=1)
-        bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
-        if bad.size > 0:
-            raise ValueError(f"cameras: row {bad[0]}: a quaternion of length {norms[bad[0]]:.6g}")
+        quaternion_norms("cameras", c)
     held_cameras = to_mask("fixed['cameras']", fixed.pop("cameras", False), len(c))
     held_points = to_mask("fixed['points']", fixed.pop("points", False), len(p))
     holds_intrinsics = fixed.pop("intrinsics", False)

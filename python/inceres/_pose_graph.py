@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import FloatArray, to_floats, to_indices, to_mask, write_into
+from ._arrays import FloatArray, quaternion_norms, to_floats, to_indices, to_mask, write_into
 from ._bundle import Loss
 from ._errors import Interrupted, SolveError, is_usable
 
@@ -57,10 +57,7 @@ def relative_pose_rows(
     """
     motions = to_floats("measurements", measurements, (None, 7))
     count = len(motions)
-    norms = np.linalg.norm(motions[:, 3:], axis=1)
-    bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
-    if bad.size > 0:
-        raise ValueError(f"measurements: row {bad[0]}: a quaternion of length {norms[bad[0]]:.6g}")
+    norms = quaternion_norms("measurements", motions)
     weights = (
         np.broadcast_to(np.eye(6), (count, 6, 6))
         if information is None
@@ -95,6 +92,8 @@ def optimize_pose_graph(
     """
     start = to_floats("poses", poses, (None, 3), (None, 7))
     planar = start.shape[1] == 3
+    if not planar:
+        quaternion_norms("poses", start)
     ends = np.asarray(edges)
     if ends.ndim != 2 or ends.shape[1] != 2:
         raise ValueError(f"edges: shape {ends.shape}, expected (n, 2)")

@@ -111,7 +111,8 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     if (i == max_iterations) {
       return Status::Error(StatusCode::kUnavailable,
                            "conjugate gradients have not converged after " + std::to_string(i) +
-                               " iterations: the factor is too old; Update first");
+                               " iterations: next to nothing holds the variable, or the factor is "
+                               "too old (Update first)");
     }
     const Vector H_p = Product(p);
     const double curvature = p.dot(H_p);

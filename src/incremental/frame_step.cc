@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "linear/not_positive_definite.h"
 #include "linear/select_solver.h"
 
 namespace inceres::internal {
@@ -122,7 +123,8 @@ Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
   if (std::exchange(all_changed_, false)) {
     changed = {};
   }
-  const Status factored = solver_->Factorize(A, changed);
+  const Status factored = NameVariable(
+      solver_->Factorize(A, changed), [&schur](std::size_t row) { return schur.frames()[row].id; });
   has_factor_ = factored.ok();
   factored_mu_ = reduced_.mu();
   return factored;

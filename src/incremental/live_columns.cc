@@ -125,6 +125,31 @@ void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
   }
 }
 
+// y = −U_invᵀ Yᵀ x. Held frames do not move.
+double LandmarkDampingAlong(const IncrementalSchur& schur, std::int32_t l, const Eigen::VectorXd& x,
+                            std::vector<BlockRow>* rows) {
+  if (!CountsInS(schur, l)) {
+    return 0.0;
+  }
+  using Small = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kQuad, 1>;
+  const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
+  Small u = Small::Zero(landmark.size);
+  schur.blocks().Rows(l, rows);
+  for (std::size_t r = 0; r < rows->size(); ++r) {
+    const int frame = landmark.frames[r];
+    if (!schur.frames()[frame].held) {
+      u += YTransposed((*rows)[r], landmark.size) *
+           x.segment(schur.FrameOffset(frame), schur.frames()[frame].size);
+    }
+  }
+  const Small y = InverseRootOf(schur, l).transpose() * u;
+  double sum = 0.0;
+  for (int i = 0; i < landmark.size; ++i) {
+    sum += schur.blocks().P(l)[i * kQuad + i] * y[i] * y[i];
+  }
+  return schur.blocks().lambda(l) * sum;
+}
+
 // x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
 Status LivePreconditioner::Apply(const double* r, double* x) const {
   const IncrementalSchur& schur = system_.schur();

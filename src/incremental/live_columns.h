@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -33,6 +34,11 @@ class LiveColumns {
   std::vector<int> offsets_{0};
   SparseColumns V_;
 };
+
+/// λ yᵀ diag(P) y, y = −(P + λD)⁻¹ Wᵀ x, of a landmark: what its damping has of xᵀSx, while it
+/// follows a step x of the frames. x as S is; `rows` is room for rows.
+double LandmarkDampingAlong(const IncrementalSchur& schur, std::int32_t landmark,
+                            const Eigen::VectorXd& x, std::vector<BlockRow>* rows);
 
 /// M⁻¹r and M = H + Λ of all variables of the system, by its elimination and a factor of S + μD:
 /// the damped system as it was linearized. r and x by quads of the system's padded vectors.

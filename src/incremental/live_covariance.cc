@@ -11,6 +11,7 @@
 #include "incremental/exact_covariance.h"
 #include "incremental/factor_staleness.h"
 #include "incremental/live_columns.h"
+#include "incremental/live_gauge.h"
 #include "linear/live_factor.h"
 #include "problem/find_fault.h"
 
@@ -31,25 +32,20 @@ Status LiveCovarianceOptions::Validate() const {
 // Three sources: that factor as it is, a second one of S without damping, and conjugate gradients
 // at the values of now with the first as their preconditioner. A Cholesky factor exists of a
 // singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
-// means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together, and each variance
-// against the one that damping alone would leave. The smallest eigenvalue also bounds what the
-// damping hides: a share of at most μ / (λ + μ) of a variance.
+// means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together (live_gauge.cc), and each
+// variance against the one that damping alone would leave. The smallest eigenvalue also bounds what
+// the damping hides: a share of at most μ / (λ + μ) of a variance.
 //
 // Nothing of the system changes. Constants have zeros in the result.
 namespace internal {
 namespace {
 
-// Each costs a solve with the factor.
-constexpr int kInverseIterations = 4;
-// By how much the graph may grow before the weakest direction is looked for again.
-constexpr double kGrowth = 1.1;
 // Of a landmark: damping that takes more than this share of a variance outweighs what factors say.
 constexpr double kMostDampingError = 0.5;
 // A direction in which S has less than this share of the damping is open: rounding is what it has.
 constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
 constexpr double kNoCurvature = 1e-12;
-constexpr double kNoFactorHere = 1e-12;  // of a coordinate that no factor of the frame has
 
 Status Singular(const std::string& message) {
   return Status::Error(StatusCode::kSingular, message);
@@ -61,7 +57,7 @@ Status NotDetermined(VariableId id, const char* why) {
 
 constexpr const char* kFree =
     "the gauge is free, or what holds it is lost in the damping of the factor "
-    "(LiveCovarianceOptions::exact)";
+    "(CovarianceAccuracy::kExact)";
 
 constexpr const char* kFewViews = "the landmark is not determined by its factors";
 
@@ -94,74 +90,27 @@ struct Inverse {
   double open;  // a direction with a smaller eigenvalue has no information
 };
 
-// diag(C) of the frames that take part, mixed signs in units of its −½th power.
-void MakeProbe(const IncrementalSchur& schur, const std::vector<int>& offsets, Eigen::VectorXd* D,
-               Eigen::VectorXd* x) {
-  std::uint32_t bits = 1;
-  for (std::size_t row = 0; row + 1 < offsets.size(); ++row) {
-    const IncrementalSchur::Frame& frame = schur.frames()[row];
-    const bool takes_part = !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
-    for (int k = 0; k < frame.size && takes_part; ++k) {
-      const int at = offsets[row] + k;
-      (*D)[at] = std::max(schur.FrameDiagonal(static_cast<int>(row))[k], kNoFactorHere);
-      // A linear congruential sequence, always the same: covariances have the same bits each time.
-      bits = bits * 1664525u + 1013904223u;
-      (*x)[at] = ((bits >> 31) != 0 ? 1.0 : -1.0) / std::sqrt((*D)[at]);
-    }
+// By the weakest direction, which is known: of all frames, and of those that have come since.
+Status CheckHeld(const LiveSource& source, double open) {
+  if (!IsHeld(*source.weakest, open)) {
+    return NotDetermined(source.weakest->variable, kFree);
   }
+  const VariableId free = FindFreeNewFrame(source.system.schur(), open, source.weakest);
+  return free < 0 ? Status::Ok() : NotDetermined(free, kFree);
 }
 
-// Inverse iteration with (S + μD)⁻¹ D.
-// θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
-// smallest eigenvalue is μ more than that of D^−½ S D^−½.
-Status FindWeakest(const LiveSource& source, const Inverse& inverse,
-                   const std::vector<int>& offsets) {
+Status CheckGauge(const LiveSource& source, const Inverse& inverse, double* damping_error) {
   const IncrementalSchur& schur = source.system.schur();
-  Eigen::VectorXd D = Eigen::VectorXd::Zero(offsets.back());
-  Eigen::VectorXd x = D, y = D;
-  MakeProbe(schur, offsets, &D, &x);
-  double theta = HUGE_VAL;
-  for (int i = 0; i < kInverseIterations && x.squaredNorm() > 0.0; ++i) {
-    // xᵀDx = 1.
-    x /= std::sqrt(x.dot(D.cwiseProduct(x)));
-    const Eigen::VectorXd b = D.cwiseProduct(x);
-    const Status solved = inverse.factor.Solve(offsets, b.data(), y.data());
-    if (!solved.ok()) {
-      return solved;
-    }
-    theta = b.dot(y) / y.dot(D.cwiseProduct(y));
-    x = y;
-  }
-  Eigen::Index largest = 0;
-  x.cwiseAbs2().cwiseProduct(D).maxCoeff(&largest);
-  // The row that has this scalar; offsets of free rows are those of the next one.
-  const auto row = std::upper_bound(offsets.begin(), offsets.end(), static_cast<int>(largest)) -
-                   offsets.begin() - 1;
-  // θ ≥ μ but for rounding.
-  *source.weakest = {std::max(0.0, theta - inverse.mu), schur.frames()[row].id,
-                     schur.structure().num_frames(), true};
-  return Status::Ok();
-}
-
-// The eigenvalue is remembered: looking for it takes solves, and it changes little from Update to
-// Update. What comes may be weaker, so it is looked for again once the graph has grown by a share.
-bool KnowsWeakest(const LiveSource& source) {
-  return source.weakest->is_known &&
-         source.system.schur().structure().num_frames() <= kGrowth * source.weakest->num_frames;
-}
-
-Status CheckGauge(const LiveSource& source, const Inverse& inverse, const std::vector<int>& offsets,
-                  double* damping_error) {
-  const WeakestDirection& weakest = *source.weakest;
-  if (!KnowsWeakest(source)) {
-    const Status found = FindWeakest(source, inverse, offsets);
+  if (!IsStillKnown(*source.weakest, schur)) {
+    const Status found = FindWeakest(schur, inverse.factor, inverse.mu, source.weakest);
     if (!found.ok()) {
       return found;
     }
   }
   // 1/λ in place of 1/(λ + μ): the share that is missing of the largest variance.
-  *damping_error = inverse.mu > 0.0 ? inverse.mu / (weakest.eigenvalue + inverse.mu) : 0.0;
-  return weakest.eigenvalue > inverse.open ? Status::Ok() : NotDetermined(weakest.variable, kFree);
+  const double lambda = source.weakest->eigenvalue;
+  *damping_error = inverse.mu > 0.0 ? inverse.mu / (lambda + inverse.mu) : 0.0;
+  return CheckHeld(source, inverse.open);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
@@ -227,7 +176,7 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
   joint->setZero(columns.offsets().back(), columns.offsets().back());
   // Landmarks that see no frame that moves have no columns: their own blocks are all there is.
   if (!columns.V().rows.empty()) {
-    status = CheckGauge(source, inverse, offsets, &staleness->damping_error);
+    status = CheckGauge(source, inverse, &staleness->damping_error);
     status = !status.ok()                  ? status
              : inverse.undamped != nullptr ? inverse.undamped->Product(columns.V(), offsets, joint)
                                            : inverse.factor.Product(columns.V(), offsets, joint);
@@ -263,17 +212,18 @@ Status FollowUndamped(const LiveSource& source, const std::vector<VariableId>& i
 Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
                 FactorStaleness* staleness, Eigen::MatrixXd* joint) {
   UndampedFactor& undamped = *source.undamped;
+  const IncrementalSchur& schur = source.system.schur();
   undamped.NoteChanges(&source.system.schur());
   const int row = ids.size() == 1 ? source.system.FrameOf(ids[0]) : -1;
-  const bool knows_weakest = KnowsWeakest(source);
-  if (row >= 0 && knows_weakest && source.weakest->eigenvalue > kNoCurvature &&
-      undamped.KnowsMarginalOf(row)) {
+  const bool knows_weakest = IsStillKnown(*source.weakest, schur);
+  if (row >= 0 && knows_weakest && undamped.KnowsMarginalOf(row)) {
     *joint = undamped.marginal();
-    return CheckFrame(source, ids[0], 0, kNoCurvature, *joint);
+    const Status held = CheckHeld(source, kNoCurvature);
+    return held.ok() ? CheckFrame(source, ids[0], 0, kNoCurvature, *joint) : held;
   }
   const Status status = FollowUndamped(source, ids, !knows_weakest, staleness, joint);
   if (status.ok() && row >= 0) {
-    undamped.Remember(source.system.schur(), row, *joint);
+    undamped.Remember(schur, row, *joint);
   }
   return status;
 }

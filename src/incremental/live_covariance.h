@@ -6,18 +6,10 @@
 #include "inceres/solver/live_covariance.h"
 #include "incremental/frame_step.h"
 #include "incremental/incremental_system.h"
+#include "incremental/live_gauge.h"
 #include "incremental/undamped_factor.h"
 
 namespace inceres::internal {
-
-/// The weakest direction of D^−½ S D^−½, remembered from one covariance to the next, for to find it
-/// takes solves: what the damping of the frames may hide, and whether the gauge is free.
-struct WeakestDirection {
-  double eigenvalue = 0.0;
-  VariableId variable = -1;  // with the largest share in it
-  int num_frames = 0;        // when it was looked for
-  bool is_known = false;     // and nothing was taken out of the graph since
-};
 
 /// What covariances are taken from: a system that an Update has left, and the factor of its S.
 struct LiveSource {

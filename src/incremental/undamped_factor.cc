@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "linear/not_positive_definite.h"
+
 namespace inceres::internal {
 
 // L of S itself, without μ diag C (docs/algorithms.md, "From a live factor"): damping would lower
@@ -114,8 +116,9 @@ Status UndampedFactor::Factorize(const IncrementalSchur& schur) {
   }
   is_new_ = false;
   num_released_ = schur.S().num_released();
-  const Status factored =
-      tree_.Factorize(ReducedMatrix(schur.S(), diagonal_.data(), constant_.data()), changed);
+  const Status factored = NameVariable(
+      tree_.Factorize(ReducedMatrix(schur.S(), diagonal_.data(), constant_.data()), changed),
+      [&schur](std::size_t row) { return schur.frames()[row].id; });
   waiting_.clear();
   pending_.Forget();
   return factored;

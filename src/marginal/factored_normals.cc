@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
 #include "marginal/null_space.h"
 
@@ -110,7 +111,8 @@ Status FactoredNormals::Factorize() {
   const ReducedMatrix S(plans_.pattern, elimination_.S(), no_damping.data());
   status = factor_.Analyze(S);
   if (status.ok()) {
-    status = factor_.Factorize(S, {});
+    status = NameVariable(factor_.Factorize(S, {}),
+                          [this](std::size_t frame) { return layout_.variables[frame]; });
   }
   // A pivot that is not positive: the same as a gauge that the probe finds free, only plainer.
   if (status.code == StatusCode::kSingular) {

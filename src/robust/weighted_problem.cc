@@ -86,8 +86,9 @@ bool WeightedProblem::Solve(bool last, double mu) {
   }
   round.mu = last ? 0.0 : mu;
   round.cost = summary_.final_cost = solved.final_cost;
-  // Iteration 0 counts as a successful step.
-  round.num_iterations = solved.num_successful_steps + solved.num_unsuccessful_steps - 1;
+  // Iteration 0 counts as a successful step. Where nothing can move, both counts are -1.
+  round.num_iterations =
+      std::max(0, solved.num_successful_steps + solved.num_unsuccessful_steps - 1);
   summary_.num_iterations += round.num_iterations;
   summary_.rounds.push_back(round);
   return Measure();

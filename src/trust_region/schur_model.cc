@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "linear/elimination_order.h"
+#include "linear/not_positive_definite.h"
 #include "linear/select_solver.h"
 
 namespace inceres::internal {
@@ -69,7 +70,9 @@ Status PlainModel::SolveReduced(const double* S, const double* b, const double* 
     return Status::Ok();
   }
   // All rows count as changed.
-  Status solved = reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {});
+  Status solved =
+      NameVariable(reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {}),
+                   [this](std::size_t frame) { return evaluator_.layout().variables[frame]; });
   if (solved.ok()) {
     solved = reduced_solver_->Solve(b, {}, {}, step);
   }

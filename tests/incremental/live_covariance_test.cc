@@ -303,6 +303,99 @@ TEST(LiveCovariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// Frames that landmarks alone tie together: each is seen from two that follow each other.
+class LandmarkChain {
+ public:
+  LandmarkChain()
+      : solver(IncrementalOptions()),
+        views_(solver.AddFamily(
+            std::make_shared<LinearFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}))) {}
+
+  std::vector<VariableId> Add(int num_frames, VariableId before = -1) {
+    GraphEdit edit(solver.graph());
+    std::vector<VariableId> frames;
+    MatrixXd A(3, 6);
+    A << -MatrixXd::Identity(3, 3), MatrixXd::Identity(3, 3);
+    for (int i = 0; i < num_frames; ++i) {
+      const VariableId last = i > 0 ? frames.back() : before;
+      frames.push_back(edit.AddVariable(random_.Vector(3).data(), 3, Role::kFrame));
+      for (int k = 0; last >= 0 && k < 5; ++k) {
+        const VariableId point = edit.AddVariable(random_.Vector(3).data(), 3, Role::kLandmark);
+        edit.AddFactor(views_, {A, RandomMatrix(&random_, 3, 1)}, {last, point});
+        edit.AddFactor(views_, {A, RandomMatrix(&random_, 3, 1)}, {frames.back(), point});
+      }
+    }
+    EXPECT_TRUE(solver.Apply(edit).ok());
+    solver.Update();
+    return frames;
+  }
+  void ExpectFree(VariableId frame) const {
+    for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
+      LiveCovariance covariance;
+      const Status status = solver.MarginalCovariance(frame, options, &covariance);
+      EXPECT_EQ(status.code, StatusCode::kSingular);
+      EXPECT_NE(status.message.find("gauge"), std::string::npos) << status.message;
+      EXPECT_EQ(covariance.size(), 0);
+    }
+  }
+  void ExpectKnown(VariableId frame) const {
+    LiveCovariance covariance, exact;
+    ASSERT_TRUE(solver.MarginalCovariance(frame, Exact(), &exact).ok());
+    for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), AsFactored()}) {
+      const Status status = solver.MarginalCovariance(frame, options, &covariance);
+      ASSERT_TRUE(status.ok()) << status.message;
+      // The landmarks keep their damping, which is much of what holds the end of a chain.
+      EXPECT_LT(LargestError(DenseOf(covariance), DenseOf(exact)), 0.3);
+    }
+  }
+  void Hold(VariableId frame) {
+    GraphEdit edit(solver.graph());
+    edit.SetConstant(frame, true);
+    EXPECT_TRUE(solver.Apply(edit).ok());
+    solver.Update();
+  }
+
+  IncrementalSolver solver;
+
+ private:
+  FamilyHandle<LinearFamily> views_;
+  Random random_{7};
+};
+
+// The damping of the landmarks would give numbers.
+TEST(LiveCovariance, LandmarksDoNotHoldAFreeGauge) {
+  for (const int size : {3, 30}) {
+    LandmarkChain chain;
+    const std::vector<VariableId> frames = chain.Add(size);
+    chain.ExpectFree(frames.back());
+    chain.Hold(frames[0]);
+    chain.ExpectKnown(frames.back());
+  }
+}
+
+// Without a free gauge being found, conjugate gradients that do not converge may mean one.
+TEST(LiveCovariance, WhatDoesNotConvergeMayNotBeHeld) {
+  LandmarkChain chain;
+  const std::vector<VariableId> frames = chain.Add(30);
+  chain.Hold(frames[0]);
+  LiveCovarianceOptions options = Exact();
+  options.max_iterations = 1;
+  LiveCovariance covariance;
+  const Status status = chain.solver.MarginalCovariance(frames.back(), options, &covariance);
+  EXPECT_EQ(status.code, StatusCode::kUnavailable);
+  EXPECT_NE(status.message.find("next to nothing holds"), std::string::npos) << status.message;
+}
+
+// What comes to a graph whose gauge is known to be held may be free by itself.
+TEST(LiveCovariance, AnIslandThatComesLaterIsFree) {
+  LandmarkChain chain;
+  const std::vector<VariableId> frames = chain.Add(40);
+  chain.Hold(frames[0]);
+  chain.ExpectKnown(frames.back());
+  chain.ExpectKnown(chain.Add(1, frames.back()).back());
+  chain.ExpectFree(chain.Add(2).back());
+}
+
 // A path that grows by a pose an Update, with a loop now and then.
 class GrowingPath {
  public:

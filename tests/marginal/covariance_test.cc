@@ -145,6 +145,27 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
   }
 }
 
+// Constants have no rows in the system, whose rows are not the ids.
+TEST(Covariance, WhereTheSystemHasNoFactorIsToldByTheVariable) {
+  LinearWorld world;
+  Random random(4);
+  for (int i = 0; i < 6; ++i) {
+    world.AddVariable(RandomMatrix(&random, 2, 1));
+    world.graph.SetConstant(i, i < 3);
+  }
+  for (const int i : {3, 4}) {
+    world.AddFactor({i}, MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2));
+  }
+  MatrixXd A = MatrixXd::Zero(1, 2);
+  A(0, 0) = 1.0;
+  world.AddFactor({5}, A, Eigen::VectorXd::Zero(1));
+  GraphCovariance covariance;
+  const Status status = covariance.Compute(world.graph, {{4, 4}});
+  EXPECT_EQ(status.code, StatusCode::kSingular);
+  EXPECT_NE(status.message.find("not positive definite at variable 5"), std::string::npos)
+      << status.message;
+}
+
 // Frames along a path, each seen by the next few, and landmarks that three of them see: the factor
 // has few of all pairs, and landmarks far apart share none.
 struct Path {

@@ -104,6 +104,8 @@ class PoseGraphTest(unittest.TestCase):
             ("^edges: row 1 leads from pose 2 to itself",
              (poses, [[0, 1], [2, 2]], motions[:2])),
             ("^measurements: shape", (poses, edges, motions[:, :2])),
+            ("^measurements: has masked entries",
+             (poses, edges, np.ma.masked_greater(motions, 2.0))),
             ("^information: row 3 is not positive definite",
              (poses, edges, motions, information * np.where(
                  np.arange(len(edges)) == 3, -1, 1)[:, None, None])),
@@ -112,6 +114,12 @@ class PoseGraphTest(unittest.TestCase):
         ]:
             with self.subTest(text), self.assertRaisesRegex(ValueError, text):
                 inceres.optimize_pose_graph(*arguments)
+        poses, edges, motions, _ = spatial_world()
+        for length, wrong in [((2.0, 1.0), "poses"), ((1.0, 2.0), "measurements")]:
+            of_poses, of_motions = (np.array([1.0] * 3 + [x] * 4) for x in length)
+            text = f"^{wrong}: row 0: a quaternion of length 2"
+            with self.subTest(text), self.assertRaisesRegex(ValueError, text):
+                inceres.optimize_pose_graph(poses * of_poses, edges, motions * of_motions)
 
 
 class FilesTest(unittest.TestCase):

@@ -182,5 +182,15 @@ TEST(Gnc, StopsAtMaxRounds) {
   EXPECT_EQ(summary.verdicts.size(), world.suspects.size());
 }
 
+TEST(Gnc, OfConstantsTakesNoIterations) {
+  GncWorld world(PoseGraphWorld(2, 60, 20, 5, 0.02, 1));
+  for (const VariableId pose : world.ids.poses) {
+    world.graph.SetConstant(pose, true);
+  }
+  const GncSummary summary = SolveGnc(world.Options(), world.suspects, &world.graph);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_EQ(summary.num_iterations, 0);
+}
+
 }  // namespace
 }  // namespace inceres

@@ -49,6 +49,14 @@ class PoseGraphSolveTest(unittest.TestCase):
             for cost in costs:
                 self.assertAlmostEqual(cost, costs[0], delta=1e-4 * costs[0])
 
+    def test_where_every_pose_is_fixed_there_are_no_iterations(self):
+        with open(self.graphs[2], "a", encoding="ascii") as file:
+            file.write("FIX " + " ".join(str(i) for i in range(40)) + "\n")
+        for flags in ((), ("--gnc",)):
+            _, report = self.solve(2, *flags)
+            self.assertEqual(report["iterations"], 0)
+            self.assertEqual(report["final_cost"], report["initial_cost"])
+
     def test_conventions_change_the_cost(self):
         costs = {name: self.solve(3, "--convention", name)[1]["final_cost"]
                  for name in ("geodesic", "ceres", "g2o", "gtsam")}

@@ -148,6 +148,15 @@ class ToolHabitsTest(unittest.TestCase):
                 _, message = self.run_tool(name, *SHORT[name], *flags, code=2)
                 self.assertIn(culprit, message, name)
 
+    def test_files_to_write_have_names_of_their_own(self):
+        for name, flags in (("bal_solve", ("--output", "--picture")),
+                            ("pose_graph_solve", ("--output", "--json")),
+                            ("ab_compare", ("--picture", "--json"))):
+            both = [word for flag in flags for word in (flag, "twice.txt")]
+            _, message = self.run_tool(name, *SHORT[name], *both, code=2)
+            self.assertIn(" and ".join(flags) + " name the same file", message)
+            self.assertFalse(os.path.exists("twice.txt"))
+
     def test_progress_is_on_standard_error_if_wanted(self):
         long_run = ("--problem", "path:2000", "--nostock", "--steps", "800")
         for more, seen in ((["--progress", "always"], True), ([], False)):

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <vector>
 
 #include <gflags/gflags.h>
 
@@ -55,6 +56,26 @@ Status CheckArguments(int argc, char** argv) {
   return Status::Ok();
 }
 
+// Two files of one name: the one written last would be all that is left.
+Status CheckFilesToWrite() {
+  std::vector<std::pair<std::string, std::string>> files;
+  for (const char* name : {"output", "truth", "picture", "json"}) {
+    gflags::CommandLineFlagInfo flag;
+    const bool is_file = gflags::GetCommandLineFlagInfo(name, &flag) &&
+                         !flag.current_value.empty() && flag.current_value != "-" &&
+                         flag.current_value.rfind("/dev/", 0) != 0;
+    if (is_file) {
+      for (const auto& [other, file] : files) {
+        if (file == flag.current_value) {
+          return Invalid("--" + other + " and --" + name + " name the same file");
+        }
+      }
+      files.emplace_back(name, flag.current_value);
+    }
+  }
+  return Status::Ok();
+}
+
 }  // namespace
 
 std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** argv) {
@@ -74,7 +95,8 @@ std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** arg
     return Fail(kExitUsage, "surplus argument '" + std::string((*argv)[1]) +
                                 "'; all inputs are flags, see --help");
   }
-  const Status status = ApplyOutputFlags();
+  Status status = CheckFilesToWrite();
+  status = status.ok() ? ApplyOutputFlags() : status;
   return status.ok() ? std::nullopt : std::optional<int>(Fail(kExitUsage, status.message));
 }
 

@@ -1,5 +1,6 @@
 #include "tools/pose_graph/pose_graph_report.h"
 
+#include <algorithm>
 #include <cstdarg>
 #include <cstdio>
 
@@ -17,10 +18,11 @@ namespace {
   return text;
 }
 
+// Where nothing can move, both counts are -1, as in Ceres.
 int NumIterations(const PoseGraphRun& run) {
   return run.gnc.has_value()
              ? run.gnc->num_iterations
-             : run.solve.num_successful_steps + run.solve.num_unsuccessful_steps - 1;
+             : std::max(0, run.solve.num_successful_steps + run.solve.num_unsuccessful_steps - 1);
 }
 
 std::string TerminationOf(const PoseGraphRun& run) {

@@ -53,6 +53,11 @@ void FillIncremental(const UpdateSummary& update, SolveRecord* record) {
                   {"parked_landmarks", update.num_undetermined_landmarks}};
 }
 
+// Of a solve without a result the message names the culprit, too.
+std::string MessageOf(const SolveRecord& record, const Summary& core) {
+  return record.usable || core.detail.empty() ? record.message : record.message + ' ' + core.detail;
+}
+
 }  // namespace
 
 SolveRecord RecordOf(const ceres::Solver::Summary& summary, double seconds) {
@@ -81,6 +86,7 @@ SolveRecord RecordOf(const ceres::Solver::Summary& summary, SolveMode mode,
   record.used_stock = report.used_stock;
   record.fallback_reason = report.fallback_reason;
   record.options_without_effect = report.options_without_effect;
+  record.message = MessageOf(record, report.core);
   if (!report.used_stock && mode == SolveMode::kIncremental) {
     FillIncremental(report.update, &record);
   } else if (!report.used_stock) {
@@ -96,6 +102,7 @@ SolveRecord RecordOf(const Summary& summary, double seconds) {
   record.usable = summary.IsSolutionUsable();
   record.termination = ToString(summary.termination);
   record.message = summary.message;
+  record.message = MessageOf(record, summary);
   record.linear_solver = summary.reduced_solver;
   record.initial_cost = summary.initial_cost;
   record.final_cost = summary.final_cost;

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "inceres/status.h"
+#include "incremental/incremental_schur.h"
+#include "linear/live_factor.h"
+
+namespace inceres::internal {
+
+/// The weakest direction of D^−½ S D^−½, D = diag(C), remembered from one covariance to the next,
+/// for to find it takes solves: what damping may hide, and whether the gauge is free.
+struct WeakestDirection {
+  double eigenvalue = 0.0;
+  double of_landmarks = 0.0;     // what of it is the landmarks' damping
+  VariableId variable = -1;      // with the largest share in it
+  int num_frames = 0;            // when it was looked for
+  bool is_known = false;         // and nothing was taken out of the graph since
+  std::vector<VariableId> seen;  // by row: frames that were there then, or were looked at since
+  int num_seen = 0;
+};
+
+/// Whether it need not be looked for: what has come since is little, and CheckNewFrames does.
+bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur);
+
+/// By inverse iteration with a factor of S + μD. Errors are the factor's.
+Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
+                   WeakestDirection* weakest);
+
+/// Whether more than `open` holds it, and mostly not the landmarks' damping.
+bool IsHeld(const WeakestDirection& weakest, double open);
+
+/// The first frame that has come since and is part of something that is not held, by `open`; -1 if
+/// there is none, and all are seen. What was held before cannot get free by what comes, so that
+/// only the new frames' own block of S is looked at, with the others held.
+VariableId FindFreeNewFrame(const IncrementalSchur& schur, double open, WeakestDirection* weakest);
+
+}  // namespace inceres::internal
