@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -336,15 +337,18 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   EXPECT_EQ(graph.state()[0], 1.0);
 }
 
-// A path long enough for the sparse factorization, whose order is AMD's.
+// Frames that know the two before them, enough for the sparse factorization, whose order is AMD's.
 TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   test::RandomGraph path(1);
   VariableId last = path.AddFrame(6);
   path.Connect(6, {last});
-  for (int k = 1; k < 100; ++k) {
+  for (VariableId before = last; path.graph().num_variables() < 100;) {
     const VariableId next = path.AddFrame(6);
     path.Connect(6, {last, next});
-    last = next;
+    if (before != last) {
+      path.Connect(6, {before, next});
+    }
+    before = std::exchange(last, next);
   }
   path.Perturb(0.1);
   const std::vector<double> start = path.graph().state();
