@@ -62,7 +62,10 @@ double SparseCholesky::PredictedBytes() const {
 // changed.
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = tree_.flops;
-  return End(FactorSegment(0, A));
+  const int failed = FactorSegment(0, A);
+  const Status status = End(failed);
+  // By the name that the row has for who grows S.
+  return status.ok() ? status : factored_ = NotPositiveDefinite(A.RowId(failed));
 }
 
 // `failed`: the block of S at which there is no factor; or none.

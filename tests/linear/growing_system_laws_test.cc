@@ -113,6 +113,21 @@ TEST_P(GrowingSystemLaws, EverythingHeldOrNothingThere) {
   EXPECT_EQ(system.x, std::vector<double>(9, 0.0));
 }
 
+// Rows keep their names when others go.
+TEST_P(GrowingSystemLaws, TheRowThatIsNotPositiveDefiniteIsNamedAsItWas) {
+  GrowingSystem system(8);
+  for (int i = 0; i < 20; ++i) {
+    system.AddRow(3, 3, i == 15);
+  }
+  system.RemoveRow(4);
+  system.damping[static_cast<std::size_t>(system.OffsetOf(10))] = -1e6;
+  const Status failed = Update(&system, {}, 0);
+  EXPECT_EQ(failed.code, StatusCode::kSingular);
+  if (IsBuiltIn()) {
+    EXPECT_EQ(failed.message, "the reduced system is not positive definite at frame 10");
+  }
+}
+
 TEST_P(GrowingSystemLaws, NotPositiveDefiniteIsSingularAndTheSolverWorksAgain) {
   GrowingSystem system(8);
   for (int i = 0; i < 20; ++i) {
