@@ -95,8 +95,8 @@ Eigen::MatrixXd ScaledBlock(const IncrementalSchur& schur, const std::vector<int
         continue;
       }
       const int columns = schur.frames()[entry.column].size;
-      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-      const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> values(
+      using BlockOfRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      const Eigen::Map<const BlockOfRows, 0, Eigen::OuterStride<>> values(
           schur.S().values(entry.offset), schur.frames()[row].size, columns,
           Eigen::OuterStride<>((columns + kQuad - 1) / kQuad * kQuad));
       block.block(first(row), first(entry.column), values.rows(), columns) = values;
