@@ -90,8 +90,8 @@ class KeptRotations {
  public:
   // Memory of a thread's own, from the first large family it evaluates on.
   static KeptRotations& OfThread() {
-    thread_local const std::unique_ptr<KeptRotations> kept = std::make_unique<KeptRotations>();
-    return *kept;
+    thread_local const std::unique_ptr<KeptRotations> kKept = std::make_unique<KeptRotations>();
+    return *kKept;
   }
 
   KeptRotations() {

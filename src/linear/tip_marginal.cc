@@ -114,9 +114,9 @@ bool TipMarginal::HasGainedOnly(const SymmetricBlockRows& S, int n) const {
 // Σ' = Σ − Σ (I + K Σ)⁻¹ K Σ.
 bool TipMarginal::AddToTip(const Block& K) {
   Block I_KS = K.lazyProduct(sigma_);
-  const Block KS = I_KS;
+  const Block K_sigma = I_KS;
   I_KS.diagonal().array() += 1.0;
-  const Block change = sigma_.lazyProduct(I_KS.partialPivLu().solve(KS).eval());
+  const Block change = sigma_.lazyProduct(I_KS.partialPivLu().solve(K_sigma).eval());
   const Block left = sigma_ - change, before = sigma_;
   // Digits go where information comes and where it goes. Also false of a NaN.
   const auto v = left.diagonal().array(), v_before = before.diagonal().array();
