@@ -20,7 +20,8 @@ struct WeakestDirection {
   int num_seen = 0;
 };
 
-/// Whether it need not be looked for: what has come since is little, and CheckNewFrames does.
+/// Whether it need not be looked for: what has come since is little, and FindFreeNewFrame looks
+/// at it.
 bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur);
 
 /// By inverse iteration with a factor of S + μD. Errors are the factor's.

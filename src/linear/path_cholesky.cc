@@ -116,9 +116,10 @@ int PathCholesky::EliminatePath(int p, const ReducedMatrix& A) {
   return BestSmallKernels().eliminate_path(path.size, plan_.NumNodes(p), tiles, square);
 }
 
-// The rest gains a block of the path, of which a column has `column_stride` entries.
-void PathCholesky::AddBlock(const double* from, int column_stride, int row, int column, int size) {
-  const bool is_turned = row < column;
+// Block (row, column) of the rest gains one of the path, of which a column has `column_stride`
+// entries. `is_turned`: what is stored is the transpose.
+void PathCholesky::AddBlock(const double* from, int column_stride, int row, int column, int size,
+                            bool is_turned) {
   double* const to =
       rest_values_.data() + plan_.RestBlock(std::max(row, column), std::min(row, column));
   const int row_step = is_turned ? 1 : size, column_step = is_turned ? size : 1;
@@ -138,21 +139,17 @@ void PathCholesky::AddToRest(int p) {
   const double* const end =
       tiles_.data() + plan_.place(p).tiles + plan_.NumNodes(p) * plan_.TileSize(p);
   const int next = plan_.RestRow(path.next);
-  AddBlock(end, stride, next, next, size);
+  AddBlock(end, stride, next, next, size, /*is_turned=*/false);
   if (path.anchor == BlockPaths::kNone) {
     return;
   }
   const int anchor = plan_.RestRow(path.anchor);
-  AddBlock(squares_.data() + plan_.place(p).square, section, anchor, anchor, size);
-  AddBlock(end + section, stride, anchor, next, size);
+  AddBlock(squares_.data() + plan_.place(p).square, section, anchor, anchor, size,
+           /*is_turned=*/false);
+  AddBlock(end + section, stride, anchor, next, size, /*is_turned=*/anchor < next);
   if (anchor == next) {
-    // Of a ring the same once more, turned: both halves are in one block.
-    double* const to = rest_values_.data() + plan_.RestBlock(next, next);
-    for (int c = 0; c < size; ++c) {
-      for (int r = 0; r < size; ++r) {
-        to[c * size + r] += end[section + c * stride + r];
-      }
-    }
+    // Of a ring both halves are in one block.
+    AddBlock(end + section, stride, anchor, next, size, /*is_turned=*/true);
   }
 }
 

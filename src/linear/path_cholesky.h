@@ -42,7 +42,8 @@ class PathCholesky final : public ReducedSolver {
   void PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix& A, double* values) const;
   int EliminatePath(int p, const ReducedMatrix& A);
   void AddToRest(int p);
-  void AddBlock(const double* from, int column_stride, int row, int column, int size);
+  void AddBlock(const double* from, int column_stride, int row, int column, int size,
+                bool is_turned);
   Status FactorizeRest(const ReducedMatrix& A);
   int RowThatFails() const;
   void SolveForward(int p, const double* b);

@@ -63,15 +63,13 @@ double SparseCholesky::PredictedBytes() const {
 Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = tree_.flops;
   const int failed = FactorSegment(0, A);
-  const Status status = End(failed);
-  // By the name that the row has for who grows S.
-  return status.ok() ? status : factored_ = NotPositiveDefinite(A.RowId(failed));
+  return End(failed, failed == FrontTree::kNone ? failed : A.RowId(failed));
 }
 
-// `failed`: the block of S at which there is no factor; or none.
-Status SparseCholesky::End(int failed) {
+// `failed`: the block of S at which there is no factor; or none. `row`: what it is called.
+Status SparseCholesky::End(int failed, int row) {
   failed_at_ = failed;
-  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(failed);
+  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(row);
   return factored_;
 }
 

@@ -40,7 +40,7 @@ class SparseCholesky final : public ReducedSolver {
       const int pivot = fill(f, Column(f, 0));
       failed = pivot < 0 ? FrontTree::kNone : BlockAtPivot(tree_.fronts[f], pivot);
     }
-    return End(failed);
+    return End(failed, failed);
   }
 
   /// The block of S at which the last factorization failed; -1: it did not.
@@ -61,7 +61,7 @@ class SparseCholesky final : public ReducedSolver {
   }
 
  private:
-  Status End(int failed);
+  Status End(int failed, int row);
   /// The block of S at which it fails; -1: it does not.
   int FactorSegment(int index, const ReducedMatrix& A);
   void SolveForward(const FrontSegment& segment, const double* b);
