@@ -141,6 +141,12 @@ class AmbientFamily : public FactorFamily {
     if (batch.next >= 0) {
       derived().Prefetch(batch.next);
     }
+    if (size() >= kManyFactors) {
+      // All of them at once: one by one each would be waited for.
+      for (int i = batch.begin; i < batch.end; ++i) {
+        derived().Prefetch(i);
+      }
+    }
     if (batch.jacobians == nullptr) {
       return EvaluateResiduals(batch);
     }
@@ -159,6 +165,8 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kBadResidual = "a residual is not finite or was not written";
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
   static constexpr std::size_t kInlineSlots = 16;
+  // From so many on what Derived keeps of a factor is mostly not in the cache.
+  static constexpr int kManyFactors = 1 << 15;
 
   // Where one factor after the other writes its Jacobians, slot by slot.
   struct Outputs {
