@@ -135,7 +135,7 @@ void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
     if (const double* block = A.Block(piece.i, piece.block)) {
       const int j = pattern_->columns[piece.block];
       if (pattern_->block_size(piece.i) == 3 && pattern_->block_size(j) == 3) {
-        // Most of a pose graph: without a call.
+        // Most blocks of a pose graph are such: no call for nine entries.
         PlaceSized<3, 3>(block, pattern_->row_stride(j), piece.row, piece.column, Column(f, 0),
                          front.stride());
         continue;
