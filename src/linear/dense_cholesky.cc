@@ -26,7 +26,7 @@ namespace {
 constexpr int kNarrowPanel = 12;
 constexpr int kWidePanel = 24;
 constexpr int kWidePanelSize = 600;
-// rows whose first column is looked at together: a multiple of every kernel's tile height
+// rows whose first column is looked at together: whole vectors of every kernel
 constexpr int kGranule = 12;
 constexpr int kRowStrip = 96;  // rows a task: whole granules, so tasks do not change the arithmetic
 // Such a matrix is not worth waking a thread. Its rows begin where they do, and columns are taken a

@@ -69,30 +69,6 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
   }
 }
 
-// Of small blocks, below the diagonal, above it, and on it.
-template <int kRows, int kColumns>
-void PlaceSized(const double* block, int block_stride, int first_row, int first_column, double* A,
-                std::ptrdiff_t stride) {
-  if (first_row < first_column) {
-    double* out = A + first_row * stride + first_column;
-    for (int r = 0; r < kRows; ++r, block += block_stride, out += stride) {
-      for (int c = 0; c < kColumns; ++c) {
-        out[c] = block[c];
-      }
-    }
-    return;
-  }
-  double* out = A + first_column * stride + first_row;
-  const bool is_diagonal = first_row == first_column;
-  for (int c = 0; c < kColumns; ++c, out += stride) {
-    for (int r = 0; r < kRows; ++r) {
-      if (!is_diagonal || r >= c) {
-        out[r] = block[r * block_stride + c];
-      }
-    }
-  }
-}
-
 // Of poses, of velocities with biases, and of what lies between them; null: of other sizes.
 decltype(&PlaceSized<3, 3>) FindPlaceSized(int rows, int columns) {
   if (rows > 9 || columns > 9) {

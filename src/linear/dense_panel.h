@@ -8,6 +8,30 @@ namespace inceres::internal {
 // column-major lower triangle, and blocks of S on their way there. Source: Golub & Van Loan,
 // "Matrix Computations", section 4.2.
 
+/// PlaceBlock of a size that is known before.
+template <int kRows, int kColumns>
+inline void PlaceSized(const double* block, int block_stride, int first_row, int first_column,
+                       double* A, std::ptrdiff_t stride) {
+  if (first_row < first_column) {
+    double* out = A + first_row * stride + first_column;
+    for (int r = 0; r < kRows; ++r, block += block_stride, out += stride) {
+      for (int c = 0; c < kColumns; ++c) {
+        out[c] = block[c];
+      }
+    }
+    return;
+  }
+  double* out = A + first_column * stride + first_row;
+  const bool is_diagonal = first_row == first_column;
+  for (int c = 0; c < kColumns; ++c, out += stride) {
+    for (int r = 0; r < kRows; ++r) {
+      if (!is_diagonal || r >= c) {
+        out[r] = block[r * block_stride + c];
+      }
+    }
+  }
+}
+
 /// Writes a block of S, rows × columns and row-major, `block_stride` from row to row, into A, where
 /// its rows start at first_row and its columns at first_column; turned where it would be above the
 /// diagonal. Of a block on the diagonal the lower triangle is read and written.

@@ -4,6 +4,7 @@
 #define INCERES_KERNEL_NAMESPACE kernels_neon
 #define INCERES_KERNEL_NAME "neon"
 #define INCERES_VECTOR_WIDTH 2
+#define INCERES_LONG_VECTOR_WIDTH 2
 #define INCERES_MAX_COLUMNS 3
 #define INCERES_MAX_QUADS 3
 #include "simd/kernels_body.inc"

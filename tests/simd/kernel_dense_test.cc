@@ -1,6 +1,7 @@
 // The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as
 // it was.
 #include <cmath>
+#include <utility>
 
 #include "simd/kernel_fixture.h"
 
@@ -48,7 +49,7 @@ class DenseKernels : public KernelTest {
 };
 
 TEST_P(DenseKernels, SubtractOuterForOddSizes) {
-  for (const int rows : {0, 1, 2, 3, 4, 5, 7, 11, 12, 13, 16, 23, 25, 97}) {
+  for (const int rows : {0, 1, 2, 3, 4, 5, 7, 11, 12, 13, 16, 20, 23, 25, 44, 97}) {
     for (const int cols : {1, 2, 3, 4, 5, 7, 15, 16}) {
       for (const int depth : {0, 1, 2, 5, 16, 33}) {
         ExpectOuterSubtracted(rows, cols, depth);
@@ -81,6 +82,30 @@ TEST_P(DenseKernels, SubtractOuterByStripsGivesTheSameBits) {
                              B.values.data(), B.stride, strips.values.data() + top, strips.stride);
   }
   EXPECT_EQ(whole.values, strips.values);
+}
+
+// Lanes are entries of their own: a factor has the bits of AVX2 where registers are twice as long.
+TEST_P(DenseKernels, LongerRegistersGiveTheSameBits) {
+  const Kernels* const shorter = KernelsFor(InstructionSet::kAvx2);
+  if (GetParam() != InstructionSet::kAvx512 || shorter == nullptr) {
+    GTEST_SKIP() << "for AVX-512";
+  }
+  for (const int rows : {4, 12, 20, 36, 44, 96, 101}) {
+    const Matrix A(rows, 200, &random_);
+    const Matrix B(17, 200, &random_);
+    Matrix L(17, 17, &random_);
+    for (int j = 0; j < 17; ++j) {
+      L(j, j) = 2.0;
+    }
+    Matrix longs(rows, 17, &random_);
+    Matrix shorts = longs;
+    for (auto [set, X] : {std::pair(&kernels(), &longs), std::pair(shorter, &shorts)}) {
+      set->subtract_outer(rows, 17, 200, A.values.data(), A.stride, B.values.data(), B.stride,
+                          X->values.data(), X->stride);
+      set->solve_lower_transposed(rows, 17, L.values.data(), L.stride, X->values.data(), X->stride);
+    }
+    EXPECT_EQ(longs.values, shorts.values) << rows << " rows";
+  }
 }
 
 // On and below the diagonal the bits are those of the whole product; nothing outside C is written.
