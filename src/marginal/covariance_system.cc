@@ -48,7 +48,7 @@ void CovarianceSystem::MakeColumn(VariableId id) {
     return;
   }
   const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> U_inv(
-      normals_.elimination().U_inv(landmark), size, size, Eigen::OuterStride<>(kQuad));
+      normals_.elimination().UInv(landmark), size, size, Eigen::OuterStride<>(kQuad));
   column.P_inv = U_inv.transpose() * U_inv;
 }
 

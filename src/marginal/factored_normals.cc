@@ -147,7 +147,7 @@ Status FactoredNormals::CheckLandmarks(bool are_eliminated) {
     const int size = incidences_.sizes[l];
     const double* const P = hessian_.P(l);
     double of_its_own[4 * kQuad] = {};
-    const double* const U_inv = are_eliminated ? elimination_.U_inv(l) : of_its_own;
+    const double* const U_inv = are_eliminated ? elimination_.UInv(l) : of_its_own;
     if (!(are_eliminated || InvertCholeskyFactor(size, P, no_damping, of_its_own)) ||
         !IsDetermined(size, P, U_inv, options_.max_inflation)) {
       deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
