@@ -169,42 +169,34 @@ double WeighedResiduals::CandidateChange(const std::vector<std::int32_t>& list) 
 template <typename Size>
 double WeighedResiduals::AcceptSized(Size size, const std::vector<std::int32_t>& list,
                                      Linearization* factors) {
-  // Where arrays begin is not to be looked up anew for each factor.
   double* const f_now = factors->residuals.data();
-  double* const predicted_f = predicted_f_.data();
-  double* const q_now = q_.data();
-  const double* const q_then = candidate_q_.data();
-  const double* const J_step = J_step_.data();
-  const double* const correction = correction_.data();
-  const Linearized* const linearized = linearized_.data();
-  State* const states = states_.data();
-  char* const steady = steady_.data();
   const double* const candidate_f = factors->candidate_residuals.data();
   double change = 0.0;
   for (const std::int32_t factor : list) {
-    State& state = states[factor];
+    State& state = states_[factor];
     double error = 0.0;
     double squared_norm = 0.0;
     double squared_change = 0.0;
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(factor) * size;
-    const bool corrected = linearized[factor] == Linearized::kCorrected;
-    const double along = corrected ? Dot(correction + first, J_step + first, size) : 0.0;
+    const bool corrected = IsCorrected(factor);
+    const double along =
+        corrected ? Dot(correction_.data() + first, J_step_.data() + first, size) : 0.0;
     for (std::ptrdiff_t k = first; k < first + size; ++k) {
       const double f = candidate_f[k];
       const double foreseen =
-          state.inverse_sqrt_w * (J_step[k] + (corrected ? along * correction[k] : 0.0));
+          state.inverse_sqrt_w * (J_step_[k] + (corrected ? along * correction_[k] : 0.0));
       // A constant J makes no error; what rounding would leave of f − f̂ must not add up.
-      const double predicted = constant_jacobian_ ? f : predicted_f[k] + foreseen;
-      predicted_f[k] = predicted;
+      const double predicted = constant_jacobian_ ? f : predicted_f_[k] + foreseen;
+      predicted_f_[k] = predicted;
       f_now[k] = f;
-      q_now[k] = q_then[k];
+      q_[k] = candidate_q_[k];
       error += (f - predicted) * (f - predicted);
       squared_norm += f * f;
       squared_change += foreseen * foreseen;
     }
     // Whether the curvature of the loss counts in the next linearization: the predicted change is
     // compared with f, and a factor that has not moved at all is not steady but unknown.
-    steady[factor] =
+    steady_[factor] =
         squared_change > 0.0 && squared_change <= kSteadyShare * kSteadyShare * squared_norm ? 1
                                                                                              : 0;
     change += state.candidate_cost - state.cost;
