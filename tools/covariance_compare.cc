@@ -32,6 +32,10 @@ DEFINE_string(gauge, "held",
               "surveyed control points are; free: nothing is.");
 DEFINE_bool(hold_intrinsics, false,
             "hold focal length and distortion of every camera: 6 parameters are left of 9.");
+DEFINE_bool(
+    inceres_autodiff, false,
+    "give inceres a problem with inceres::AutoDiffCostFunction of the same functors; stock keeps "
+    "ceres::AutoDiffCostFunction.");
 DEFINE_bool(only_ours, false,
             "stock is left out altogether: what inceres would hand over to it has no result.");
 DEFINE_int32(iterations, 0, "iterations of Levenberg-Marquardt ahead of it, at least 0.");
@@ -55,6 +59,8 @@ const ToolHelp kHelp = {
      {"at the minimum, by two algorithms",
       "covariance_compare --problem bal:problem-49-7776-pre.txt --iterations 20 --algorithms "
       "sparse_qr,eigen_qr"},
+     {"ours with inceres::AutoDiffCostFunction, stock with its own",
+      "covariance_compare --problem bal:problem-49-7776-pre.txt --inceres_autodiff"},
      {"all points too, without Ceres",
       "covariance_compare --problem bal:problem.txt --only_ours --points"},
      {"cameras of 6 parameters along a path, held by control points",
@@ -78,6 +84,12 @@ struct Result {
   std::string message;
   std::vector<double> seconds;
   std::vector<double> values;  // all blocks one after the other
+};
+
+// A problem over parameters of its own, and what of it is requested.
+struct Instance {
+  ProblemSource::CeresInstance ceres;
+  Pairs pairs;
 };
 
 // One that computes: fills all of the result but its name, and adds a time.
@@ -258,13 +270,16 @@ void Print(const std::vector<Result>& results, const nlohmann::json& report) {
   }
 }
 
-nlohmann::json MakeReport(const ProblemSource& source, const Pairs& pairs,
-                          const ceres::Problem& problem, const std::vector<Result>& results) {
-  nlohmann::json report = {
-      {"problem", FLAGS_problem},       {"description", source.Describe()},
-      {"gauge", FLAGS_gauge},           {"hold_intrinsics", FLAGS_hold_intrinsics},
-      {"iterations", FLAGS_iterations}, {"num_threads", FLAGS_num_threads},
-      {"blocks", pairs.size()}};
+nlohmann::json MakeReport(const ProblemSource& source, const Instance& instance,
+                          const std::vector<Result>& results) {
+  nlohmann::json report = {{"problem", FLAGS_problem},
+                           {"description", source.Describe()},
+                           {"gauge", FLAGS_gauge},
+                           {"hold_intrinsics", FLAGS_hold_intrinsics},
+                           {"inceres_autodiff", FLAGS_inceres_autodiff},
+                           {"iterations", FLAGS_iterations},
+                           {"num_threads", FLAGS_num_threads},
+                           {"blocks", instance.pairs.size()}};
   const double ours = Summarize(results[0].seconds).median;
   for (const Result& result : results) {
     const bool comparable = &result != &results[0] && result.computed && results[0].computed;
@@ -278,14 +293,15 @@ nlohmann::json MakeReport(const ProblemSource& source, const Pairs& pairs,
                           {"ratio", ours / seconds},
                           {"largest_difference", nullptr}};
     if (comparable) {
-      row["largest_difference"] = LargestDifference(pairs, problem, results[0], result);
+      row["largest_difference"] =
+          LargestDifference(instance.pairs, *instance.ceres.problem, results[0], result);
     }
     report["results"].push_back(row);
   }
   return report;
 }
 
-Status RunAll() {
+Status CheckFlags() {
   const Status numbers = CheckNumbers({{"repeats", FLAGS_repeats, 1},
                                        {"num_threads", FLAGS_num_threads, 1},
                                        {"iterations", FLAGS_iterations, 0}},
@@ -296,36 +312,65 @@ Status RunAll() {
   if (FLAGS_problem.rfind("bal:", 0) != 0) {
     return Invalid("--problem must be bal:FILE");
   }
-  if (FLAGS_gauge != "held" && FLAGS_gauge != "points" && FLAGS_gauge != "free") {
-    return Invalid("--gauge must be held, points or free, not '" + FLAGS_gauge + "'");
-  }
-  std::vector<Contender> contenders;
-  std::vector<Result> results;
-  Status status = FindContenders(&contenders, &results);
-  std::unique_ptr<ProblemSource> source;
-  status = status.ok() ? OpenProblem(FLAGS_problem, &source) : status;
-  ProblemSource::CeresInstance instance;
-  status = status.ok() ? source->MakeCeresInstance(LossSpec(), &instance) : status;
+  return FLAGS_gauge == "held" || FLAGS_gauge == "points" || FLAGS_gauge == "free"
+             ? Status::Ok()
+             : Invalid("--gauge must be held, points or free, not '" + FLAGS_gauge + "'");
+}
+
+Status MakeInstance(const ProblemSource& source, Instance* instance) {
+  const Status status = source.MakeCeresInstance(LossSpec(), &instance->ceres);
   if (!status.ok()) {
     return status;
   }
-  const BalProblem& bal = static_cast<const BalSource&>(*source).bal();
-  HoldCameras(bal, &instance);
+  const BalProblem& bal = static_cast<const BalSource&>(source).bal();
+  HoldCameras(bal, &instance->ceres);
   if (FLAGS_gauge == "points") {
-    HoldControlPoints(bal, &instance);
+    HoldControlPoints(bal, &instance->ceres);
   }
-  if (FLAGS_iterations > 0) {
-    Solve(instance.problem.get());
+  instance->pairs = Requested(bal, instance->ceres);
+  return status;
+}
+
+// Both at the same point, where `instance` has come to.
+Status MakeOwnInstance(const Instance& instance, Instance* own) {
+  std::unique_ptr<ProblemSource> source;
+  Status status = OpenProblem(FLAGS_problem, &source, BalJacobians::kInceresAutoDiff);
+  status = status.ok() ? MakeInstance(*source, own) : status;
+  if (status.ok()) {
+    std::copy(instance.ceres.parameters.begin(), instance.ceres.parameters.end(),
+              own->ceres.parameters.begin());
   }
-  const Pairs pairs = Requested(bal, instance);
+  return status;
+}
+
+Status RunAll() {
+  std::vector<Contender> contenders;
+  std::vector<Result> results;
+  Status status = CheckFlags();
+  status = status.ok() ? FindContenders(&contenders, &results) : status;
+  std::unique_ptr<ProblemSource> source;
+  status = status.ok() ? OpenProblem(FLAGS_problem, &source) : status;
+  Instance instance;
+  status = status.ok() ? MakeInstance(*source, &instance) : status;
+  if (status.ok() && FLAGS_iterations > 0) {
+    Solve(instance.ceres.problem.get());
+  }
+  Instance own;  // ours, where it is not the same
+  if (status.ok() && FLAGS_inceres_autodiff) {
+    status = MakeOwnInstance(instance, &own);
+  }
+  if (!status.ok()) {
+    return status;
+  }
   const Heartbeat heartbeat(ProgressOutput(), "computing covariances");
   for (int round = 0; round < FLAGS_repeats; ++round) {
     for (std::size_t k = 0; k < contenders.size(); ++k) {
-      contenders[k](pairs, instance.problem.get(), &results[k]);
+      const Instance& its = k == 0 && FLAGS_inceres_autodiff ? own : instance;
+      contenders[k](its.pairs, its.ceres.problem.get(), &results[k]);
     }
   }
-  const nlohmann::json report = MakeReport(*source, pairs, *instance.problem, results);
-  std::fprintf(Out(), "%s, %zu blocks\n\n", source->Describe().c_str(), pairs.size());
+  const nlohmann::json report = MakeReport(*source, instance, results);
+  std::fprintf(Out(), "%s, %zu blocks\n\n", source->Describe().c_str(), instance.pairs.size());
   Print(results, report);
   return WriteJsonReport(report.dump(2));
 }

@@ -108,7 +108,7 @@ bool ActiveBounds::IsDue(VariableId id, std::int32_t quad, const double* downhil
 
 // `downhill` is b of a frame and η of a landmark. For a frame that is the gradient with the
 // landmarks at their minimum, since b is reduced.
-bool ActiveBounds::Hold(VariableId id, std::int32_t quad, const double* downhill) {
+bool ActiveBounds::HoldAtBounds(VariableId id, std::int32_t quad, const double* downhill) {
   if (!IsDue(id, quad, downhill)) {
     return false;
   }
@@ -141,7 +141,7 @@ bool ActiveBounds::Release(std::int32_t quad, int size) {
 
 // The step is shortened before landmarks are substituted back and before the model is asked, so
 // that the gain ratio is of the step that is taken.
-bool ActiveBounds::CutOff(VariableId id, std::int32_t quad, double* step) const {
+bool ActiveBounds::CutOffAtBounds(VariableId id, std::int32_t quad, double* step) const {
   bool cut = false;
   const char* out = held(quad);
   const double* x = variables_.current(id);
@@ -163,7 +163,7 @@ bool ActiveBounds::CutOff(VariableId id, std::int32_t quad, double* step) const 
 
 // x + (upper − x) need not be `upper` in floating point, and the membership test compares to the
 // bit.
-void ActiveBounds::Land(VariableId id, const double* step) {
+void ActiveBounds::LandAtBounds(VariableId id, const double* step) {
   const double* x = variables_.current(id);
   double* moved = variables_.candidate(id);
   ForEachCoordinate(id, [&](int k, int at, double lower, double upper) {

@@ -39,17 +39,28 @@ class ActiveBounds {
   bool Confine(VariableId id);
 
   /// Decides anew who is held, by −g; true if that changes anything. IsDue only tells.
-  bool Hold(VariableId id, std::int32_t quad, const double* downhill);
+  bool Hold(VariableId id, std::int32_t quad, const double* downhill) {
+    return any() && HoldAtBounds(id, quad, downhill);
+  }
   bool IsDue(VariableId id, std::int32_t quad, const double* downhill) const;
   /// Nobody is, of a variable of this tangent size.
   bool Release(std::int32_t quad, int size);
 
   /// Shortens the step from the current values. True if it would have left them.
-  bool CutOff(VariableId id, std::int32_t quad, double* step) const;
+  bool CutOff(VariableId id, std::int32_t quad, double* step) const {
+    return any() && CutOffAtBounds(id, quad, step);
+  }
   /// After such a step: what was cut off at a bound lies on it to the last bit.
-  void Land(VariableId id, const double* step);
+  void Land(VariableId id, const double* step) {
+    if (any()) {
+      LandAtBounds(id, step);
+    }
+  }
 
  private:
+  bool HoldAtBounds(VariableId id, std::int32_t quad, const double* downhill);
+  bool CutOffAtBounds(VariableId id, std::int32_t quad, double* step) const;
+  void LandAtBounds(VariableId id, const double* step);
   template <typename Visit>
   void ForEachCoordinate(VariableId id, const Visit& visit) const;
   static bool PointsOut(double x, double lower, double upper, double downhill) {

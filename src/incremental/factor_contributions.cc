@@ -30,29 +30,35 @@ void FactorContributions::Connect(FactorRef ref) {
   blocks[ref.factor * num_pairs] = -1;
 }
 
-// The frames of a factor with their Jacobians, ascending, into rows_ and rows_of_.
+// The frames of a factor with their Jacobians, ascending, into rows_of_ and as many of rows_.
 // Insertion keeps the rows ascending: products fill the lower triangle, so the first frame of a
 // pair must have the larger row. A factor has few frames.
 Contribution FactorContributions::RowsOf(FactorRef ref) {
   const IncrementalFamily& family = families_[ref.family];
   const int num_slots = family.num_slots();
-  rows_.clear();
+  const std::int32_t* const frames = structure_.FramesOfFactor(ref);
+  const SlotJacobians* const slots = family.slots();
   rows_of_.clear();
+  if (rows_.size() < static_cast<std::size_t>(num_slots)) {
+    rows_.resize(num_slots);
+  }
   for (int s = 0; s < num_slots; ++s) {
-    const std::int32_t row = structure_.FrameOfFactor(ref, s);
+    const std::int32_t row = frames[s];
     if (row < 0) {
       continue;
     }
     const IncrementalStructure::Frame& frame = structure_.frames()[row];
+    std::size_t at = rows_of_.size();
     rows_of_.push_back(row);
-    rows_.push_back(
-        {family.Jacobian(ref.factor, s), frame.quad, PadToQuad(frame.size) / kQuad, frame.size});
-    for (std::size_t k = rows_.size() - 1; k > 0 && rows_of_[k - 1] > row; --k) {
-      std::swap(rows_of_[k - 1], rows_of_[k]);
-      std::swap(rows_[k - 1], rows_[k]);
+    for (; at > 0 && rows_of_[at - 1] > row; --at) {
+      std::swap(rows_of_[at - 1], rows_of_[at]);
+      rows_[at] = rows_[at - 1];
     }
+    // Rows of a slot are padded to quads, as the frame's entries are.
+    rows_[at] = {slots[s].data + ref.factor * slots[s].factor_stride, frame.quad,
+                 slots[s].row_stride / kQuad, frame.size};
   }
-  return {rows_.data(), static_cast<int>(rows_.size()), family.residual_size()};
+  return {rows_.data(), static_cast<int>(rows_of_.size()), family.residual_size()};
 }
 
 void FactorContributions::Disconnect(FactorRef ref) {
@@ -89,8 +95,12 @@ bool FactorContributions::IsCoupled(std::int32_t row, std::int32_t column) {
 }
 
 // By a loss that has no influence whatever the residual; not by one that has none at this residual
-// only, as Tukey's. Asked when Jacobians are those of the loss, so they are zero then.
+// only, as Tukey's. Asked when Jacobians are those of the loss, so they and its weight are zero
+// then.
 bool FactorContributions::IsTurnedOff(FactorRef ref) const {
+  if (families_[ref.family].weighed().weight(ref.factor) != 0.0) {
+    return false;
+  }
   const auto* const loss = dynamic_cast<const ScaledLoss*>(families_[ref.family].loss(ref.factor));
   return loss != nullptr && loss->scale() == 0.0;
 }
@@ -149,8 +159,8 @@ std::ptrdiff_t FactorContributions::Keep(FactorRef ref) {
   const auto size_of = [&](const BlockRow& row) {
     return std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
   };
-  for (const BlockRow& row : rows_) {
-    std::copy_n(row.A, size_of(row), KeepRoom(size_of(row)));
+  for (int r = 0; r < contribution.count; ++r) {
+    std::copy_n(rows_[r].A, size_of(rows_[r]), KeepRoom(size_of(rows_[r])));
   }
   std::copy_n(families_[ref.family].weighed().q(ref.factor), contribution.depth,
               KeepRoom(contribution.depth));
@@ -165,9 +175,9 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
   // Rows lie in the order of RowsOf, padded as in the family, and q behind them. The frames of a
   // factor do not change between Keep and Replace, so the order is the same.
   const double* out = kept_.data() + kept;
-  for (BlockRow& row : rows_) {
-    row.out = out;
-    out += std::ptrdiff_t{contribution.depth} * row.quads * kQuad;
+  for (int r = 0; r < contribution.count; ++r) {
+    rows_[r].out = out;
+    out += std::ptrdiff_t{contribution.depth} * rows_[r].quads * kQuad;
   }
   contribution.replaces = true;
   const bool is_off = IsTurnedOff(ref);

@@ -60,7 +60,7 @@ class FactorContributions {
   // Per family, factor and pair of its frames, ascending: quad offset of the block of S; the first
   // -1: the factor has none, for it has just come or is turned off.
   std::vector<std::vector<std::int32_t>> blocks_;
-  std::vector<BlockRow> rows_;         // of the contribution under way
+  std::vector<BlockRow> rows_;         // of the contribution under way, and room for more
   std::vector<std::int32_t> rows_of_;  // their frames
   std::vector<std::int32_t> targets_;  // those of some rows alone
   AlignedVector<double> kept_;         // rows and q, as they are in S

@@ -72,8 +72,10 @@ class IncrementalStructure {
   int num_frames() const { return num_frames_; }
   int num_landmarks() const { return num_landmarks_; }
 
-  std::int32_t FrameOfFactor(FactorRef ref, int slot) const {
-    return frame_of_slot_[ref.family][Entry(ref) + slot];
+  std::int32_t FrameOfFactor(FactorRef ref, int slot) const { return FramesOfFactor(ref)[slot]; }
+  /// Of all its slots.
+  const std::int32_t* FramesOfFactor(FactorRef ref) const {
+    return frame_of_slot_[ref.family].data() + Entry(ref);
   }
   std::int32_t LandmarkOfFactor(FactorRef ref) const {
     return landmark_of_[ref.family][ref.factor];

@@ -304,13 +304,16 @@ void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
 // frames it went in with.
 Contribution LandmarkBlocks::Rows(std::int32_t l, std::vector<BlockRow>* rows) const {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
-  rows->clear();
-  for (std::size_t r = 0; r < incidences_[l].size(); ++r) {
-    const Incidence& incidence = incidences_[l][r];
-    rows->push_back({Y_.data() + std::ptrdiff_t{incidence.y} * kQuad, incidence.frame,
-                     incidence.quads, structure_.frames()[landmark.frames[r]].size});
+  const std::vector<Incidence>& incidences = incidences_[l];
+  const std::size_t count = incidences.size();
+  if (rows->size() < count) {
+    rows->resize(count);
   }
-  return {rows->data(), static_cast<int>(rows->size()), landmark.size};
+  for (std::size_t r = 0; r < count; ++r) {
+    (*rows)[r] = {Y_.data() + std::ptrdiff_t{incidences[r].y} * kQuad, incidences[r].frame,
+                  incidences[r].quads, structure_.frames()[landmark.frames[r]].size};
+  }
+  return {rows->data(), static_cast<int>(count), landmark.size};
 }
 
 // The lower triangle of its blocks of S.

@@ -36,9 +36,9 @@ void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* e
 
   Contribution contribution = blocks_.Rows(landmark, &rows_);
   const double* Y = blocks_.Y(landmark);
-  for (BlockRow& row : rows_) {
+  for (int r = 0; r < contribution.count; ++r) {
     // The same layout, so the same distance from the beginning.
-    row.out = Y_out_.data() + (row.A - Y);
+    rows_[r].out = Y_out_.data() + (rows_[r].A - Y);
   }
   contribution.replaces = true;
   sums_.AddProducts(contribution, -1.0, blocks_.Targets(landmark).data());

@@ -41,7 +41,7 @@ class LandmarkContributions {
   const IncrementalStructure& structure_;
   LandmarkBlocks& blocks_;
   SchurSums& sums_;
-  std::vector<BlockRow> rows_;         // of the contribution under way
+  std::vector<BlockRow> rows_;         // of the contribution under way, and room for more
   std::vector<std::int32_t> targets_;  // of some rows alone
   AlignedVector<double> Y_out_;        // as it is in S
 };

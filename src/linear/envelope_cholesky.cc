@@ -23,11 +23,44 @@ namespace inceres::internal {
 
 namespace {
 
+// X := X L⁻ᵀ for a kSize × kSize block X, its columns side by side, so that all rows are solved at
+// once: the operations of SolveAgainstDiagonal, in their order.
+template <int kSize>
+void SolveSquareAgainstDiagonal(const double* L, std::ptrdiff_t ldl, const double* inverse_pivots,
+                                double* X, std::ptrdiff_t ldx) {
+  double columns[kSize][kSize];
+  for (int r = 0; r < kSize; ++r) {
+    for (int c = 0; c < kSize; ++c) {
+      columns[c][r] = X[r * ldx + c];
+    }
+  }
+#pragma GCC unroll 6
+  for (int c = 0; c < kSize; ++c) {
+#pragma GCC unroll 6
+    for (int k = 0; k < c; ++k) {
+      for (int r = 0; r < kSize; ++r) {
+        columns[c][r] -= columns[k][r] * L[c * ldl + k];
+      }
+    }
+    for (int r = 0; r < kSize; ++r) {
+      columns[c][r] *= inverse_pivots[c];
+    }
+  }
+  for (int r = 0; r < kSize; ++r) {
+    for (int c = 0; c < kSize; ++c) {
+      X[r * ldx + c] = columns[c][r];
+    }
+  }
+}
+
 // X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both
 // row-major. Each row of X is solved for by itself, and in it column c needs the columns before it.
 // The reciprocals of the diagonal were kept by FactorSmall.
 void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
                           const double* inverse_pivots, double* X, int ldx) {
+  if (rows == 6 && size == 6) {  // poses
+    return SolveSquareAgainstDiagonal<6>(L, ldl, inverse_pivots, X, ldx);
+  }
   for (int c = 0; c < size; ++c) {
     const double* L_row = L + static_cast<std::ptrdiff_t>(c) * ldl;
     for (int r = 0; r < rows; ++r) {

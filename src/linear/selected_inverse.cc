@@ -23,13 +23,14 @@ namespace inceres::internal {
 
 namespace {
 
-using Eigen::MatrixXd;
-using Strided = Eigen::Map<MatrixXd, 0, Eigen::OuterStride<>>;
-using ConstStrided = Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>>;
+using Strided = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+using ConstStrided = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
 // Columns a task: a multiple of what the kernels take at a time, so that tasks do not change the
 // arithmetic.
 constexpr int kStrip = 48;
+// Rows of a triangle's inverse at a time, whole quads.
+constexpr int kTriangleStrip = 24;
 // Below this a front's strips are one task.
 constexpr double kParallelFlops = 2e6;
 
@@ -120,22 +121,52 @@ void SelectedInverse::GatherRest(int f) {
   }
 }
 
-// Σ₁₁ = (L₁ L₁ᵀ)⁻¹ for now, and T = Mᵀ = L₁⁻ᵀ L₂ᵀ.
-// L₁⁻¹ is formed, since its square is wanted; both halves of Σ₁₁ are written. T overwrites a copy
-// of L₂ᵀ.
+// Σ₁₁ = (L₁ L₁ᵀ)⁻¹ for now, and T = Mᵀ = L₁⁻ᵀ L₂ᵀ, which overwrites a copy of L₂ᵀ.
 void SelectedInverse::InvertPivots(const SparseCholesky& factor, int f) {
   const Front& front = tree_.fronts[f];
+  InvertTriangle(front, factor.Column(f, 0));
+  SquareInverse(front, Transposed(f));
   const ConstStrided L(factor.Column(f, 0), front.num_rows(), front.width,
                        Eigen::OuterStride<>(front.stride()));
-  const auto L_1 = L.topRows(front.width).triangularView<Eigen::Lower>();
-  MatrixXd inverse = MatrixXd::Identity(front.width, front.width);
-  L_1.solveInPlace(inverse);
-  Strided pivots(Transposed(f), front.width, front.width, Eigen::OuterStride<>(front.below()));
-  pivots.noalias() = inverse.triangularView<Eigen::Lower>().transpose() * inverse;
   T_.assign(static_cast<std::size_t>(front.below()) * front.height, 0.0);
   Strided T(T_.data(), front.width, front.height, Eigen::OuterStride<>(front.below()));
   T = L.middleRows(front.below(), front.height).transpose();
-  L_1.transpose().solveInPlace(T);
+  L.topRows(front.width).triangularView<Eigen::Lower>().transpose().solveInPlace(T);
+}
+
+// X = L₁⁻ᵀ by strips of rows, each from its own pivots on: ahead of them it is zero.
+void SelectedInverse::InvertTriangle(const Front& front, const double* L) {
+  const int below = front.below();
+  X_.assign(static_cast<std::size_t>(below) * front.width, 0.0);
+  for (int first = 0; first < front.width; first += kTriangleStrip) {
+    double* const X = X_.data() + static_cast<std::ptrdiff_t>(first) * below + first;
+    const int count = std::min(kTriangleStrip, front.width - first);
+    for (int k = 0; k < count; ++k) {
+      X[static_cast<std::ptrdiff_t>(k) * below + k] = 1.0;
+    }
+    BestKernels().solve_lower_transposed(
+        std::min(kTriangleStrip, below - first), front.width - first,
+        L + static_cast<std::ptrdiff_t>(first) * front.stride() + first, front.stride(), X, below);
+  }
+}
+
+// X Xᵀ: the kernel subtracts, so its negative first, from the top down to the diagonal, and then
+// both halves.
+void SelectedInverse::SquareInverse(const Front& front, double* square) const {
+  const std::ptrdiff_t below = front.below();
+  for (int first = 0; first < front.width; first += kTriangleStrip) {
+    const double* const X = X_.data() + first * below;
+    BestKernels().subtract_outer(std::min(first + kTriangleStrip, front.below()),
+                                 std::min(kTriangleStrip, front.width - first), front.width - first,
+                                 X, front.below(), X + first, front.below(), square + first * below,
+                                 front.below());
+  }
+  for (int c = 0; c < front.width; ++c) {
+    for (int r = 0; r <= c; ++r) {
+      square[c * below + r] = -square[c * below + r];
+      square[r * below + c] = square[c * below + r];
+    }
+  }
 }
 
 // Σ₂₁ᵀ = −T Σ₂₂, Σ₁₁ −= T Σ₂₁.

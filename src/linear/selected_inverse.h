@@ -48,6 +48,8 @@ class SelectedInverse {
   void Invert(const SparseCholesky& factor, int f, const Executor& executor);
   void GatherRest(int f);
   void InvertPivots(const SparseCholesky& factor, int f);
+  void InvertTriangle(const Front& front, const double* L);
+  void SquareInverse(const Front& front, double* square) const;
   void Eliminate(int f, const Executor& executor);
   double* Transposed(int f) { return values_.data() + begin_[f]; }
   const double* Transposed(int f) const { return values_.data() + begin_[f]; }
@@ -60,7 +62,8 @@ class SelectedInverse {
   ZeroedArray values_;
   std::vector<std::size_t> begin_;
   std::vector<Waiting> waiting_;  // per front, while a child may ask
-  AlignedVector<double> T_;       // Mᵀ of the front at hand
+  AlignedVector<double> X_;       // L₁⁻ᵀ of the front at hand, with the strides of Σ₁₁
+  AlignedVector<double> T_;       // its Mᵀ
 };
 
 }  // namespace inceres::internal

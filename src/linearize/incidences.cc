@@ -22,11 +22,10 @@ std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const
   const int num_slots = cache.num_slots;
   std::vector<std::int32_t> landmark(cache.num_factors, -1);
   *any = false;
-  for (int i = 0; i < cache.num_factors; ++i) {
-    const int l = layout.LandmarkOf(
-        graph.Variables(cache.id, 0)[static_cast<std::ptrdiff_t>(i) * num_slots + slot]);
-    landmark[i] = l;
-    *any |= l >= 0;
+  const VariableId* id = cache.num_factors > 0 ? graph.Variables(cache.id, 0) + slot : nullptr;
+  for (int i = 0; i < cache.num_factors; ++i, id += num_slots) {
+    landmark[i] = layout.LandmarkOf(*id);
+    *any |= landmark[i] >= 0;
   }
   return landmark;
 }
@@ -56,9 +55,9 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
 void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
-  std::vector<std::pair<int, LandmarkFactors>> found;  // landmark, its factors in one family
   // A family that no landmark goes through has no targets at all.
   y_targets_.resize(evaluator.families().size());
+  std::vector<FactorsThroughSlot> slots;
   for (const Linearization& cache : evaluator.families()) {
     if (num_landmarks == 0) {
       break;
@@ -81,41 +80,46 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
         }
       };
       // The list's memory stays where it is when the outer vector moves: entries point into it.
-      std::vector<int> start;
       std::vector<std::int32_t>& list =
           factor_lists_.emplace_back(FactorList{cache.id, {}}).factors;
-      CountingSort(num_landmarks, for_each_factor, &start, &list);
-      for (std::size_t l = 0; l < num_landmarks; ++l) {
-        if (start[l + 1] > start[l]) {
-          LandmarkFactors entry;
-          entry.factors = list.data() + start[l];
-          entry.count = start[l + 1] - start[l];
-          entry.residual_size = cache.residual_size;
-          entry.landmark_slot = slot;
-          entry.num_slots = cache.num_slots;
-          entry.jacobians = cache.slots.data();
-          // Jᵀf of families in single precision is Evaluator::strip_gradient.
-          entry.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
-          entry.y_targets = targets.data();
-          entry.tangent_offsets = cache.RecordOffsets();
-          found.emplace_back(static_cast<int>(l), entry);
-        }
-      }
+      FactorsThroughSlot& through = slots.emplace_back();
+      CountingSort(num_landmarks, for_each_factor, &through.begin, &list);
+      LandmarkFactors& all = through.all;
+      all.factors = list.data();
+      all.residual_size = cache.residual_size;
+      all.landmark_slot = slot;
+      all.num_slots = cache.num_slots;
+      all.jacobians = cache.slots.data();
+      // Jᵀf of families in single precision is Evaluator::strip_gradient.
+      all.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
+      all.y_targets = targets.data();
+      all.tangent_offsets = cache.RecordOffsets();
     }
   }
-  // One list is sorted by landmark already; of several, a landmark's families must stay in their
-  // order.
-  if (factor_lists_.size() > 1) {
-    std::stable_sort(found.begin(), found.end(),
-                     [](const auto& a, const auto& b) { return a.first < b.first; });
+  ListFactors(slots);
+}
+
+// By landmark, its families in their order.
+void LandmarkIncidences::ListFactors(const std::vector<FactorsThroughSlot>& slots) {
+  std::size_t num_entries = 0;
+  for (const FactorsThroughSlot& through : slots) {
+    for (std::size_t l = 0; l < sizes.size(); ++l) {
+      num_entries += through.begin[l + 1] > through.begin[l] ? 1 : 0;
+    }
   }
-  factors_begin.assign(num_landmarks + 1, 0);
-  factors.reserve(found.size());
-  for (const auto& [landmark, entry] : found) {
-    ++factors_begin[landmark + 1];
-    factors.push_back(entry);
+  factors.reserve(num_entries);
+  factors_begin.reserve(sizes.size() + 1);
+  factors_begin.assign(1, 0);
+  for (std::size_t l = 0; l < sizes.size(); ++l) {
+    for (const FactorsThroughSlot& through : slots) {
+      if (through.begin[l + 1] > through.begin[l]) {
+        LandmarkFactors& entry = factors.emplace_back(through.all);
+        entry.factors += through.begin[l];
+        entry.count = through.begin[l + 1] - through.begin[l];
+      }
+    }
+    factors_begin.push_back(static_cast<int>(factors.size()));
   }
-  std::partial_sum(factors_begin.begin(), factors_begin.end(), factors_begin.begin());
 }
 
 // Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the

@@ -53,7 +53,14 @@ struct LandmarkIncidences {
   bool tail = false;         // blocks of Y have their last column apart
 
  private:
+  // Of a family and slot all factors with a landmark there, by landmark, and where those of each
+  // begin; one more.
+  struct FactorsThroughSlot {
+    LandmarkFactors all;
+    std::vector<int> begin;
+  };
   void CollectFactors(const Evaluator& evaluator);
+  void ListFactors(const std::vector<FactorsThroughSlot>& slots);
   void CollectIncidences(const Evaluator& evaluator);
   void ChooseStorage(const Layout& layout, bool may_have_tail);
   int QuadsOfBlock(int incidence) const;

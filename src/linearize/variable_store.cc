@@ -20,10 +20,10 @@ std::size_t NumQuads(int tangent_size) {
 
 // Until it enters it counts as constant: its map has no columns.
 void VariableStore::Add(const FactorGraph& graph, VariableId id) {
-  if (id >= static_cast<VariableId>(variables_.size())) {
-    variables_.resize(id + 1);
+  while (id >= static_cast<VariableId>(variables_.size()) * kVariablesPerChunk) {
+    variables_.push_back(std::make_unique<Variable[]>(kVariablesPerChunk));
   }
-  Variable& variable = variables_[id];
+  Variable& variable = At(id);
   variable.tangent.Set(graph, id, /*wanted=*/false);
   if (graph.StateOffset(id) < 0) {
     // never written: its tangent size is 0
@@ -43,7 +43,7 @@ void VariableStore::Add(const FactorGraph& graph, VariableId id) {
 
 // With a step of its own from here on.
 void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
-  Variable& variable = variables_[id];
+  Variable& variable = At(id);
   variable.tangent.Set(graph, id, /*wanted=*/true);
   const std::size_t quads = NumQuads(graph.TangentSize(id));
   if (quads < free_quads_.size() && !free_quads_[quads].empty()) {
@@ -58,7 +58,7 @@ void VariableStore::Enter(const FactorGraph& graph, VariableId id) {
 // Its values stay where they are.
 void VariableStore::Remove(VariableId id) {
   // By the size it entered with, which the tangent map has.
-  Variable& variable = variables_[id];
+  Variable& variable = At(id);
   if (variable.quad < 0) {
     return;
   }
@@ -70,7 +70,7 @@ void VariableStore::Remove(VariableId id) {
 
 // Candidate and current are equal between steps.
 void VariableStore::Set(VariableId id, const double* values) {
-  Variable& variable = variables_[id];
+  Variable& variable = At(id);
   const int size = variable.tangent.map().ambient_size;
   std::copy_n(values, size, variable.current);
   std::copy_n(values, size, variable.candidate);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <vector>
 
@@ -25,31 +24,31 @@ class VariableStore {
   /// Gives that place back.
   void Remove(VariableId id);
 
-  double* current(VariableId id) { return variables_[id].current; }
-  const double* current(VariableId id) const { return variables_[id].current; }
-  double* candidate(VariableId id) { return variables_[id].candidate; }
+  double* current(VariableId id) { return At(id).current; }
+  const double* current(VariableId id) const { return At(id).current; }
+  double* candidate(VariableId id) { return At(id).candidate; }
   void Set(VariableId id, const double* values);
   void Accept(VariableId id) {
-    Variable& variable = variables_[id];
+    Variable& variable = At(id);
     std::copy_n(variable.candidate, variable.tangent.map().ambient_size, variable.current);
     variable.tangent.MarkMoved();
   }
   void Reject(VariableId id) {
-    const Variable& variable = variables_[id];
+    const Variable& variable = At(id);
     std::copy_n(variable.current, variable.tangent.map().ambient_size, variable.candidate);
   }
 
-  const TangentMap& map(VariableId id) const { return variables_[id].tangent.map(); }
+  const TangentMap& map(VariableId id) const { return At(id).tangent.map(); }
   /// The point its map belongs to is another: the variable's pin has moved.
-  void MarkMoved(VariableId id) { variables_[id].tangent.MarkMoved(); }
+  void MarkMoved(VariableId id) { At(id).tangent.MarkMoved(); }
   /// Brings the map up to date. False if the manifold's PlusJacobian fails.
   bool RefreshMap(const FactorGraph& graph, VariableId id) {
-    Variable& variable = variables_[id];
+    Variable& variable = At(id);
     return variable.tangent.Refresh(graph, id, variable.current) == nullptr;
   }
 
   /// Quads into the padded step; -1 for a variable outside the system.
-  std::int32_t quad(VariableId id) const { return variables_[id].quad; }
+  std::int32_t quad(VariableId id) const { return At(id).quad; }
   std::int32_t num_quads() const { return num_quads_; }
 
  private:
@@ -61,9 +60,19 @@ class VariableStore {
     Tangent tangent;
   };
 
+  // Variables in chunks of a power of two: they are looked up in the innermost loops, and do not
+  // move.
+  static constexpr int kVariablesShift = 6;
+  static constexpr std::int32_t kVariablesPerChunk = 1 << kVariablesShift;
+  Variable& At(VariableId id) {
+    return variables_[id >> kVariablesShift][id & (kVariablesPerChunk - 1)];
+  }
+  const Variable& At(VariableId id) const {
+    return variables_[id >> kVariablesShift][id & (kVariablesPerChunk - 1)];
+  }
   double* Allocate(int size);
 
-  std::deque<Variable> variables_;
+  std::vector<std::unique_ptr<Variable[]>> variables_;
   std::vector<std::unique_ptr<double[]>> chunks_;
   int used_ = 0;
   int capacity_ = 0;                                   // of the last chunk

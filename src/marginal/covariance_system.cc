@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "linear/small_cholesky.h"
-
 namespace inceres::internal {
 
 // Covariances in three steps (docs/algorithms.md, "Covariance"): the undamped system is factored,
@@ -49,12 +47,9 @@ void CovarianceSystem::MakeColumn(VariableId id) {
     column.V.setIdentity();
     return;
   }
-  double U_inv[4 * kQuad] = {};
-  const double no_damping[kQuad] = {};
-  // As FactoredNormals has tried.
-  InvertCholeskyFactor(size, normals_.hessian().P(landmark), no_damping, U_inv);
-  const Eigen::Map<const Eigen::Matrix<double, 4, kQuad, Eigen::RowMajor>> U(U_inv);
-  column.P_inv = U.topLeftCorner(size, size).transpose() * U.topLeftCorner(size, size);
+  const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> U_inv(
+      normals_.elimination().UInv(landmark), size, size, Eigen::OuterStride<>(kQuad));
+  column.P_inv = U_inv.transpose() * U_inv;
 }
 
 // V −= W P⁻¹ of the landmarks there are columns of, W = Σ J_cᵀ J_l, in one pass over the factors.

@@ -21,6 +21,23 @@ constexpr double kShare = 0.01;
 constexpr int kMostShares = 8;
 constexpr int kMostDirections = 32;
 
+// U_inv is a lower triangle, rows four apart, and P⁻¹ = U_invᵀ U_inv: the variance of coordinate i
+// is the sum of squares of column i, from row i down. It is held against 1 / P_ii, with all else
+// known: of units that cancel.
+bool IsDetermined(int size, const double* P, const double* U_inv, double max_inflation) {
+  for (int i = 0; i < size; ++i) {
+    double variance = 0.0;
+    for (int k = i; k < size; ++k) {
+      variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
+    }
+    // Negated, so that NaN is open.
+    if (!(variance * P[i * kQuad + i] <= max_inflation)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 FactoredNormals::FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
@@ -83,8 +100,7 @@ void FactoredNormals::FindDirections() {
   }
 }
 
-// Landmarks are tested before they are eliminated: one that is open would spoil S, and be blamed on
-// a frame.
+// Landmarks are tested first: one that is open has spoiled S, and would be blamed on a frame.
 Status FactoredNormals::Factorize() {
   double cost = 0.0;
   // Nothing was evaluated at this state before.
@@ -97,12 +113,11 @@ Status FactoredNormals::Factorize() {
     return FactorizeRows();
   }
   hessian_.Accumulate();
-  status = CheckLandmarks();
   // A vector of zeros, since damping is an argument of the elimination and of the factorization.
   const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
-  if (status.ok()) {
-    status = elimination_.Eliminate(no_damping.data());
-  }
+  const Status eliminated = elimination_.Eliminate(no_damping.data());
+  status = CheckLandmarks(eliminated.ok());
+  status = status.ok() ? eliminated : status;
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
@@ -125,23 +140,16 @@ Status FactoredNormals::Factorize() {
   return status.ok() ? CheckGauge() : status;
 }
 
-Status FactoredNormals::CheckLandmarks() {
+// The elimination ends at the first landmark without a factor; then all are factored here.
+Status FactoredNormals::CheckLandmarks(bool are_eliminated) {
   const double no_damping[kQuad] = {};
   for (int l = 0; l < layout_.num_landmarks(); ++l) {
     const int size = incidences_.sizes[l];
-    // U_inv is a lower triangle, rows four apart, and P⁻¹ = U_invᵀ U_inv: the variance of
-    // coordinate i is the sum of squares of column i, from row i down.
-    double U_inv[4 * kQuad] = {};
-    bool determined = InvertCholeskyFactor(size, hessian_.P(l), no_damping, U_inv);
-    for (int i = 0; determined && i < size; ++i) {
-      double variance = 0.0;
-      for (int k = i; k < size; ++k) {
-        variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
-      }
-      // The variance over 1 / P_ii, with all else known: of units that cancel.
-      determined = variance * hessian_.P(l)[i * kQuad + i] <= options_.max_inflation;
-    }
-    if (!determined) {
+    const double* const P = hessian_.P(l);
+    double of_its_own[4 * kQuad] = {};
+    const double* const U_inv = are_eliminated ? elimination_.UInv(l) : of_its_own;
+    if (!(are_eliminated || InvertCholeskyFactor(size, P, no_damping, of_its_own)) ||
+        !IsDetermined(size, P, U_inv, options_.max_inflation)) {
       deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
     }
   }

@@ -38,7 +38,7 @@ class FactoredNormals {
   const Evaluator& evaluator() const { return evaluator_; }
   const LandmarkIncidences& incidences() const { return incidences_; }
   const BlockPattern& pattern() const { return plans_.pattern; }
-  const Hessian& hessian() const { return hessian_; }
+  const Elimination& elimination() const { return elimination_; }
   const SparseCholesky& factor() const { return factor_; }
   /// Null but of kQr.
   OrthogonalElimination* by_rows() const { return by_rows_.get(); }
@@ -47,7 +47,7 @@ class FactoredNormals {
   Status FactorizeRows();
   Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
   void AddSquares(const RowsOfBlocks& rows);
-  Status CheckLandmarks();
+  Status CheckLandmarks(bool are_eliminated);
   Status CheckGauge();
   Status NotDetermined(VariableId id, const char* why);
   void FindDirections();

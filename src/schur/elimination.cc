@@ -132,7 +132,7 @@ bool Elimination::Factorize(int landmark, const double* damping) {
 void Elimination::EliminateLandmark(int landmark) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
-  const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
+  const double* const U_inv = UInv(landmark);
   const double* eta = hessian_.LandmarkEta(landmark);
   double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
   MultiplyLower(size, U_inv, eta, z);
@@ -333,7 +333,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
-  const double* U_inv = U_inv_.data() + landmark * hessian_.landmark_stride();
+  const double* const U_inv = UInv(landmark);
   double y[kQuad] = {z[0], z[1], z[2], z[3]};
   // Y of all landmarks is still there, in the layout that the kernel reads.
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {

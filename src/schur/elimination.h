@@ -33,6 +33,8 @@ class Elimination {
   /// Values of S in the pattern of the frame system.
   const double* S() const { return S_.data(); }
   const double* b() const { return b_.data(); }
+  /// U_inv of landmark l: rows four apart.
+  const double* UInv(int l) const { return U_inv_.data() + l * hessian_.landmark_stride(); }
   /// Rows of Y_li, where Y is whole: of one chunk, without a tail.
   const double* Y(const Incidence& incidence) const {
     return Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;

@@ -457,13 +457,13 @@ TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
   }
 }
 
-// Of poses in the plane and in space, which have a pass of their own, and of others: two rows, one
-// block left out.
+// Of poses in the plane and in space, and of what images see of these, which have a pass of their
+// own, and of others: two rows, one block left out.
 TEST_P(ProductKernels, WholeContributionsHaveTheBitsOfTheirParts) {
-  for (const int size : {3, 6, 5}) {
+  for (const auto& [depth, size] : {std::pair{3, 3}, {6, 6}, {2, 6}, {2, 5}, {5, 5}}) {
     for (const bool replaces : {false, true}) {
       for (const double sign : {1.0, -1.0}) {
-        const int depth = size, row_quads = PadToQuad(size) / kQuad;
+        const int row_quads = PadToQuad(size) / kQuad;
         std::vector<AlignedVector<double>> stored;
         std::vector<BlockRow> rows;
         for (int r = 0; r < 2; ++r) {

@@ -59,6 +59,17 @@ class CovarianceCompareTest(unittest.TestCase):
         self.assertEqual([row["name"] for row in report["results"]], ["inceres"])
         self.assertTrue(report["results"][0]["computed"])
 
+    def test_inceres_autodiff(self):
+        report, _ = self.compare("--iterations", "20", "--inceres_autodiff", "--repeats", "1")
+        self.assertTrue(report["inceres_autodiff"])
+        ours, stock = report["results"]
+        self.assertTrue(ours["computed"] and stock["computed"])
+        self.assertFalse(ours["used_stock"])
+        # At the point that stock's solve has come to, with other roundings.
+        self.assertLess(stock["largest_difference"], 1e-7)
+        plain, _ = self.compare("--iterations", "20", "--repeats", "1")
+        self.assertFalse(plain["inceres_autodiff"])
+
     def test_what_would_go_to_stock_has_no_result_without_it(self):
         report, _ = self.compare("--gauge", "free", "--iterations", "20", "--repeats", "1", "--only_ours")
         self.assertEqual(len(report["results"]), 1)

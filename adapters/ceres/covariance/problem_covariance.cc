@@ -26,6 +26,11 @@ using ConstRowMajor = Eigen::Map<const RowMajor>;
 constexpr double kTrustedInflation = 1e8;
 constexpr double kHopelessInflation = 1e12;
 
+// Nothing is known of it.
+bool IsLonely(const ParameterBlockView& block) {
+  return !block.constant && block.degree == 0;
+}
+
 std::string NameOf(const ProblemView& view, int block) {
   return Describe(view.blocks[At(block)]);
 }
@@ -50,6 +55,24 @@ std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& vi
     }
   }
   return text;
+}
+
+// Of pairs without a constant.
+GraphCovariance::Pairs MovingPairs(
+    const ProblemView& view, const GraphPlan& plan,
+    const std::vector<std::pair<const double*, const double*>>& pairs) {
+  std::vector<VariableId> variables(view.blocks.size(), -1);
+  for (std::size_t id = 0; id < plan.blocks.size(); ++id) {
+    variables[At(plan.blocks[id])] = static_cast<VariableId>(id);
+  }
+  GraphCovariance::Pairs moving;
+  for (const auto& pair : pairs) {
+    const int a = view.index.Find(pair.first), b = view.index.Find(pair.second);
+    if (!view.block(a).constant && !view.block(b).constant) {
+      moving.emplace_back(variables[At(a)], variables[At(b)]);
+    }
+  }
+  return moving;
 }
 
 // With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL.
@@ -78,18 +101,18 @@ ProblemCovariance::Outcome ProblemCovariance::Fail(std::string why) {
 
 // What Ceres ends the process for, and a variable block without a residual block, which has no
 // variance.
-std::string ProblemCovariance::FindMisuse(const Pairs& pairs) const {
+std::string ProblemCovariance::FindMisuse(const ProblemView& view, const Pairs& pairs) {
   std::set<std::pair<const double*, const double*>> seen;
   for (const auto& pair : pairs) {
     if (!seen.insert(pair).second) {
       return "a pair of parameter blocks is there twice";
     }
-    for (const double* block : {pair.first, pair.second}) {
-      const auto found = blocks_.find(block);
-      if (found == blocks_.end()) {
+    for (const double* values : {pair.first, pair.second}) {
+      const int block = view.index.Find(values);
+      if (block < 0) {
         return "a parameter block is not the problem's";
       }
-      if (!found->second.constant && !found->second.touched) {
+      if (IsLonely(view.block(block))) {
         return "no residual block touches a parameter block";
       }
     }
@@ -98,11 +121,9 @@ std::string ProblemCovariance::FindMisuse(const Pairs& pairs) const {
 }
 
 // Columns of zeros, which lower the rank of what stock looks at, and options that are out of range.
-std::string ProblemCovariance::FindRankRule(const ceres::Covariance::Options& options) const {
-  const bool is_lonely = std::any_of(blocks_.begin(), blocks_.end(), [](const auto& entry) {
-    return !entry.second.constant && !entry.second.touched;
-  });
-  if (is_lonely) {
+std::string ProblemCovariance::FindRankRule(const ProblemView& view,
+                                            const ceres::Covariance::Options& options) {
+  if (std::any_of(view.blocks.begin(), view.blocks.end(), IsLonely)) {
     return "DENSE_SVD, and no residual block touches a parameter block";
   }
   const double smallest = options.min_reciprocal_condition_number;
@@ -112,20 +133,21 @@ std::string ProblemCovariance::FindRankRule(const ceres::Covariance::Options& op
 }
 
 void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pairs) {
-  std::set<const double*> asked;
-  for (const auto& [a, b] : pairs) {
-    asked.insert({a, b});
-  }
+  blocks_.reserve(view.blocks.size());
   for (const ParameterBlockView& block : view.blocks) {
-    BlockOfUser& kept = blocks_[block.values];
-    kept.index = static_cast<int>(&block - view.blocks.data());
-    kept.ambient_size = block.ambient_size;
-    kept.tangent_size = block.tangent_size;
-    kept.constant = block.constant;
-    kept.touched = block.degree > 0;
-    if (block.manifold != nullptr && !block.constant && asked.count(block.values) > 0) {
-      kept.plus_jacobian.resize(At(block.ambient_size) * At(block.tangent_size));
-      PlusJacobianOf(*block.manifold, block.values, kept.plus_jacobian.data());
+    blocks_.push_back({block.values, block.ambient_size, block.tangent_size, block.constant});
+  }
+  for (const auto& pair : pairs) {
+    for (const double* values : {pair.first, pair.second}) {
+      const ParameterBlockView& block = view.block(view.index.Find(values));
+      if (block.manifold == nullptr || block.constant) {
+        continue;
+      }
+      const auto [kept, is_new] = plus_jacobians_.try_emplace(values);
+      if (is_new) {
+        kept->second.resize(At(block.ambient_size) * At(block.tangent_size));
+        PlusJacobianOf(*block.manifold, values, kept->second.data());
+      }
     }
   }
 }
@@ -135,29 +157,29 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
                                                       const ceres::Problem& problem,
                                                       ceres::EvaluationCallback* callback) {
   blocks_.clear();
+  plus_jacobians_.clear();
   covariances_.clear();
   message_.clear();
-  ProblemView view = Introspect(problem);
+  ProblemView view;
+  Introspect(problem, &view, std::max(1, options.num_threads), /*may_have_bounds=*/false);
   if (!view.defect.empty()) {
     return Decline(view.defect);
   }
-  RememberBlocks(view, pairs);
-  std::string misuse = FindMisuse(pairs);
+  std::string misuse = FindMisuse(view, pairs);
   if (misuse.empty() && options.algorithm_type == ceres::DENSE_SVD) {
-    misuse = FindRankRule(options);
+    misuse = FindRankRule(view, options);
   }
   if (!misuse.empty()) {
     return Decline(misuse);
   }
+  RememberBlocks(view, pairs);
   if (view.reduced.num_parameter_blocks == 0) {
     return Outcome::kComputed;
   }
-  for (ResidualBlockView& residual : view.residuals) {
-    residual.loss = options.apply_loss_function ? residual.loss : nullptr;
-  }
-  view.bounds.clear();
-  for (ParameterBlockView& block : view.blocks) {  // they do not matter here
-    block.bounds = BoundsKind::kNone;
+  if (!options.apply_loss_function) {
+    for (ResidualBlockView& residual : view.residuals) {
+      residual.loss = nullptr;
+    }
   }
   if (callback != nullptr) {
     callback->PrepareForEvaluation(/*evaluate_jacobians=*/true, /*new_evaluation_point=*/true);
@@ -176,19 +198,7 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   FactorGraph graph;
   const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
   NameVariables(state, &graph);
-  std::vector<VariableId> variables(view->blocks.size(), -1);
-  for (std::size_t id = 0; id < plan->blocks.size(); ++id) {
-    variables[At(plan->blocks[id])] = static_cast<VariableId>(id);
-  }
-  const auto variable_of = [&](const double* block) {
-    return variables[At(blocks_.at(block).index)];
-  };
-  GraphCovariance::Pairs wanted;
-  for (const auto& [a, b] : pairs) {
-    if (!blocks_.at(a).constant && !blocks_.at(b).constant) {
-      wanted.emplace_back(variable_of(a), variable_of(b));
-    }
-  }
+  const GraphCovariance::Pairs wanted = MovingPairs(*view, *plan, pairs);
   CovarianceOptions core;
   core.num_threads = std::max(1, options.num_threads);
   core.max_inflation = kTrustedInflation;
@@ -223,15 +233,23 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     return status.code == StatusCode::kEvaluationFailed ? Fail(status.message)
                                                         : Decline(status.message);
   }
+  Keep(pairs, wanted, covariance);
+  return Outcome::kComputed;
+}
+
+// `moving`: of those without a constant, in their order.
+void ProblemCovariance::Keep(const Pairs& pairs, const GraphCovariance::Pairs& moving,
+                             const GraphCovariance& covariance) {
+  auto next = moving.begin();
   for (const auto& [a, b] : pairs) {
-    const BlockOfUser &block_a = blocks_.at(a), &block_b = blocks_.at(b);
+    const BlockOfUser &block_a = *FindBlock(a), &block_b = *FindBlock(b);
     if (!block_a.constant && !block_b.constant) {
       std::vector<double>& kept = covariances_[{a, b}];
       kept.resize(At(block_a.tangent_size) * At(block_b.tangent_size));
-      covariance.Get(variable_of(a), variable_of(b), kept.data());
+      covariance.Get(next->first, next->second, kept.data());
+      ++next;
     }
   }
-  return Outcome::kComputed;
 }
 
 ProblemCovariance::Pairs ProblemCovariance::AllPairs(const std::vector<const double*>& blocks) {
@@ -254,31 +272,37 @@ const std::vector<double>* ProblemCovariance::Find(const double* a, const double
   return found == covariances_.end() ? nullptr : &found->second;
 }
 
+const ProblemCovariance::BlockOfUser* ProblemCovariance::FindBlock(const double* values) const {
+  const auto found = std::lower_bound(
+      blocks_.begin(), blocks_.end(), values,
+      [](const BlockOfUser& block, const double* wanted) { return block.values < wanted; });
+  return found != blocks_.end() && found->values == values ? &*found : nullptr;
+}
+
 // J_a cov J_bᵀ.
 void ProblemCovariance::Lift(const BlockOfUser& a, const BlockOfUser& b,
                              const std::vector<double>& tangent, double* covariance) const {
   RowMajor lifted = ConstRowMajor(tangent.data(), a.tangent_size, b.tangent_size);
-  if (!a.plus_jacobian.empty()) {
-    lifted =
-        (ConstRowMajor(a.plus_jacobian.data(), a.ambient_size, a.tangent_size) * lifted).eval();
+  if (const auto J = plus_jacobians_.find(a.values); J != plus_jacobians_.end()) {
+    lifted = (ConstRowMajor(J->second.data(), a.ambient_size, a.tangent_size) * lifted).eval();
   }
-  if (!b.plus_jacobian.empty()) {
-    lifted =
-        (lifted * ConstRowMajor(b.plus_jacobian.data(), b.ambient_size, b.tangent_size).transpose())
-            .eval();
+  if (const auto J = plus_jacobians_.find(b.values); J != plus_jacobians_.end()) {
+    lifted = (lifted * ConstRowMajor(J->second.data(), b.ambient_size, b.tangent_size).transpose())
+                 .eval();
   }
   std::copy_n(lifted.data(), lifted.size(), covariance);
 }
 
 bool ProblemCovariance::GetBlock(const double* a, const double* b, bool ambient,
                                  double* covariance) const {
-  const auto of_a = blocks_.find(a), of_b = blocks_.find(b);
-  const bool known = of_a != blocks_.end() && of_b != blocks_.end();
-  if (known && (of_a->second.constant || of_b->second.constant)) {
+  const BlockOfUser* const block_a = FindBlock(a);
+  const BlockOfUser* const block_b = FindBlock(b);
+  const bool known = block_a != nullptr && block_b != nullptr;
+  if (known && (block_a->constant || block_b->constant)) {
     const auto size = [ambient](const BlockOfUser& block) {
       return At(ambient ? block.ambient_size : block.tangent_size);
     };
-    std::fill_n(covariance, size(of_a->second) * size(of_b->second), 0.0);
+    std::fill_n(covariance, size(*block_a) * size(*block_b), 0.0);
     return true;
   }
   bool turned = false;
@@ -287,14 +311,13 @@ bool ProblemCovariance::GetBlock(const double* a, const double* b, bool ambient,
     LOG(ERROR) << "Unable to find covariance block for " << a << " " << b;
     return false;
   }
-  const BlockOfUser &block_a = of_a->second, &block_b = of_b->second;
   std::vector<double> tangent = *found;
   if (turned) {
-    Eigen::Map<RowMajor>(tangent.data(), block_a.tangent_size, block_b.tangent_size) =
-        ConstRowMajor(found->data(), block_b.tangent_size, block_a.tangent_size).transpose();
+    Eigen::Map<RowMajor>(tangent.data(), block_a->tangent_size, block_b->tangent_size) =
+        ConstRowMajor(found->data(), block_b->tangent_size, block_a->tangent_size).transpose();
   }
   if (ambient) {
-    Lift(block_a, block_b, tangent, covariance);
+    Lift(*block_a, *block_b, tangent, covariance);
   } else {
     std::copy(tangent.begin(), tangent.end(), covariance);
   }
@@ -305,13 +328,12 @@ bool ProblemCovariance::GetMatrix(const std::vector<const double*>& blocks, bool
                                   double* covariance) const {
   std::vector<int> offsets = {0};
   for (const double* block : blocks) {
-    const auto found = blocks_.find(block);
-    if (found == blocks_.end()) {
+    const BlockOfUser* const found = FindBlock(block);
+    if (found == nullptr) {
       LOG(ERROR) << "Unable to find parameter block " << block << " in the problem.";
       return false;
     }
-    offsets.push_back(offsets.back() +
-                      (ambient ? found->second.ambient_size : found->second.tangent_size));
+    offsets.push_back(offsets.back() + (ambient ? found->ambient_size : found->tangent_size));
   }
   Eigen::Map<RowMajor> whole(covariance, offsets.back(), offsets.back());
   for (std::size_t i = 0; i < blocks.size(); ++i) {

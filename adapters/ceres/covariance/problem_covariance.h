@@ -10,6 +10,7 @@
 #include <ceres/problem.h>
 
 #include "adapters/ceres/read/introspection.h"
+#include "inceres/solver/covariance.h"
 
 namespace inceres::internal {
 
@@ -41,26 +42,30 @@ class ProblemCovariance {
 
  private:
   struct BlockOfUser {
-    int index = 0;  // among the problem's, by address
+    const double* values = nullptr;
     int ambient_size = 0;
     int tangent_size = 0;
     bool constant = false;
-    bool touched = false;               // by a residual block with a variable block
-    std::vector<double> plus_jacobian;  // ambient × tangent, row-major; empty: a unit matrix
   };
 
-  std::string FindMisuse(const Pairs& pairs) const;
-  std::string FindRankRule(const ceres::Covariance::Options& options) const;
+  static std::string FindMisuse(const ProblemView& view, const Pairs& pairs);
+  static std::string FindRankRule(const ProblemView& view,
+                                  const ceres::Covariance::Options& options);
   void RememberBlocks(const ProblemView& view, const Pairs& pairs);
   Outcome Decline(std::string why);
   Outcome Fail(std::string why);
   Outcome ComputeMoving(const ceres::Covariance::Options& options, const Pairs& pairs,
                         ProblemView* view);
+  void Keep(const Pairs& pairs, const GraphCovariance::Pairs& moving,
+            const GraphCovariance& covariance);
+  const BlockOfUser* FindBlock(const double* values) const;
   void Lift(const BlockOfUser& a, const BlockOfUser& b, const std::vector<double>& tangent,
             double* covariance) const;
   const std::vector<double>* Find(const double* a, const double* b, bool* turned) const;
 
-  std::map<const double*, BlockOfUser> blocks_;  // all of the problem
+  std::vector<BlockOfUser> blocks_;  // all of the problem, by address
+  // Ambient × tangent, row-major, of blocks that were asked for; none: a unit matrix.
+  std::map<const double*, std::vector<double>> plus_jacobians_;
   std::map<std::pair<const double*, const double*>, std::vector<double>> covariances_;  // tangent
   std::string message_;
 };
