@@ -128,7 +128,7 @@ bool IncrementalMinimizer::Begin() {
                                context_.options.function_tolerance, context_.options.fixed_cost,
                                system.rounding().AtMost(), summary.num_iterations, system.cost());
   if (begins) {
-    context_.stop.GoOnFrom(before, system.OnlyGrew());
+    context_.stop.GoOnFrom(before);
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);

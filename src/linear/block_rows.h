@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -87,6 +88,7 @@ class SymmetricBlockRows {
   std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
   std::int64_t version_ = 0;
   std::int64_t num_released_ = 0;
+  std::size_t list_bytes_ = 0;  // of the lists in rows_ and below_
   mutable std::int64_t pattern_version_ = -1;
   mutable BlockPattern pattern_;
   mutable std::vector<int> pattern_rows_;
