@@ -28,47 +28,57 @@ class SumTree {
     std::copy(nodes_.begin() + static_cast<std::ptrdiff_t>(width_), nodes_.end(),
               nodes.begin() + static_cast<std::ptrdiff_t>(width));
     nodes_.swap(nodes);
+    places_.reserve(width);
     width_ = width;
     for (std::size_t node = width_ - 1; node > 0; --node) {
-      nodes_[node] = nodes_[2 * node] + nodes_[2 * node + 1];
+      Add(node);
     }
   }
 
   double operator[](std::int32_t index) const {
     return nodes_[width_ + static_cast<std::size_t>(index)];
   }
-  /// To be followed by Sum(indices), which takes it into account.
+  double sum() const { return nodes_[1]; }
+
   void Set(std::int32_t index, double value) {
-    nodes_[width_ + static_cast<std::size_t>(index)] = value;
-  }
-  /// The sum, where these, ascending, are all that were set since it was asked last.
-  double Sum(const std::vector<std::int32_t>& indices) {
-    parents_.assign(indices.begin(), indices.end());
-    for (std::size_t first = width_; first > 1 && !parents_.empty(); first /= 2) {
-      // The nodes of a row begin at its number: a parent's place in its row is half the child's.
-      std::size_t count = 0;
-      for (const std::int32_t place : parents_) {
-        const std::int32_t parent = place / 2;
-        if (count > 0 && parents_[count - 1] == parent) {
-          continue;
-        }
-        parents_[count++] = parent;
-        const std::size_t child = first + 2 * static_cast<std::size_t>(parent);
-        nodes_[child / 2] = nodes_[child] + nodes_[child + 1];
-      }
-      parents_.resize(count);
+    std::size_t node = width_ + static_cast<std::size_t>(index);
+    nodes_[node] = value;
+    while (node > 1) {
+      Add(node /= 2);
     }
-    return nodes_[1];
+  }
+  /// Each of these, which ascend, becomes value(index). Sums that several of them are part of are
+  /// made once.
+  template <typename Value>
+  void Set(const std::vector<std::int32_t>& indices, const Value& value) {
+    places_.assign(indices.begin(), indices.end());
+    for (const std::int32_t index : indices) {
+      nodes_[width_ + static_cast<std::size_t>(index)] = value(index);
+    }
+    for (std::size_t first = width_ / 2; first > 0; first /= 2) {
+      // The nodes of a row begin at `first`, and a parent's place is half of its children's.
+      std::size_t count = 0;
+      for (const std::int32_t child : places_) {
+        const std::int32_t place = child / 2;
+        if (count == 0 || places_[count - 1] != place) {
+          places_[count++] = place;
+          Add(first + static_cast<std::size_t>(place));
+        }
+      }
+      places_.resize(count);
+    }
   }
 
   std::size_t Bytes() const {
-    return nodes_.capacity() * sizeof(double) + parents_.capacity() * sizeof(std::int32_t);
+    return nodes_.capacity() * sizeof(double) + places_.capacity() * sizeof(std::int32_t);
   }
 
  private:
-  std::size_t width_ = 1;                 // of the last row: a power of two
-  std::vector<double> nodes_{0.0, 0.0};   // 1 is the root, the children of k are 2k and 2k + 1
-  std::vector<std::int32_t> parents_;     // of what was set, row by row
+  void Add(std::size_t node) { nodes_[node] = nodes_[2 * node] + nodes_[2 * node + 1]; }
+
+  std::size_t width_ = 1;                // of the last row: a power of two
+  std::vector<double> nodes_{0.0, 0.0};  // 1 is the root, the children of k are 2k and 2k + 1
+  std::vector<std::int32_t> places_;     // in their row, of those whose sums are made
 };
 
 }  // namespace inceres::internal

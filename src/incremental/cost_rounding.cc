@@ -67,11 +67,9 @@ double CostRounding::Follow() {
     changed_.resize(num_rows);
     std::iota(changed_.begin(), changed_.end(), 0);
   }
-  for (const std::int32_t row : changed_) {
-    most_.Set(row, MostOfFrame(row));
-    unasked_.Add(row);
-  }
-  return most_.Sum(changed_);
+  most_.Set(changed_, [this](std::int32_t row) { return MostOfFrame(row); });
+  std::for_each(changed_.begin(), changed_.end(), [this](std::int32_t row) { unasked_.Add(row); });
+  return most_.sum();
 }
 
 template <typename Value>
@@ -102,10 +100,10 @@ double CostRounding::OfResiduals() {
   of_residuals_.Grow(schur_.frames().size());
   unasked_.CopyTo(&changed_);
   unasked_.Clear();
-  for (const std::int32_t row : changed_) {
-    of_residuals_.Set(row, least_of(most_[row], {schur_.frames()[row].id, row, -1}));
-  }
-  return of_residuals_.Sum(changed_);
+  of_residuals_.Set(changed_, [&](std::int32_t row) {
+    return least_of(most_[row], {schur_.frames()[row].id, row, -1});
+  });
+  return of_residuals_.sum();
 }
 
 template <typename Visit>

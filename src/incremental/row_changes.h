@@ -14,8 +14,7 @@ class RowChanges {
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
     for (IndexSet* set :
-         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_,
-          &unbounded_}) {
+         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_, &unbounded_}) {
       set->Grow(num_rows);
     }
   }

@@ -103,9 +103,9 @@ class StoppingRule {
   double function_tolerance_ = 0.0;
   double fixed_cost_ = 0.0;
   double most_rounding_ = 0.0;
-  double rounding_ = 0.0;        // of the residuals, when they were last looked at
-  int checked_iteration_ = 0;    // from which on HasStagnated counts
-  double checked_cost_ = 0.0;    // then
+  double rounding_ = 0.0;      // of the residuals, when they were last looked at
+  int checked_iteration_ = 0;  // from which on HasStagnated counts
+  double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;
   double last_remaining_ = 0.0;
   double last_gain_ratio_ = 1.0;

@@ -46,6 +46,7 @@ int SymmetricBlockRows::AddRow(int size) {
 // The row's index stays, as others refer to it; only its blocks, in both triangles, go.
 void SymmetricBlockRows::RemoveRow(int row) {
   ++version_;
+  ++resized_version_;
   // The blocks left of the diagonal, and the row's mention in their columns.
   for (const Entry& entry : rows_[row]) {
     Release(entry.offset, sizes_[row], sizes_[entry.column]);
@@ -79,6 +80,7 @@ void SymmetricBlockRows::SetGroup(int row, int group) {
 
 void SymmetricBlockRows::ReviveRow(int row, int size) {
   ++version_;
+  ++resized_version_;
   sizes_[row] = size;
   // The size may be another than before it was removed. Nothing is coupled to it yet.
   const GrowthCount growth(rows_[row], &list_bytes_);

@@ -101,6 +101,8 @@ class CliqueTree {
   void Dissolve(int row) { DissolveFrom(CliqueOf(row)); }
   /// The same for all cliques that know the row; it leaves the tree.
   void Remove(int row);
+  /// The cliques that Rebuild puts together anew.
+  const std::vector<int>& dissolved() const { return dissolved_; }
   /// Whether no row waits for Rebuild.
   bool IsWhole() const { return dissolved_.empty(); }
 
@@ -113,8 +115,8 @@ class CliqueTree {
   /// Flops of one factorization of all of it.
   double flops() const { return flops_; }
   std::size_t Bytes() const {
-    return cliques_.capacity() * sizeof(Clique) + rows_.capacity() * sizeof(Row) +
-           memory_.Bytes() + list_bytes_;
+    return cliques_.capacity() * sizeof(Clique) + rows_.capacity() * sizeof(Row) + memory_.Bytes() +
+           list_bytes_;
   }
 
  private:
