@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace inceres::internal {
 namespace {
@@ -33,55 +34,76 @@ double CostRounding::LargestValue(VariableId id) const {
   return largest;
 }
 
-// Calls visit(part), the newest first, while it returns true.
-template <typename Visit>
-void CostRounding::ForEachPart(const Visit& visit) const {
-  const auto most = [this](VariableId id, int size, const double* diagonal, int stride) {
-    double trace = 0.0;
-    for (int k = 0; k < size; ++k) {
-      trace += diagonal[k * stride];
-    }
-    const double rounding = kRounding * LargestValue(id);
-    return 0.5 * rounding * rounding * trace;
+double CostRounding::MostOf(VariableId id, int size, const double* diagonal, int stride) const {
+  double trace = 0.0;
+  for (int k = 0; k < size; ++k) {
+    trace += diagonal[k * stride];
+  }
+  const double rounding = kRounding * LargestValue(id);
+  return 0.5 * rounding * rounding * trace;
+}
+
+// Zero of a free row and of a frame that is held.
+double CostRounding::MostOfFrame(std::int32_t row) const {
+  const IncrementalSchur::Frame& frame = schur_.frames()[row];
+  const bool moves = frame.id >= 0 && !frame.held;
+  return moves ? MostOf(frame.id, frame.size, schur_.FrameDiagonal(row), 1) : 0.0;
+}
+
+// Zero outside S.
+double CostRounding::MostOfLandmark(std::int32_t l) const {
+  const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
+  const bool moves = landmark.id >= 0 && schur_.IsInS(l);
+  return moves ? MostOf(landmark.id, landmark.size, schur_.blocks().P(l), kQuad + 1) : 0.0;
+}
+
+// The most of all frames together; what has changed waits to be asked for its residuals.
+double CostRounding::Follow() {
+  const std::size_t num_rows = schur_.frames().size();
+  most_.Grow(num_rows);
+  unasked_.Grow(num_rows);
+  schur_.changes().TakeUnbounded(&changed_);
+  if (!std::exchange(has_begun_, true)) {
+    changed_.resize(num_rows);
+    std::iota(changed_.begin(), changed_.end(), 0);
+  }
+  most_.Set(changed_, [this](std::int32_t row) { return MostOfFrame(row); });
+  std::for_each(changed_.begin(), changed_.end(), [this](std::int32_t row) { unasked_.Add(row); });
+  return most_.sum();
+}
+
+template <typename Value>
+double CostRounding::SumOfLandmarks(const Value& value) const {
+  double sum = 0.0;
+  for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
+    sum += value(l, MostOfLandmark(l));
+  }
+  return sum;
+}
+
+double CostRounding::AtMost() {
+  const double of_frames = Follow();
+  // Where no frame can move, the landmarks' own factors are all that blurs the cost.
+  return of_frames > 0.0 ? of_frames
+                         : SumOfLandmarks([](std::int32_t /*l*/, double most) { return most; });
+}
+
+double CostRounding::OfResiduals() {
+  const auto least_of = [this](double most, const Part& part) {
+    return most > 0.0 ? std::min(most, OfResidualsOf(part)) : most;
   };
-  bool go_on = true;
-  bool any_frame = false;
-  for (auto i = static_cast<std::int32_t>(schur_.frames().size()) - 1; go_on && i >= 0; --i) {
-    const IncrementalSchur::Frame& frame = schur_.frames()[i];
-    if (frame.id >= 0 && !frame.held) {
-      const double part = most(frame.id, frame.size, schur_.FrameDiagonal(i), 1);
-      any_frame = any_frame || part > 0.0;
-      go_on = visit(Part{frame.id, i, -1, part});
-    }
+  if (!(Follow() > 0.0)) {
+    return SumOfLandmarks([&](std::int32_t l, double most) {
+      return least_of(most, {schur_.landmarks()[l].id, -1, l});
+    });
   }
-  // No frame can move, and the landmarks' own factors are all that blurs the cost.
-  go_on = go_on && !any_frame;
-  for (auto l = static_cast<std::int32_t>(schur_.landmarks().size()) - 1; go_on && l >= 0; --l) {
-    const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    if (landmark.id >= 0 && schur_.IsInS(l)) {
-      go_on = visit(Part{landmark.id, -1, l,
-                         most(landmark.id, landmark.size, schur_.blocks().P(l), kQuad + 1)});
-    }
-  }
-}
-
-double CostRounding::AtMost() const {
-  double sum = 0.0;
-  ForEachPart([&sum](const Part& part) {
-    sum += part.most;
-    return true;
+  of_residuals_.Grow(schur_.frames().size());
+  unasked_.CopyTo(&changed_);
+  unasked_.Clear();
+  of_residuals_.Set(changed_, [&](std::int32_t row) {
+    return least_of(most_[row], {schur_.frames()[row].id, row, -1});
   });
-  return sum;
-}
-
-double CostRounding::OfResiduals(double negligible, double enough) const {
-  const double share = negligible / std::max(1, graph_.num_live_variables());
-  double sum = 0.0;
-  ForEachPart([&](const Part& part) {
-    sum += part.most <= share ? part.most : std::min(part.most, OfResidualsOf(part));
-    return sum < enough;
-  });
-  return sum;
+  return of_residuals_.sum();
 }
 
 template <typename Visit>

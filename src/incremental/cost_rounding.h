@@ -3,40 +3,51 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/sum_tree.h"
 #include "incremental/incremental_schur.h"
+#include "incremental/index_set.h"
 #include "linearize/incremental_family.h"
 #include "linearize/variable_store.h"
 
 namespace inceres::internal {
 
 /// How much of a living problem's cost is the rounding of residuals: no minimum is known better
-/// (docs/algorithms.md, "Stopping rule").
+/// (docs/algorithms.md, "Stopping rule"). What a frame adds is kept until its row of S, its entry
+/// of b or its values change. Bits do not depend on what was before.
 class CostRounding {
  public:
   CostRounding(const FactorGraph& graph, const VariableStore& variables,
-               const std::vector<IncrementalFamily>& families, const IncrementalSchur& schur)
-      : graph_(graph), variables_(variables), families_(families), schur_(schur) {}
+               const std::vector<IncrementalFamily>& families, IncrementalSchur* schur)
+      : graph_(graph), variables_(variables), families_(families), schur_(*schur) {}
 
   /// At most so much, whatever the residuals are: ½ (n ε)² Σ_v ‖x_v‖_∞² tr C_vv, for a residual
-  /// that comes of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost: a
-  /// pass over the frames, or over the landmarks where no frame can move.
-  double AtMost() const;
-  /// Of the residuals there are, none of which can be more rounding than it is long: to within
-  /// `negligible`, or, where it is more, at least `enough` of it. Cost: that, and the factors of
-  /// those variables whose part of it is not negligible, the newest first, until it is enough.
-  double OfResiduals(double negligible, double enough) const;
+  /// that comes of n operations on numbers as large as J_v x_v is exact to n ε ‖x_v‖ ‖J_v‖. Cost:
+  /// that of the frames that have changed since, or a pass over the landmarks where no frame can
+  /// move.
+  double AtMost();
+  /// Of the residuals there are, none of which can be more rounding than it is long. Cost: that,
+  /// and the factors of what has changed since it was asked last.
+  double OfResiduals();
+
+  std::int64_t Bytes() const {
+    return static_cast<std::int64_t>(most_.Bytes() + of_residuals_.Bytes() +
+                                     changed_.capacity() * sizeof(std::int32_t));
+  }
 
  private:
-  // What a variable adds to the most: it is a frame, or else a landmark.
+  // A frame or a landmark; the other one is -1.
   struct Part {
     VariableId id;
-    std::int32_t frame;  // or -1
+    std::int32_t frame;
     std::int32_t landmark;
-    double most;
   };
 
-  template <typename Visit>
-  void ForEachPart(const Visit& visit) const;
+  double Follow();
+  double MostOf(VariableId id, int size, const double* diagonal, int stride) const;
+  double MostOfFrame(std::int32_t row) const;
+  double MostOfLandmark(std::int32_t landmark) const;
+  template <typename Value>
+  double SumOfLandmarks(const Value& value) const;
   template <typename Visit>
   void ForEachFactorOf(const Part& part, const Visit& visit) const;
   double OfResidualsOf(const Part& part) const;
@@ -45,7 +56,12 @@ class CostRounding {
   const FactorGraph& graph_;
   const VariableStore& variables_;
   const std::vector<IncrementalFamily>& families_;
-  const IncrementalSchur& schur_;
+  IncrementalSchur& schur_;
+  // By row of S.
+  SumTree most_, of_residuals_;
+  IndexSet unasked_;  // where the second has not followed
+  bool has_begun_ = false;
+  std::vector<std::int32_t> changed_;
 };
 
 }  // namespace inceres::internal

@@ -93,6 +93,8 @@ class DirtySubgraph {
     return factors_[ref.family].Has(ref.factor) || reweighed_[ref.family].Has(ref.factor);
   }
   int NumFactors() const { return Count(factors_); }
+  /// Nothing is marked.
+  bool IsEmpty() const { return NumFactors() + NumReweighed() + landmarks_.count() == 0; }
   /// Marked for another weight, and not dirty.
   int NumReweighed() const { return Count(reweighed_); }
 

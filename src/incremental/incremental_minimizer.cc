@@ -128,7 +128,7 @@ bool IncrementalMinimizer::Begin() {
                                context_.options.function_tolerance, context_.options.fixed_cost,
                                system.rounding().AtMost(), summary.num_iterations, system.cost());
   if (begins) {
-    context_.stop.GoOnFrom(before, system.OnlyGrew());
+    context_.stop.GoOnFrom(before);
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
@@ -301,8 +301,11 @@ void IncrementalMinimizer::SelectActive(double remaining) {
 void IncrementalMinimizer::NoteStep(double gain_ratio) {
   context_.control.Accept(gain_ratio, context_.row().shortened);
   const bool shortened = context_.row().shortened || context_.system.step().is_cut_off();
-  tolerances_.NoteStep(
-      shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
+  // The norm of the rest is a pass over all frames.
+  if (context_.options.parameter_tolerance > 0.0) {
+    tolerances_.NoteStep(
+        shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
+  }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();

@@ -121,6 +121,7 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   taken.reduced_solver = options_.reduced_solver;
   taken.reduced_solver_factory = options_.reduced_solver_factory;
   options_ = std::move(taken);
+  valid_ = options_.Validate();
   if (live != nullptr) {
     minimizer_->SetOptions(options_);
   }
@@ -129,7 +130,7 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
 // Before the first Update only the graph follows: a problem that is solved once needs no more.
 // Later edits are followed by difference.
 Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
-  Status status = options_.Validate();
+  Status status = valid_;
   bool only_adds = false;
   if (status.ok() && (begun_ || live != nullptr)) {
     Form();
@@ -153,7 +154,7 @@ Status IncrementalSolver::Impl::Apply(const GraphEdit& edit) {
 MarginalizationSummary IncrementalSolver::Impl::Marginalize(const MarginalizationRequest& request,
                                                             const MarginalizationOptions& options) {
   MarginalizationSummary refused;
-  refused.status = options_.Validate();
+  refused.status = valid_;
   if (!refused.status.ok()) {
     return refused;
   }
@@ -219,9 +220,8 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   Clear(summary);
   internal::UpdateListeners listeners(options_, observer);
   UpdateTrace trace(listeners.AsObserver(), summary);
-  const Status valid = options_.Validate();
-  if (!valid.ok()) {
-    summary->message = valid.message;
+  if (!valid_.ok()) {
+    summary->message = valid_.message;
     return;
   }
   // Without an edit since, the same Update would find the same: it has one row and no work.

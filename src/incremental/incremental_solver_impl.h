@@ -55,6 +55,7 @@ class IncrementalSolver::Impl {
   Status PrepareAnew(bool factorize);
 
   IncrementalOptions options_;
+  Status valid_ = options_.Validate();
   const internal::Tuning tuning_ = internal::TuningOfNewSolvers();
   std::unique_ptr<internal::IncrementalMinimizer> minimizer_;
   std::vector<std::int32_t> changed_rows_;  // of S, by the last Update

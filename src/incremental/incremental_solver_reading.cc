@@ -53,11 +53,10 @@ Status IncrementalSolver::Impl::PrepareAnew(bool factorize) {
 Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
                                            const LiveCovarianceOptions& options,
                                            LiveCovariance* covariance) {
-  *covariance = LiveCovariance();
+  internal::Clear(covariance);
   // Refusals in the order of their cost: options, a graph that was edited, a missing factor, values
   // at bounds.
-  Status status = options_.Validate();
-  status = status.ok() ? options.Validate() : status;
+  Status status = valid_.ok() ? options.Validate() : valid_;
   if (status.ok() && edited_) {
     status = Status::Error(StatusCode::kInvalidArgument,
                            "there is no factor to take covariances from: the graph was edited "
@@ -65,7 +64,9 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   }
   // The undamped S has a factor of its own.
   const bool damped = options.accuracy != CovarianceAccuracy::kUndamped;
-  if (status.ok() && (live == nullptr || !minimizer_->frame_step().HasFactorOf(live->schur()))) {
+  const bool is_ready = live != nullptr && (minimizer_->frame_step().HasFactorOf(live->schur()) ||
+                                            (!damped && live->IsUpToDate()));
+  if (status.ok() && !is_ready) {
     status = PrepareAnew(damped);
   } else if (status.ok() && damped && live->schur().changes().num_unfactored() > 0) {
     // An Update may have ended by what the factor from before told.
@@ -92,7 +93,7 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
 ReducedStructure IncrementalSolver::Impl::Structure() {
   // The lower triangle without its diagonal, by rows of S; a free row has the id -1.
   ReducedStructure structure;
-  if (!options_.Validate().ok()) {
+  if (!valid_.ok()) {
     return structure;
   }
   Form();

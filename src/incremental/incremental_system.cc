@@ -104,6 +104,8 @@ void IncrementalSystem::SetValues(VariableId id, const double* values) {
 void IncrementalSystem::MarkMoved(VariableId id) {
   if (LandmarkOf(id) >= 0) {
     step_.ForgetLandmark(LandmarkOf(id));
+  } else if (FrameOf(id) >= 0) {
+    schur_.changes().TouchValues(FrameOf(id));
   }
   graph_.TrackFactors();
   graph_.ForEachFactorOf(id, [this](FactorId factor) {
@@ -119,6 +121,9 @@ void IncrementalSystem::TakeValues() {
     // What is borrowed is read where it lies, and may lie where nobody can write.
     if (graph_.HasVariable(id) && graph_.StateOffset(id) >= 0) {
       variables_.Set(id, graph_.Values(id));
+      if (FrameOf(id) >= 0) {
+        schur_.changes().TouchValues(FrameOf(id));
+      }
     }
   }
   for (IncrementalFamily& family : families_) {
@@ -204,7 +209,7 @@ int IncrementalSystem::AcceptValues() {
 }
 
 std::int64_t IncrementalSystem::Bytes() const {
-  std::int64_t bytes = schur_.Bytes() + step_.Bytes();
+  std::int64_t bytes = schur_.Bytes() + step_.Bytes() + rounding_.Bytes();
   for (const IncrementalFamily& family : families_) {
     bytes += family.Bytes();
   }

@@ -48,7 +48,8 @@ class IncrementalSystem {
               &bounds_),
         dirty_(graph_, executor_, tuning.rebuild.replace_cost, &variables_, &families_, &schur_,
                &cost_),
-        members_(graph_, &variables_, &families_, &bounds_, &schur_, &step_, &dirty_, &cost_) {}
+        members_(graph_, &variables_, &families_, &bounds_, &schur_, &step_, &dirty_, &cost_),
+        rounding_(graph_, variables_, families_, &schur_) {}
   IncrementalSystem(const IncrementalSystem&) = delete;
   IncrementalSystem& operator=(const IncrementalSystem&) = delete;
 
@@ -126,6 +127,8 @@ class IncrementalSystem {
   /// many landmarks' right-hand sides followed.
   int AcceptValues();
 
+  /// Whether nothing is left for Relinearize to follow.
+  bool IsUpToDate() const { return dirty_.IsEmpty(); }
   int NumDirtyFactors() const { return dirty_.NumFactors(); }
   /// DirtySubgraph::LetWait.
   void LetDirtyWait() { dirty_.LetWait(); }
@@ -135,7 +138,7 @@ class IncrementalSystem {
   /// Whether what is cached of it is not what it is now.
   bool IsDirty(FactorRef ref) const { return dirty_.Has(ref); }
   double cost() const { return cost_.value(); }
-  CostRounding rounding() const { return {graph_, variables_, families_, schur_}; }
+  CostRounding& rounding() { return rounding_; }
   int num_factors() const { return members_.num_factors(); }
   const ActiveBounds& bounds() const { return bounds_; }
   const FactorGraph& graph() const { return graph_; }
@@ -166,6 +169,7 @@ class IncrementalSystem {
   TrialStep step_;
   DirtySubgraph dirty_;
   Membership members_;
+  CostRounding rounding_;
   bool only_grew_ = false;
   std::vector<FactorId> removed_;
   std::vector<VariableId> toggled_;

@@ -299,6 +299,13 @@ void Place(const LiveSource& source, const Eigen::MatrixXd& joint, LiveCovarianc
 
 }  // namespace
 
+void Clear(LiveCovariance* covariance) {
+  covariance->variables.clear();
+  covariance->offsets.clear();
+  covariance->values.clear();
+  covariance->staleness = FactorStaleness();
+}
+
 Status ComputeLiveCovariance(const LiveSource& source, const std::vector<VariableId>& ids,
                              const LiveCovarianceOptions& options, LiveCovariance* covariance) {
   std::vector<VariableId> moving;
@@ -320,7 +327,7 @@ Status ComputeLiveCovariance(const LiveSource& source, const std::vector<Variabl
   }
   if (!status.ok()) {
     // Nothing but the staleness is left of a failure.
-    *covariance = LiveCovariance();
+    Clear(covariance);
   }
   covariance->staleness = staleness;
   return status;

@@ -20,6 +20,9 @@ struct LiveSource {
   WeakestDirection* weakest;  // by the damped factor
 };
 
+/// Nothing, with the memory it had.
+void Clear(LiveCovariance* covariance);
+
 /// IncrementalSolver::Covariance, of a factor that belongs to the system.
 Status ComputeLiveCovariance(const LiveSource& source, const std::vector<VariableId>& ids,
                              const LiveCovarianceOptions& options, LiveCovariance* covariance);

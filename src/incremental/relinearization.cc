@@ -1,6 +1,7 @@
 #include "incremental/relinearization.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -62,9 +63,11 @@ void Relinearization::MarkStale(double tolerance) {
       if (errs || family.weighed().WeightIsOff(i, family.weighed().IsCorrected(i)
                                                       ? tuning_.corrected_weight_change
                                                       : tuning_.weight_change)) {
+        // It will be renewed before the next claim.
+        aged_[family.id()].Remove(i);
         system_.MarkDirty({family.id(), i});
       } else if (aged.ExceededBy(family, i)) {
-        aged_[family.id()].Add(i);
+        NoteAged(family, i);
       }
     }
   }
@@ -81,14 +84,15 @@ void Relinearization::LookAt(const std::vector<FactorRef>& factors, double toler
     const IncrementalFamily& family = system_.families()[ref.family];
     aged_[ref.family].Grow(family.num_places());
     if (stale.ExceededBy(family, ref.factor)) {
+      aged_[ref.family].Remove(ref.factor);
       system_.MarkDirty(ref);
     } else if (aged.ExceededBy(family, ref.factor)) {
-      aged_[ref.family].Add(ref.factor);
+      NoteAged(family, ref.factor);
     }
   }
 }
 
-// Every factor, into the set of those that may be too old.
+// Every factor, into the set of those that may be too old: how old they are is seen there.
 void Relinearization::FindAged() {
   aged_.resize(system_.families().size());
   for (const IncrementalFamily& family : system_.families()) {
@@ -99,6 +103,7 @@ void Relinearization::FindAged() {
       }
     }
   }
+  worst_ = {HUGE_VAL, HUGE_VAL};
 }
 
 // Factors leave the memory when they are marked, when they err by less than a quarter again, or
@@ -112,6 +117,11 @@ bool Relinearization::RefreshAged(double tolerance) {
     all_are_in_ = ahead;
   }
   all_are_in_.RaiseTo(ahead);
+  // Mostly nothing has aged that much, and those that have aged less are not gone through.
+  if (!limits.IsBelow(worst_)) {
+    return false;
+  }
+  worst_ = {0.0, 0.0};
   bool any = false;
   for (std::size_t family = 0; family < aged_.size(); ++family) {
     const IncrementalFamily& factors = system_.families()[family];
@@ -121,6 +131,7 @@ bool Relinearization::RefreshAged(double tolerance) {
         system_.MarkDirty({factors.id(), i});
         any = true;
       } else if (factors.weighed().linearized(i) && ahead.ExceededBy(factors, i)) {
+        worst_.RaiseTo(ErrorLimits::Of(factors, i));
         return;
       }
       aged.Remove(i);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <vector>
 
 #include "inceres/solver/incremental_options.h"
@@ -41,6 +42,9 @@ class Relinearization {
   struct ErrorLimits {
     double model;
     double squared_gradient;
+    static ErrorLimits Of(const IncrementalFamily& family, int factor) {
+      return {family.weighed().SquaredError(factor), family.weighed().SquaredGradientError(factor)};
+    }
     bool ExceededBy(const IncrementalFamily& family, int factor) const {
       return family.weighed().SquaredError(factor) > model ||
              family.weighed().SquaredGradientError(factor) > squared_gradient;
@@ -58,6 +62,10 @@ class Relinearization {
     return LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
   }
   void FindAged();
+  void NoteAged(const IncrementalFamily& family, int factor) {
+    aged_[static_cast<std::size_t>(family.id())].Add(factor);
+    worst_.RaiseTo(ErrorLimits::Of(family, factor));
+  }
 
   const Tuning::Relinearize tuning_;
   IncrementalSystem& system_;
@@ -68,7 +76,8 @@ class Relinearization {
   bool blamed_few_ = false;
   // Per family: linearized too long ago to claim convergence on, now or with a smaller tolerance.
   std::vector<IndexSet> aged_;
-  ErrorLimits all_are_in_{0.0, 0.0};  // every factor that exceeds these is in `aged_`
+  ErrorLimits all_are_in_{0.0, 0.0};  // every factor that exceeds these is in `aged_`, or dirty
+  ErrorLimits worst_{0.0, 0.0};       // none in `aged_` exceeds these
 };
 
 }  // namespace inceres::internal

@@ -14,7 +14,7 @@ class RowChanges {
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
     for (IndexSet* set :
-         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_}) {
+         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_, &unbounded_}) {
       set->Grow(num_rows);
     }
   }
@@ -31,7 +31,10 @@ class RowChanges {
     unsolved_.Add(row);
     unread_.Add(row);
     unchecked_.Add(row);
+    unbounded_.Add(row);
   }
+  /// Neither, but the frame has other values.
+  void TouchValues(std::int32_t row) { unbounded_.Add(row); }
   /// Neither, but it has another offset.
   void TouchOffset(std::int32_t row) { unread_.Add(row); }
 
@@ -42,6 +45,8 @@ class RowChanges {
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
   /// For whoever keeps a factor for covariances.
   void TakeUninverted(std::vector<std::int32_t>* rows) { Take(&uninverted_, rows); }
+  /// For whoever bounds what rounding does: all of it, and values.
+  void TakeUnbounded(std::vector<std::int32_t>* rows) { Take(&unbounded_, rows); }
   /// How many rows of S whoever factors it has not seen.
   int num_unfactored() const { return unfactored_.count(); }
   /// For whoever packs b and the diagonals: all of it.
@@ -63,6 +68,7 @@ class RowChanges {
   IndexSet unsolved_;
   IndexSet unread_;
   IndexSet unchecked_;
+  IndexSet unbounded_;
 };
 
 }  // namespace inceres::internal

@@ -43,25 +43,19 @@ class StoppingRule {
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
   double rounding() const { return rounding_; }
   /// Whether it depends on how much of the cost is rounding if no more than this is little; that is
-  /// then to be set, as far as it counts. And what is known of it, where nothing has moved since.
+  /// then to be set, as far as it counts.
   bool AsksForRounding(double remaining, double cost) const {
     const double most = most_rounding_ / tuning_.share;
     return most > OfFunction(cost) && remaining <= most;
   }
-  void SetRounding(double rounding) { rounding_ = known_rounding_ = rounding; }
-  double known_rounding() const { return known_rounding_; }
-  double NegligibleRounding(double cost) const { return 0.5 * tuning_.share * OfFunction(cost); }
+  void SetRounding(double rounding) { rounding_ = rounding; }
   /// What the first of the tests holds against it.
   double Rest(double remaining, double landmark_gain) const {
     return remaining + (landmark_creep_ - 1.0) * landmark_gain;
   }
 
   /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
-  /// Where the problem has only grown since, what was rounding still is.
-  void GoOnFrom(const StoppingRule& before, bool only_grew) {
-    claim_ = before.claim_;
-    known_rounding_ = only_grew ? before.known_rounding_ : 0.0;
-  }
+  void GoOnFrom(const StoppingRule& before) { claim_ = before.claim_; }
 
   /// Whether little is left. Asked once an iteration. An Update that is new for the most part
   /// learns nothing from its last step.
@@ -83,12 +77,10 @@ class StoppingRule {
     last_remaining_ = remaining;
     last_gain_ratio_ = gain_ratio;
     claim_ = Claim();
-    known_rounding_ = 0.0;
   }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
   void LandmarksGained(double gain, double promise) {
     landmark_creep_ = std::max(1.0, gain / promise);
-    known_rounding_ = 0.0;
   }
 
  private:
@@ -111,10 +103,9 @@ class StoppingRule {
   double function_tolerance_ = 0.0;
   double fixed_cost_ = 0.0;
   double most_rounding_ = 0.0;
-  double rounding_ = 0.0;        // of the residuals, when they were last looked at
-  double known_rounding_ = 0.0;  // the same; 0 if anything has moved since
-  int checked_iteration_ = 0;    // from which on HasStagnated counts
-  double checked_cost_ = 0.0;    // then
+  double rounding_ = 0.0;      // of the residuals, when they were last looked at
+  int checked_iteration_ = 0;  // from which on HasStagnated counts
+  double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;
   double last_remaining_ = 0.0;
   double last_gain_ratio_ = 1.0;

@@ -186,6 +186,7 @@ int TrialStep::UpdateRhs() {
 // Landmarks that stay have candidates equal to their values.
 void TrialStep::MoveValues() {
   active_.ForEach([this](const auto& moved) { variables_.Accept(moved.id); });
+  active_.frames().ForEach([this](std::int32_t i) { schur_.changes().TouchValues(i); });
 }
 
 // Candidates become equal to the current values again, which evaluations of other steps rely on.

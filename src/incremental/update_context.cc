@@ -3,13 +3,6 @@
 #include "base/stopwatch.h"
 
 namespace inceres::internal {
-namespace {
-
-// Times what is left: no more of the rounding needs to be known.
-constexpr double kEnough = 2.0;
-
-}  // namespace
-
 void UpdateContext::Begin(bool is_mostly_new, const std::atomic<bool>& stop_request,
                           UpdateTrace* update_trace) {
   mostly_new = is_mostly_new;
@@ -36,12 +29,7 @@ bool UpdateContext::EndIteration() {
 bool UpdateContext::IsLittleLeft(double remaining, double landmark_gain) {
   const double cost = system.cost();
   if (stop.AsksForRounding(remaining, cost)) {
-    const double rest = stop.Rest(remaining, landmark_gain);
-    // So much that the next Update, with a few factors more, need not ask again.
-    stop.SetRounding(
-        rest <= stop.known_rounding()
-            ? stop.known_rounding()
-            : system.rounding().OfResiduals(stop.NegligibleRounding(cost), kEnough * rest));
+    stop.SetRounding(system.rounding().OfResiduals());
   }
   return stop.IsLittleLeft(remaining, landmark_gain, cost, summary->num_iterations, mostly_new);
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/growth_count.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -62,15 +63,13 @@ void AssembledMatrix::TakeDiagonal(int row, const double* diagonal, int size) {
   if (row >= static_cast<int>(diagonals_.size())) {
     diagonals_.resize(static_cast<std::size_t>(row) + 1);
   }
+  const GrowthCount growth(diagonals_[row], &list_bytes_);
   diagonals_[row].assign(diagonal, diagonal + size);
 }
 
 std::size_t AssembledMatrix::Bytes() const {
-  std::size_t bytes = values_.capacity() * sizeof(double);
-  for (const std::vector<double>& diagonal : diagonals_) {
-    bytes += sizeof(std::vector<double>) + diagonal.capacity() * sizeof(double);
-  }
-  return bytes;
+  return values_.capacity() * sizeof(double) + diagonals_.size() * sizeof(std::vector<double>) +
+         list_bytes_;
 }
 
 }  // namespace inceres::internal

@@ -28,6 +28,7 @@ class AssembledMatrix {
  private:
   std::vector<double> values_;  // where S has them
   std::vector<std::vector<double>> diagonals_;
+  std::size_t list_bytes_ = 0;  // of these
 };
 
 }  // namespace inceres::internal

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <initializer_list>
 
+#include "base/growth_count.h"
+
 namespace inceres::internal {
 
 // S of the incremental mode, as a matrix that is edited (docs/algorithms.md, "Incremental Schur
@@ -37,12 +39,14 @@ int SymmetricBlockRows::AddRow(int size) {
   // The diagonal block is there from the start and stays last in its row: others rely on back().
   rows_.push_back({{row, Allocate(size, size)}});
   below_.emplace_back();
+  list_bytes_ += rows_.back().capacity() * sizeof(Entry);
   return row;
 }
 
 // The row's index stays, as others refer to it; only its blocks, in both triangles, go.
 void SymmetricBlockRows::RemoveRow(int row) {
   ++version_;
+  ++resized_version_;
   // The blocks left of the diagonal, and the row's mention in their columns.
   for (const Entry& entry : rows_[row]) {
     Release(entry.offset, sizes_[row], sizes_[entry.column]);
@@ -76,8 +80,10 @@ void SymmetricBlockRows::SetGroup(int row, int group) {
 
 void SymmetricBlockRows::ReviveRow(int row, int size) {
   ++version_;
+  ++resized_version_;
   sizes_[row] = size;
   // The size may be another than before it was removed. Nothing is coupled to it yet.
+  const GrowthCount growth(rows_[row], &list_bytes_);
   rows_[row].assign(1, {row, Allocate(size, size)});
 }
 
@@ -143,13 +149,8 @@ std::int64_t SymmetricBlockRows::Bytes() const {
   for (const std::vector<int>* list : lists) {
     bytes += list->capacity() * sizeof(int);
   }
-  for (const std::vector<Entry>& row : rows_) {
-    bytes += sizeof(std::vector<Entry>) + row.capacity() * sizeof(Entry);
-  }
-  for (const std::vector<int>& below : below_) {
-    bytes += sizeof(std::vector<int>) + below.capacity() * sizeof(int);
-  }
-  return static_cast<std::int64_t>(bytes);
+  bytes += rows_.size() * sizeof(std::vector<Entry>) + below_.size() * sizeof(std::vector<int>);
+  return static_cast<std::int64_t>(bytes + list_bytes_);
 }
 
 // A search among the row's blocks, and where there is none an insertion into both sorted lists.
@@ -162,8 +163,10 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   ++version_;
   // The array may move here: pointers from values() do not survive, offsets do.
   const std::int64_t offset = Allocate(sizes_[row], sizes_[column]);
-  entries.insert(entry, {column, offset});
   std::vector<int>& below = below_[column];
+  const GrowthCount of_row(entries, &list_bytes_);
+  const GrowthCount of_column(below, &list_bytes_);
+  entries.insert(entry, {column, offset});
   below.insert(std::lower_bound(below.begin(), below.end(), row), row);
   return offset;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -66,6 +67,8 @@ class SymmetricBlockRows {
   const std::vector<int>& pattern_rows() const { return pattern_rows_; }
   /// Another number when a block or a row has come or gone.
   std::int64_t version() const { return version_; }
+  /// Another number when a row that was there has gone or come back.
+  std::int64_t resized_version() const { return resized_version_; }
   /// Another number when a block has gone, alone or with its row.
   std::int64_t num_released() const { return num_released_; }
 
@@ -86,7 +89,9 @@ class SymmetricBlockRows {
   AlignedVector<double> values_;
   std::vector<std::vector<std::int64_t>> free_;  // released blocks, by their length in quads
   std::int64_t version_ = 0;
+  std::int64_t resized_version_ = 0;
   std::int64_t num_released_ = 0;
+  std::size_t list_bytes_ = 0;  // of the lists in rows_ and below_
   mutable std::int64_t pattern_version_ = -1;
   mutable BlockPattern pattern_;
   mutable std::vector<int> pattern_rows_;

@@ -4,6 +4,8 @@
 #include <iterator>
 #include <utility>
 
+#include "base/growth_count.h"
+
 namespace inceres::internal {
 
 // The Bayes tree of the frames as a structure (docs/algorithms.md, "Reduced linear systems"; Kaess
@@ -48,7 +50,7 @@ AlignedVector<double> CliqueMemory::Take(std::size_t size) {
   if (index < waiting_.size() && !waiting_[index].empty()) {
     array = std::move(waiting_[index].back());
     waiting_[index].pop_back();
-    bytes_ -= array.capacity() * sizeof(double);
+    bytes_waiting_ -= array.capacity() * sizeof(double);
   } else {
     array.reserve(room);
   }
@@ -66,13 +68,13 @@ void CliqueMemory::Give(AlignedVector<double>* array) {
   AlignedVector<double> given;
   given.swap(*array);
   // No more memory waits than is in use: a tree that shrinks gives it back.
-  if (bytes_ + bytes > bytes_in_use_) {
+  if (bytes_waiting_ + bytes > bytes_in_use_) {
     return;
   }
   std::size_t room = 0;
   const std::size_t index = ClassOf(given.capacity(), &room);
   waiting_.resize(std::max(waiting_.size(), index + 1));
-  bytes_ += bytes;
+  bytes_waiting_ += bytes;
   waiting_[index].push_back(std::move(given));
 }
 
@@ -247,6 +249,7 @@ void CliqueTree::MakeClique(int f) {
   clique.front = Front();
   clique.num_pivots = factor_.front_begin[f + 1] - factor_.front_begin[f];
   clique.stamp = next_stamp_;
+  const GrowthCount of_rows(clique.rows, &list_bytes_), of_places(clique.places, &list_bytes_);
   clique.rows.clear();
   clique.places.clear();
   clique.runs.clear();
@@ -280,7 +283,10 @@ void CliqueTree::Hang(int child) {
                                       [this](int a, int b) { return IsBefore(a, b); });
   // Without a separator it is a root: S may fall apart into several components.
   clique.front.parent = first == clique.rows.end() ? kNone : CliqueOf(*first);
-  (clique.front.parent == kNone ? roots_ : cliques_[clique.front.parent].children).push_back(child);
+  std::vector<int>& list =
+      clique.front.parent == kNone ? roots_ : cliques_[clique.front.parent].children;
+  const GrowthCount growth(list, &list_bytes_);
+  list.push_back(child);
 }
 
 // What is consecutive in both is one run.
@@ -294,6 +300,7 @@ void CliqueTree::FindRuns(int parent) {
   }
   for (const int child : above.children) {
     Clique& clique = cliques_[child];
+    const GrowthCount growth(clique.runs, &list_bytes_);
     clique.runs.clear();
     for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
       const int from = clique.places[k] - clique.front.below(), to = place_[clique.rows[k]];
@@ -307,18 +314,6 @@ void CliqueTree::FindRuns(int parent) {
       }
     }
   }
-}
-
-std::size_t CliqueTree::Bytes() const {
-  std::size_t bytes =
-      cliques_.capacity() * sizeof(Clique) + rows_.capacity() * sizeof(Row) + memory_.Bytes();
-  for (const Clique& clique : cliques_) {
-    bytes += (clique.L.capacity() + clique.U.capacity() + clique.y.capacity()) * sizeof(double) +
-             (clique.rows.capacity() + clique.places.capacity() + clique.children.capacity()) *
-                 sizeof(int) +
-             clique.runs.capacity() * sizeof(FrontRun);
-  }
-  return bytes;
 }
 
 }  // namespace inceres::internal

@@ -38,11 +38,12 @@ class CliqueMemory {
   /// An array of this size; its entries are anything.
   AlignedVector<double> Take(std::size_t size);
   void Give(AlignedVector<double>* array);
-  std::size_t Bytes() const { return bytes_; }
+  /// What waits and what is in use.
+  std::size_t Bytes() const { return bytes_waiting_ + bytes_in_use_; }
 
  private:
   std::vector<std::vector<AlignedVector<double>>> waiting_;  // by class of size
-  std::size_t bytes_ = 0;                                    // waiting
+  std::size_t bytes_waiting_ = 0;
   std::size_t bytes_in_use_ = 0;
 };
 
@@ -100,6 +101,8 @@ class CliqueTree {
   void Dissolve(int row) { DissolveFrom(CliqueOf(row)); }
   /// The same for all cliques that know the row; it leaves the tree.
   void Remove(int row);
+  /// The cliques that Rebuild puts together anew.
+  const std::vector<int>& dissolved() const { return dissolved_; }
   /// Whether no row waits for Rebuild.
   bool IsWhole() const { return dissolved_.empty(); }
 
@@ -111,7 +114,10 @@ class CliqueTree {
 
   /// Flops of one factorization of all of it.
   double flops() const { return flops_; }
-  std::size_t Bytes() const;
+  std::size_t Bytes() const {
+    return cliques_.capacity() * sizeof(Clique) + rows_.capacity() * sizeof(Row) + memory_.Bytes() +
+           list_bytes_;
+  }
 
  private:
   struct Row {
@@ -136,6 +142,7 @@ class CliqueTree {
   std::vector<Clique> cliques_;
   std::vector<int> free_;  // unused cliques
   CliqueMemory memory_;
+  std::size_t list_bytes_ = 0;  // of the cliques' lists, and of roots_
   std::vector<int> roots_;
   std::vector<int> dissolved_;
   double flops_ = 0.0;

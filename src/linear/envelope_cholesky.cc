@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/growth_count.h"
 #include "linear/envelope_order.h"
 #include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
@@ -107,6 +108,8 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
 void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
   rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
   for (Row& row : rows_) {
+    const GrowthCount of_values(row.values, &list_bytes_);
+    const GrowthCount of_pivots(row.inverse_pivots, &list_bytes_);
     row.values.reserve(row_entries);
     row.inverse_pivots.reserve(size);
   }
@@ -117,6 +120,8 @@ void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
 void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order,
                                const double* damping, const char* held, int i) {
   Row& row = rows_[i];
+  const GrowthCount of_values(row.values, &list_bytes_);
+  const GrowthCount of_pivots(row.inverse_pivots, &list_bytes_);
   const int size = BlockSize(i);
   row.first_column = FirstFreeColumn(S, held, order, i);
   row.held = IsHeld(held, order.row(i));
@@ -258,14 +263,6 @@ std::int64_t EnvelopeCholesky::NumEntries() const {
     entries += static_cast<std::int64_t>(rows_[i].values.size());
   }
   return entries;
-}
-
-std::size_t EnvelopeCholesky::Bytes() const {
-  std::size_t bytes = rows_.capacity() * sizeof(Row) + offsets_.capacity() * sizeof(int);
-  for (const Row& row : rows_) {
-    bytes += (row.values.capacity() + row.inverse_pivots.capacity()) * sizeof(double);
-  }
-  return bytes;
 }
 
 }  // namespace inceres::internal

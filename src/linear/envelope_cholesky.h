@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -56,7 +57,9 @@ class EnvelopeCholesky {
   /// Scalars of L inside the envelope.
   std::int64_t NumEntries() const;
   /// Memory held.
-  std::size_t Bytes() const;
+  std::size_t Bytes() const {
+    return rows_.capacity() * sizeof(Row) + offsets_.capacity() * sizeof(int) + list_bytes_;
+  }
 
  private:
   struct Row {
@@ -79,6 +82,7 @@ class EnvelopeCholesky {
   int num_rows_ = 0;
   std::vector<int> offsets_{0};
   int num_valid_rows_ = 0;
+  std::size_t list_bytes_ = 0;  // of what the rows hold
 };
 
 }  // namespace inceres::internal

@@ -53,26 +53,11 @@ int ResumedSolver::FirstPlace(const Rows& rows) const {
   } else if (rows.first_row <= 0) {
     first = 0;
   } else {
-    for (int row = rows.first_row; row < static_cast<int>(row_offsets_.size()) - 1; ++row) {
+    for (int row = rows.first_row; row < packing_.num_rows(); ++row) {
       look_at(row);
     }
   }
   return first;
-}
-
-// Where a row has gone or come back, x of the rows behind it is no longer where it was.
-// Only x has this packing; L, y and the copies of x are by places.
-void ResumedSolver::FollowPacking(const SymmetricBlockRows& S) {
-  const std::size_t known = row_offsets_.size();
-  row_offsets_.resize(S.num_rows() + 1);
-  int offset = 0;
-  for (int row = 0; row < S.num_rows(); ++row) {
-    offset += S.size_of(row);
-    if (static_cast<std::size_t>(row) + 1 < known && row_offsets_[row + 1] != offset) {
-      ForgetSolution();
-    }
-    row_offsets_[row + 1] = offset;
-  }
 }
 
 ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& changed) {
@@ -84,7 +69,11 @@ ResumedSolver::Plan ResumedSolver::PlanFor(const ReducedMatrix& A, const Rows& c
   // What is computed from rows of L is worth no more than they are.
   num_current_y_ = std::min(num_current_y_, num_exact_);
   num_passed_on_ = std::min(num_passed_on_, num_exact_);
-  FollowPacking(*A.rows());
+  // Where a row has gone or come back, x of the rows behind it is no longer where it was. Only x
+  // has this packing; L, y and the copies of x are by places.
+  if (packing_.Follow(*A.rows())) {
+    ForgetSolution();
+  }
   plan_ = Predict(A, FirstPlace(changed));
   if (OrderMayHaveAged(*A.rows())) {
     Reorder(A, changed);
@@ -158,13 +147,13 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
         reached_before_, cholesky_.FirstColumn(i));  // a row held now may have been coupled to many
   }
   // By places, as the factor wants it; before num_exact_ it is as it was.
-  damping_.resize(row_offsets_.back());
+  damping_.resize(packing_.size());
   int offset = cholesky_.offsets()[num_exact_];
   for (int place = num_exact_; place < order_.num_places(); ++place) {
     const int row = order_.row(place);
-    std::copy(A.diagonal() + row_offsets_[row], A.diagonal() + row_offsets_[row + 1],
+    std::copy(A.diagonal() + packing_[row], A.diagonal() + packing_[row + 1],
               damping_.begin() + offset);
-    offset += row_offsets_[row + 1] - row_offsets_[row];
+    offset += packing_[row + 1] - packing_[row];
   }
   factored_ = cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
   work_.factored_rows = cholesky_.num_valid_rows() - num_exact_;
@@ -187,11 +176,12 @@ int ResumedSolver::SubstituteForward(const double* b, const Rows& changed_b) {
   const int first = std::min(num_current_y_, FirstPlace(changed_b));
   GrowTo(offsets.back());
   for (int place = first; place < num_rows; ++place) {
-    const double* b_row = b + row_offsets_[order_.row(place)];
+    const double* b_row = b + packing_[order_.row(place)];
     std::copy(b_row, b_row + offsets[place + 1] - offsets[place], b_.begin() + offsets[place]);
   }
   cholesky_.ForwardSubstitute(b_.data(), first, y_.data());
   num_current_y_ = num_rows;
+  num_current_squares_ = std::min(num_current_squares_, first);
   work_.forward_rows = num_rows - first;
   return first;
 }
@@ -202,8 +192,16 @@ Status ResumedSolver::SolveForGain(const double* b, const Rows& changed_b, doubl
   }
   // y is up to date now, so a Solve that follows would not see that these rows have changed.
   reached_before_ = std::min(reached_before_, SubstituteForward(b, changed_b));
-  const auto end = y_.begin() + cholesky_.offsets().back();
-  *gain = 0.5 * std::inner_product(y_.begin(), end, y_.begin(), 0.0);
+  // Sums over leading rows are kept: those of rows that stay are not summed again.
+  const std::vector<int>& offsets = cholesky_.offsets();
+  squares_.resize(static_cast<std::size_t>(order_.num_places()) + 1, 0.0);
+  for (int place = num_current_squares_; place < order_.num_places(); ++place) {
+    const auto y_row = y_.begin() + offsets[place];
+    squares_[place + 1] = std::inner_product(y_row, y_row + (offsets[place + 1] - offsets[place]),
+                                             y_row, squares_[place]);
+  }
+  num_current_squares_ = order_.num_places();
+  *gain = 0.5 * squares_.back();
   return Status::Ok();
 }
 
@@ -253,7 +251,7 @@ bool ResumedSolver::HasChanged(int place, const Truncation& truncation) const {
   if (truncation.threshold <= 0.0) {
     return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
   }
-  const double* weights = truncation.weights + row_offsets_[order_.row(place)];
+  const double* weights = truncation.weights + packing_[order_.row(place)];
   double change = 0.0;
   for (int k = begin; k < end; ++k) {
     const double difference = x_[k] - passed_on_[k];
@@ -269,8 +267,8 @@ void ResumedSolver::HandOut(int first_place, double* x) {
   for (int place = first_place; place < order_.num_places(); ++place) {
     const int row = order_.row(place);
     solved_.push_back(row);
-    std::copy_n(x_.begin() + cholesky_.offsets()[place], row_offsets_[row + 1] - row_offsets_[row],
-                x + row_offsets_[row]);
+    std::copy_n(x_.begin() + cholesky_.offsets()[place], packing_[row + 1] - packing_[row],
+                x + packing_[row]);
   }
   std::sort(solved_.begin(), solved_.end());
   // ReducedSolver::Rows wants ids that ascend.
@@ -290,7 +288,7 @@ void ResumedSolver::GrowTo(int size) {
 std::size_t ResumedSolver::Bytes() const {
   return cholesky_.Bytes() +
          sizeof(double) * (damping_.capacity() + b_.capacity() + y_.capacity() + rest_.capacity() +
-                           x_.capacity() + passed_on_.capacity());
+                           x_.capacity() + passed_on_.capacity() + squares_.capacity());
 }
 
 }  // namespace inceres::internal

@@ -7,6 +7,7 @@
 #include "linear/envelope_cholesky.h"
 #include "linear/envelope_order.h"
 #include "linear/half_solves.h"
+#include "linear/row_packing.h"
 
 namespace inceres::internal {
 
@@ -70,7 +71,6 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
 
  private:
   int FirstPlace(const Rows& rows) const;
-  void FollowPacking(const SymmetricBlockRows& S);
   void KeepGroups(const SymmetricBlockRows& S);
   Plan Predict(const ReducedMatrix& A, int first_changed);
   bool OrderMayHaveAged(const SymmetricBlockRows& S) const;
@@ -88,11 +88,12 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
   Plan plan_;
   int reorderings_ = 0;  // since the last factorization
   Status factored_;
-  int num_current_y_ = 0;  // leading rows of y that belong to the factor and the last b
+  int num_current_squares_ = 0;  // leading rows of y whose squares are summed
+  int num_current_y_ = 0;        // leading rows of y that belong to the factor and the last b
   // first row coupled, at the last Solve, to a row of L that has changed since, or whose y has
   int reached_before_ = 0;
-  int num_passed_on_ = 0;            // leading rows of L that have not changed since the last Solve
-  std::vector<int> row_offsets_{0};  // by rows of S: the packing of the caller's vectors
+  int num_passed_on_ = 0;  // leading rows of L that have not changed since the last Solve
+  RowPacking packing_;     // of the caller's vectors
   std::vector<int> solved_;
 
   // By places.
@@ -102,6 +103,7 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
   AlignedVector<double> rest_;  // workspace: y less what later rows contribute
   std::vector<double> x_;
   std::vector<double> passed_on_;  // the x that the rows before it were computed with
+  std::vector<double> squares_;    // of the rows of y before a place
 
   EnvelopeOrdering ordering_;
   std::vector<int> last_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "linear/block_rows.h"
@@ -20,6 +21,7 @@ class RowOrder {
   /// Rows that S no longer has give up their places, none of them before `first_place`; rows that
   /// have none get the last ones.
   void Follow(const SymmetricBlockRows& S, int first_place) {
+    const int known = static_cast<int>(places_.size());
     places_.resize(S.num_rows(), -1);
     int kept = first_place;
     for (int k = first_place; k < num_places(); ++k) {
@@ -29,7 +31,11 @@ class RowOrder {
       kept += S.size_of(row) > 0 ? 1 : 0;
     }
     rows_.resize(kept);
-    for (int row = 0; row < S.num_rows(); ++row) {
+    // Rows known before have their places, unless one has come back.
+    const bool only_new = S.resized_version() == version_ && &S == S_;
+    version_ = S.resized_version();
+    S_ = &S;
+    for (int row = only_new ? known : 0; row < S.num_rows(); ++row) {
       if (S.size_of(row) > 0 && places_[row] < 0) {
         places_[row] = num_places();
         rows_.push_back(row);
@@ -43,6 +49,7 @@ class RowOrder {
       places_[row] = -1;
     }
     rows_.clear();
+    S_ = nullptr;
   }
   /// Gives a row that has none the next place. `num_rows`: of S.
   void Append(int row, int num_rows) {
@@ -50,6 +57,7 @@ class RowOrder {
     rows_.reserve(num_rows);
     places_[row] = num_places();
     rows_.push_back(row);
+    S_ = nullptr;
   }
 
   /// Another order of the rows that have the last tail.size() places.
@@ -64,6 +72,9 @@ class RowOrder {
  private:
   std::vector<int> rows_;    // by place
   std::vector<int> places_;  // by row of S
+  // Of the last Follow.
+  const SymmetricBlockRows* S_ = nullptr;
+  std::int64_t version_ = 0;
 };
 
 /// The rows as they arrived.

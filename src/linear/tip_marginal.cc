@@ -4,8 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
+
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 
@@ -23,31 +24,56 @@ constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
 // Of a variance by a change: four of sixteen digits are gone.
 constexpr double kLeastLeft = 1e-4;
 
-Block DiagonalOf(const SymmetricBlockRows& S, int row) {
+// Blocks whose sizes are constants, or are not known before they are looked at.
+template <int kRows, int kColumns>
+using Sized = Eigen::Matrix<double, kRows, kColumns, Eigen::RowMajor,
+                            kRows == Eigen::Dynamic ? TipMarginal::kMostScalars : kRows,
+                            kColumns == Eigen::Dynamic ? 2 * TipMarginal::kMostScalars : kColumns>;
+
+template <typename Square>
+void ReadDiagonal(const SymmetricBlockRows& S, int row, Square* block) {
   const int size = S.size_of(row), stride = PadToQuad(size);
   const double* values = S.values(S.row(row).back().offset);
-  Block block(size, size);
-  for (int i = 0; i < size; ++i) {
+  block->resize(size, size);
+  for (int i = 0; i < block->rows(); ++i) {
     // The lower triangle counts.
     for (int j = 0; j <= i; ++j) {
-      block(i, j) = block(j, i) = values[i * stride + j];
+      (*block)(i, j) = (*block)(j, i) = values[i * stride + j];
     }
   }
-  return block;
 }
 
-// S_pn, whichever of the two has it among its own.
-Block CouplingOf(const SymmetricBlockRows& S, int p, int n) {
+// S_np, whichever of the two has it among its own.
+template <typename Columns>
+void ReadCoupling(const SymmetricBlockRows& S, int n, int p, Columns* block) {
   const int row = std::max(p, n), column = std::min(p, n);
   const double* values = S.values(S.Find(row, column));
   const int stride = PadToQuad(S.size_of(column));
-  Block block(S.size_of(p), S.size_of(n));
-  for (int i = 0; i < block.rows(); ++i) {
-    for (int j = 0; j < block.cols(); ++j) {
-      block(i, j) = p == row ? values[i * stride + j] : values[j * stride + i];
+  for (int i = 0; i < block->rows(); ++i) {
+    for (int j = 0; j < block->cols(); ++j) {
+      (*block)(i, j) = n == row ? values[i * stride + j] : values[j * stride + i];
     }
   }
-  return block;
+}
+
+// X := L⁻¹ X, and X := L⁻ᵀ X, of the factor that FactorSmall leaves.
+template <typename Square, typename Columns>
+void SolveForward(const Square& L, const double* inverse_pivots, Columns* X) {
+  for (int i = 0; i < L.rows(); ++i) {
+    for (int k = 0; k < i; ++k) {
+      X->row(i) -= L(i, k) * X->row(k);
+    }
+    X->row(i) *= inverse_pivots[i];
+  }
+}
+template <typename Square, typename Columns>
+void SolveBackward(const Square& L, const double* inverse_pivots, Columns* X) {
+  for (int i = static_cast<int>(L.rows()) - 1; i >= 0; --i) {
+    for (int k = i + 1; k < L.rows(); ++k) {
+      X->row(i) -= L(k, i) * X->row(k);
+    }
+    X->row(i) *= inverse_pivots[i];
+  }
 }
 
 // Whether the row has no block but its own and one with p.
@@ -73,7 +99,7 @@ void TipMarginal::ForEachNeighbor(const SymmetricBlockRows& S, int row, const Vi
 }
 
 void TipMarginal::Remember(const SymmetricBlockRows& S) {
-  diagonal_ = DiagonalOf(S, row_);
+  ReadDiagonal(S, row_, &diagonal_);
   num_released_ = S.num_released();
   neighbors_.clear();
   couplings_.clear();
@@ -125,19 +151,45 @@ bool TipMarginal::AddToTip(const Block& K) {
   return is_exact;
 }
 
+// Planar and spatial poses have loops of constant lengths.
 bool TipMarginal::Advance(const SymmetricBlockRows& S, int n) {
   const int size = S.size_of(n);
   if (size == 0 || size > kMostScalars || S.num_released() != num_released_ ||
       !IsCoupledTo(S, n, row_) || !HasGainedOnly(S, n)) {
     return false;
   }
-  const Block B = CouplingOf(S, row_, n), now = DiagonalOf(S, row_);
-  const Eigen::LLT<Block> C(DiagonalOf(S, n));
-  if (C.info() != Eigen::Success) {
+  const bool are_alike = size == S.size_of(row_);
+  const bool is_known = are_alike && size == 3   ? CarryOn<3>(S, n)
+                        : are_alike && size == 6 ? CarryOn<6>(S, n)
+                                                 : CarryOn<Eigen::Dynamic>(S, n);
+  if (is_known) {
+    row_ = n;
+    Remember(S);
+  }
+  return is_known;
+}
+
+template <int kSize>
+bool TipMarginal::CarryOn(const SymmetricBlockRows& S, int n) {
+  using Square = Sized<kSize, kSize>;
+  using Columns = Sized<kSize, kSize == Eigen::Dynamic ? kSize : 2 * kSize>;
+  const int size = S.size_of(n), tip_size = S.size_of(row_);
+  Square C, now;
+  ReadDiagonal(S, n, &C);
+  ReadDiagonal(S, row_, &now);
+  double inverse_pivots[kMostScalars];
+  if (!FactorSmall(size, C.data(), size, inverse_pivots)) {
     return false;
   }
-  const Block M = C.solve(B.transpose());
-  const Block K = now - diagonal_ - B.lazyProduct(M);
+  // L⁻¹ [Bᵀ I] at first, then C⁻¹ [Bᵀ I] = [M C⁻¹].
+  Columns X(size, tip_size + size);
+  auto M = X.template leftCols<kSize>(tip_size);
+  auto C_inv = X.template rightCols<kSize>(size);
+  ReadCoupling(S, n, row_, &M);
+  C_inv.setIdentity();
+  SolveForward(C, inverse_pivots, &X);
+  const Square K = now - diagonal_ - M.transpose().lazyProduct(M);
+  SolveBackward(C, inverse_pivots, &X);
   // Also of a NaN: no rounding.
   const auto scale = now.diagonal().cwiseAbs().cwiseSqrt().eval();
   const bool is_rounding =
@@ -145,11 +197,10 @@ bool TipMarginal::Advance(const SymmetricBlockRows& S, int n) {
   if (!is_rounding && !AddToTip(K)) {
     return false;
   }
-  sigma_ = M.lazyProduct(sigma_).eval().lazyProduct(M.transpose()).eval();
-  sigma_ += C.solve(Block::Identity(size, size));
-  sigma_ = (0.5 * (sigma_ + sigma_.transpose())).eval();
-  row_ = n;
-  Remember(S);
+  const Square tip = sigma_;
+  const Square M_tip = M.lazyProduct(tip);
+  const Square sigma = M_tip.lazyProduct(M.transpose()) + C_inv;
+  sigma_ = 0.5 * (sigma + sigma.transpose());
   return true;
 }
 

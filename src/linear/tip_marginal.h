@@ -41,6 +41,8 @@ class TipMarginal {
   static constexpr int kNone = -1;
 
   bool Advance(const SymmetricBlockRows& S, int n);
+  template <int kSize>
+  bool CarryOn(const SymmetricBlockRows& S, int n);
   void Remember(const SymmetricBlockRows& S);
   template <typename Visit>
   void ForEachNeighbor(const SymmetricBlockRows& S, int row, const Visit& visit) const;

@@ -1,7 +1,8 @@
 #include "linear/tree_rows.h"
 
 #include <algorithm>
-#include <numeric>
+
+#include "base/growth_count.h"
 
 namespace inceres::internal {
 
@@ -126,12 +127,14 @@ void TreeRows::TakeUpNewBlocks(const SymmetricBlockRows& S, std::vector<int>* st
         TakeUpNeighbor(row, other, stale);
       }
     }
+    const GrowthCount growth(rows_[row].neighbors, &list_bytes_);
     rows_[row].neighbors = neighbors_;
   }
 }
 
 // The block is new. Where the factor has a place for it the tree may stay as it is.
 void TreeRows::TakeUpNeighbor(int row, int other, std::vector<int>* stale) {
+  const GrowthCount growth(rows_[other].neighbors, &list_bytes_);
   AddTo(&rows_[other].neighbors, row);
   touched_.push_back(row);
   touched_.push_back(other);
@@ -158,13 +161,6 @@ Status TreeRows::Rebuild(const SymmetricBlockRows& S, std::vector<int>* made) {
     new_rows_.clear();
   }
   return rebuilt;
-}
-
-std::size_t TreeRows::Bytes() const {
-  return std::accumulate(rows_.begin(), rows_.end(), rows_.capacity() * sizeof(Row),
-                         [](std::size_t bytes, const Row& row) {
-                           return bytes + row.neighbors.capacity() * sizeof(int);
-                         });
 }
 
 }  // namespace inceres::internal

@@ -48,7 +48,7 @@ class TreeRows {
     pending_.clear();
   }
 
-  std::size_t Bytes() const;
+  std::size_t Bytes() const { return rows_.capacity() * sizeof(Row) + list_bytes_; }
 
  private:
   // What is kept of a row of S.
@@ -64,6 +64,7 @@ class TreeRows {
 
   CliqueTree& tree_;
   std::vector<Row> rows_;
+  std::size_t list_bytes_ = 0;  // of their neighbors
   std::vector<int> pending_;    // rows that have changed, and were not looked at since
   std::vector<int> neighbors_;  // workspace
   std::vector<int> new_rows_;

@@ -26,24 +26,21 @@ namespace inceres::internal {
 // passed on. passed_on_ begins as NaN, unlike any x.
 
 // Where a row has gone or come back, x of the rows behind it is no longer where it was.
-// The old offsets are compared before they are overwritten, and new rows at the end move nothing.
+// New rows at the end move nothing.
 void TreeSubstitution::FollowPacking(const SymmetricBlockRows& S) {
-  const std::size_t known = offsets_.size();
-  offsets_.resize(static_cast<std::size_t>(S.num_rows()) + 1);
-  int offset = 0;
-  for (int row = 0; row < S.num_rows(); ++row) {
-    offset += S.size_of(row);
-    solution_is_lost_ |= static_cast<std::size_t>(row) + 1 < known && offsets_[row + 1] != offset;
-    offsets_[row + 1] = offset;
-  }
-  x_.resize(offset);
+  solution_is_lost_ |= packing_.Follow(S);
+  x_.resize(packing_.size());
   moved_.resize(S.num_rows(), 0);
-  passed_on_.resize(offset, std::numeric_limits<double>::quiet_NaN());  // unlike any x
+  passed_on_.resize(packing_.size(), std::numeric_limits<double>::quiet_NaN());  // unlike any x
 }
 
 // Their numbers may be given to other cliques.
 void TreeSubstitution::ForgetDissolved() {
   tree_.EraseUnused(&unsubstituted_);
+  gains_.Grow(tree_.cliques().size());
+  for (const int c : tree_.dissolved()) {
+    gains_.Set(c, 0.0);
+  }
 }
 
 // New cliques have is_substituted cleared, as have those above, which are new as well.
@@ -72,6 +69,7 @@ void TreeSubstitution::MarkChangedB(const ReducedSolver::Rows& changed_b) {
 int TreeSubstitution::Forward(const double* b) {
   tree_.SortByStamp(&unsubstituted_);
   is_fresh_.resize(tree_.cliques().size(), 0);
+  gains_.Grow(tree_.cliques().size());
   int num_rows = 0;
   for (const int c : unsubstituted_) {
     Clique& clique = tree_.clique(c);
@@ -82,7 +80,7 @@ int TreeSubstitution::Forward(const double* b) {
     std::fill(clique.y.begin(), clique.y.end(), 0.0);
     for (int k = 0; k < clique.num_pivots; ++k) {
       const int row = clique.rows[k];
-      std::copy_n(b + offsets_[row], tree_.SizeOf(row), clique.y.begin() + clique.places[k]);
+      std::copy_n(b + packing_[row], tree_.SizeOf(row), clique.y.begin() + clique.places[k]);
     }
     for (const int child : clique.children) {
       const Clique& below = tree_.clique(child);
@@ -94,22 +92,12 @@ int TreeSubstitution::Forward(const double* b) {
       }
     }
     SolveFrontForward(clique.front, clique.L.data(), clique.y.data());
+    // bᵀA⁻¹b = yᵀy. The padding behind the pivots is zero.
+    const auto end = clique.y.begin() + clique.front.below();
+    gains_.Set(c, 0.5 * std::inner_product(clique.y.begin(), end, clique.y.begin(), 0.0));
   }
   unsubstituted_.clear();
   return num_rows;
-}
-
-// bᵀA⁻¹b = yᵀy. The padding behind the pivots is zero. In the order of the cliques' numbers, which
-// follows from the edits.
-double TreeSubstitution::Gain() const {
-  double gain = 0.0;
-  for (const Clique& clique : tree_.cliques()) {
-    if (clique.is_used) {
-      const auto end = clique.y.begin() + clique.front.below();
-      gain += 0.5 * std::inner_product(clique.y.begin(), end, clique.y.begin(), 0.0);
-    }
-  }
-  return gain;
 }
 
 // Each call has a number, by which moved_ tells what has moved in this one, without being cleared.
@@ -144,7 +132,7 @@ void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* 
   std::copy_n(clique.y.begin(), front.below(), workspace_.begin());
   for (std::size_t k = clique.num_pivots; k < clique.rows.size(); ++k) {
     const int row = clique.rows[k];
-    std::copy(x_.begin() + offsets_[row], x_.begin() + offsets_[row + 1],
+    std::copy(x_.begin() + packing_[row], x_.begin() + packing_[row + 1],
               workspace_.begin() + clique.places[k]);
   }
   // Products with the padding of L are with zeros, but what an earlier clique left here may be
@@ -153,7 +141,7 @@ void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* 
             workspace_.begin() + front.num_rows(), 0.0);
   SolveFrontBackward(front, clique.L.data(), workspace_.data());
   for (int k = 0; k < clique.num_pivots; ++k) {
-    const int row = clique.rows[k], begin = offsets_[row], end = offsets_[row + 1];
+    const int row = clique.rows[k], begin = packing_[row], end = packing_[row + 1];
     std::copy_n(workspace_.begin() + clique.places[k], end - begin, x_.begin() + begin);
     std::copy(x_.begin() + begin, x_.begin() + end, x + begin);
     solved_.push_back(row);

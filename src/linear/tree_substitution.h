@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
+#include "base/sum_tree.h"
 #include "inceres/linear/reduced_solver.h"
 #include "linear/clique_tree.h"
+#include "linear/row_packing.h"
 
 namespace inceres::internal {
 
@@ -28,7 +30,7 @@ class TreeSubstitution {
   /// S has other rows.
   void FollowPacking(const SymmetricBlockRows& S);
   /// Where the row begins in a packed vector; also one behind the last.
-  int Offset(int row) const { return offsets_[static_cast<std::size_t>(row)]; }
+  int Offset(int row) const { return packing_[row]; }
   /// The tree has dissolved cliques, and made these instead.
   void ForgetDissolved();
   void Take(const std::vector<int>& made);
@@ -42,12 +44,12 @@ class TreeSubstitution {
   /// y of what is marked; returns how many rows that were.
   int Forward(const double* b);
   /// ½ yᵀy: what x gains.
-  double Gain() const;
+  double Gain() const { return gains_.sum(); }
   /// x where it is reached, into the caller's as well; the rows that were solved, ascending.
   const std::vector<int>& Backward(const ReducedSolver::Truncation& truncation, double* x);
 
   std::size_t Bytes() const {
-    return (x_.capacity() + passed_on_.capacity()) * sizeof(double) +
+    return gains_.Bytes() + (x_.capacity() + passed_on_.capacity()) * sizeof(double) +
            moved_.capacity() * sizeof(std::int64_t);
   }
 
@@ -58,7 +60,7 @@ class TreeSubstitution {
   bool HasChanged(int begin, int end, const Truncation& truncation) const;
 
   CliqueTree& tree_;
-  std::vector<int> offsets_{0};      // by row of S, one more: the packing of the caller's vectors
+  RowPacking packing_;               // of the caller's vectors
   std::vector<int> unsubstituted_;   // cliques, with each those above it
   std::vector<char> is_fresh_;       // per clique: y has changed since the last x
   std::vector<double> x_;            // packed as the caller's
@@ -69,6 +71,7 @@ class TreeSubstitution {
   std::vector<int> waiting_;  // cliques to be solved, the next one last
   AlignedVector<double> workspace_;
   std::vector<int> solved_;
+  SumTree gains_;  // ½ y₁ᵀy₁ per clique
 };
 
 }  // namespace inceres::internal

@@ -500,9 +500,22 @@ void EditWorld::Step() {
   }
 }
 
+// What is kept of the rounding has the bits of what is found anew.
+void EditWorld::ExpectRounding() {
+  const double most = system_.rounding().AtMost();
+  // Now and then only: what has changed adds up until it is asked for.
+  const double of_residuals = random_.Below(2) == 0 ? system_.rounding().OfResiduals() : -1.0;
+  CostRounding fresh(graph_, system_.variables(), system_.families(), &system_.schur());
+  ASSERT_EQ(most, fresh.AtMost());
+  if (of_residuals >= 0.0) {
+    ASSERT_EQ(of_residuals, fresh.OfResiduals());
+  }
+}
+
 void EditWorld::ExpectLaw() {
   const BatchSystem batch(graph_, system_);
   ASSERT_NO_FATAL_FAILURE(batch.ExpectLaw());
+  ASSERT_NO_FATAL_FAILURE(ExpectRounding());
   IncrementalSchur& schur = system_.schur();
   std::vector<double> damping;
   std::vector<double> b;

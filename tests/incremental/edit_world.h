@@ -58,6 +58,7 @@ class EditWorld {
     int tangent_size;
   };
 
+  void ExpectRounding();
   void Rescan();
   void Compose();
   void AdmitPlacedMeasurements();

@@ -2,8 +2,11 @@
 """replay as a user runs it. Arguments: the executable, the folder of bundled problems."""
 
 import json
+import math
 import os
 import re
+import shutil
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -50,6 +53,30 @@ class ReplayTest(unittest.TestCase):
                               "--outliers", "0.2", "--seed", "2")[1]
             self.assertGreater(plain["rows"][-1]["ours"]["cost"],
                                10.0 * report["rows"][-1]["ours"]["cost"])
+
+    def test_a_pose_along_the_odometry_costs_the_same_after_many(self):
+        cache = os.path.join(os.path.dirname(TOOL), "..", "CMakeCache.txt")
+        with open(cache, encoding="utf-8") as file:
+            sanitized = "fsanitize" in file.read()
+        if shutil.which("valgrind") is None or sanitized:
+            self.skipTest("valgrind is not installed, or does not go with this build's sanitizer")
+        instructions = {}
+        for poses in (300, 600, 1800):
+            with open(self.file("chain.g2o"), "w", encoding="utf-8") as file:
+                for i in range(poses):
+                    file.write(f"VERTEX_SE2 {i} {i} 0 0\n")
+                for i in range(1, poses):
+                    file.write(f"EDGE_SE2 {i - 1} {i} 1 {0.1 * math.sin(i)} {0.1 * math.cos(i)} 400 0 0 400 0 9e3\n")
+            profile = self.file("profile")
+            subprocess.run(["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile}",
+                            "--toggle-collect=*IncrementalReplaySolver::Solve()", TOOL, "--problem",
+                            "g2o:" + self.file("chain.g2o"), "--mode", "incremental", "--nostock", "--nooptimum"],
+                           check=True, capture_output=True)
+            with open(profile, encoding="utf-8", errors="replace") as file:
+                instructions[poses] = int(re.search(r"^totals: (\d+)", file.read(), re.MULTILINE)[1])
+        early, late = instructions[600] - instructions[300], instructions[1800] - instructions[600]
+        self.assertGreater(early, 300 * 1000)
+        self.assertLess(late / 1200, 1.25 * early / 300, "a pass over all poses")
 
     def test_gnc_and_outliers_are_for_pose_graphs(self):
         write_small_pose_graph(self.file("small.g2o"), 2)
