@@ -39,8 +39,8 @@ class LiveColumns {
 /// directions: it takes as much of a variance, at most.
 double LargestDampingShare(const IncrementalSchur& schur, std::int32_t landmark);
 
-/// product += W (P⁻¹ − (P + λD)⁻¹) Wᵀ x of a landmark: what its damping adds to S. x as S is; `rows`
-/// is room for rows. A direction that only the damping holds has no W.
+/// product += W (P⁻¹ − (P + λD)⁻¹) Wᵀ x of a landmark: what its damping adds to S. x as S is;
+/// `rows` is room for rows. A direction that only the damping holds has no W.
 void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t landmark,
                         const Eigen::VectorXd& x, std::vector<BlockRow>* rows,
                         Eigen::VectorXd* product);

@@ -34,8 +34,9 @@ Status LiveCovarianceOptions::Validate() const {
 // singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
 // means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together (live_gauge.cc), and each
 // variance against the one that damping alone would leave. The smallest eigenvalue also bounds what
-// the damping of frames hides: a share of at most μ / (λ + μ) of a variance. That of landmarks hides
-// at most the largest share that it has of S, and, of a landmark's variance, that of its own block.
+// the damping of frames hides: a share of at most μ / (λ + μ) of a variance. That of landmarks
+// hides at most the largest share that it has of S, and, of a landmark's variance, that of its own
+// block.
 //
 // Nothing of the system changes. Constants have zeros in the result.
 namespace internal {

@@ -373,8 +373,8 @@ TEST(LiveCovariance, LandmarksDoNotHoldAFreeGauge) {
   }
 }
 
-// It takes the more of a variance the farther off what holds the gauge is, and no more than is told,
-// of landmarks too.
+// The farther a frame is from what holds the gauge, the more of its variance damping takes, and no
+// more than is told, of landmarks too.
 TEST(LiveCovariance, TheErrorOfTheLandmarksDampingIsBounded) {
   for (const int size : {3, 10, 30, 60}) {
     LandmarkChain chain;
