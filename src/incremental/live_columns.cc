@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 namespace inceres::internal {
@@ -36,13 +37,29 @@ using Small = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kQuad, 1>;
 using SmallSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kQuad, kQuad>;
 
 // B = λ L⁻¹ D L⁻ᵀ of L Lᵀ = P + λD: its eigenvalues are the shares of the damping, from 0 to 1.
-Eigen::SelfAdjointEigenSolver<SmallSquare> DampingShares(const IncrementalSchur& schur,
-                                                         std::int32_t l) {
+SmallSquare DampingShares(const IncrementalSchur& schur, std::int32_t l) {
   const Block U_inv = InverseRootOf(schur, l);
   const Small D = Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(
       schur.blocks().P(l), schur.landmarks()[l].size, Eigen::InnerStride<>(kQuad + 1));
-  const SmallSquare B = schur.blocks().lambda(l) * U_inv * D.asDiagonal() * U_inv.transpose();
-  return Eigen::SelfAdjointEigenSolver<SmallSquare>(B);
+  return schur.blocks().lambda(l) * U_inv * D.asDiagonal() * U_inv.transpose();
+}
+
+// B (I − B)⁻¹ u, without the directions that only the damping holds.
+Small TimesDampingOverRest(const SmallSquare& B, const Small& u) {
+  // Of a direction in which P has less than this beside the damping, W is rounding.
+  constexpr double kNothing = 1e-10;
+  constexpr double kFarFromOne = 0.5;
+  if (B.trace() < kFarFromOne) {
+    const SmallSquare rest = SmallSquare::Identity(B.rows(), B.rows()) - B;
+    return rest.llt().solve(B * u);
+  }
+  const Eigen::SelfAdjointEigenSolver<SmallSquare> shares(B);
+  Small v = shares.eigenvectors().transpose() * u;
+  for (Eigen::Index k = 0; k < v.size(); ++k) {
+    const double share = std::max(shares.eigenvalues()[k], 0.0);
+    v[k] *= 1.0 - share > kNothing ? share / (1.0 - share) : 0.0;
+  }
+  return shares.eigenvectors() * v;
 }
 
 // Free places, constants and undetermined landmarks have no Y in S.
@@ -141,16 +158,15 @@ void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
 }
 
 double LargestDampingShare(const IncrementalSchur& schur, std::int32_t landmark) {
-  const auto shares = DampingShares(schur, landmark).eigenvalues();
-  return std::clamp(shares[shares.size() - 1], 0.0, 1.0);
+  const Eigen::SelfAdjointEigenSolver<SmallSquare> shares(DampingShares(schur, landmark),
+                                                          Eigen::EigenvaluesOnly);
+  return std::clamp(shares.eigenvalues()[shares.eigenvalues().size() - 1], 0.0, 1.0);
 }
 
 // With u = Yᵀx = L⁻¹Wᵀx it is Y (Lᵀ P⁻¹ L − I) u = Y B (I − B)⁻¹ u, since P = L (I − B) Lᵀ. Held
 // frames do not move.
 void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t l, const Eigen::VectorXd& x,
                         std::vector<BlockRow>* rows, Eigen::VectorXd* product) {
-  // Of a direction in which P has less than this beside the damping, W is rounding.
-  constexpr double kNothing = 1e-10;
   if (!CountsInS(schur, l)) {
     return;
   }
@@ -167,13 +183,7 @@ void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t l, const Eig
     }
   };
   for_each_row([&](const Block& Y_t, int at, int size) { u += Y_t * x.segment(at, size); });
-  const auto shares = DampingShares(schur, l);
-  u = shares.eigenvectors().transpose() * u;
-  for (int k = 0; k < landmark.size; ++k) {
-    const double share = std::max(shares.eigenvalues()[k], 0.0);
-    u[k] *= 1.0 - share > kNothing ? share / (1.0 - share) : 0.0;
-  }
-  u = shares.eigenvectors() * u;
+  u = TimesDampingOverRest(DampingShares(schur, l), u);
   for_each_row([&](const Block& Y_t, int at, int size) {
     product->segment(at, size) += Y_t.transpose() * u;
   });
