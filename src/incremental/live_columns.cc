@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <type_traits>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
 namespace inceres::internal {
 namespace {
 
@@ -28,6 +31,35 @@ Block InverseRootOf(const IncrementalSchur& schur, int landmark) {
 // Y is stored as landmark-size rows of padded frame-size entries, as LandmarkIncidences has it.
 Block YTransposed(const BlockRow& row, int landmark_size) {
   return {row.A, landmark_size, row.size, Eigen::OuterStride<>(row.quads * kQuad)};
+}
+
+using Small = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kQuad, 1>;
+using SmallSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kQuad, kQuad>;
+
+// B = λ L⁻¹ D L⁻ᵀ of L Lᵀ = P + λD: its eigenvalues are the shares of the damping, from 0 to 1.
+SmallSquare DampingShares(const IncrementalSchur& schur, std::int32_t l) {
+  const Block U_inv = InverseRootOf(schur, l);
+  const Small D = Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(
+      schur.blocks().P(l), schur.landmarks()[l].size, Eigen::InnerStride<>(kQuad + 1));
+  return schur.blocks().lambda(l) * U_inv * D.asDiagonal() * U_inv.transpose();
+}
+
+// B (I − B)⁻¹ u, without the directions that only the damping holds.
+Small TimesDampingOverRest(const SmallSquare& B, const Small& u) {
+  // Of a direction in which P has less than this beside the damping, W is rounding.
+  constexpr double kNothing = 1e-10;
+  constexpr double kFarFromOne = 0.5;
+  if (B.trace() < kFarFromOne) {
+    const SmallSquare rest = SmallSquare::Identity(B.rows(), B.rows()) - B;
+    return rest.llt().solve(B * u);
+  }
+  const Eigen::SelfAdjointEigenSolver<SmallSquare> shares(B);
+  Small v = shares.eigenvectors().transpose() * u;
+  for (Eigen::Index k = 0; k < v.size(); ++k) {
+    const double share = std::max(shares.eigenvalues()[k], 0.0);
+    v[k] *= 1.0 - share > kNothing ? share / (1.0 - share) : 0.0;
+  }
+  return shares.eigenvectors() * v;
 }
 
 // Free places, constants and undetermined landmarks have no Y in S.
@@ -125,29 +157,36 @@ void LiveColumns::AddLandmarks(Eigen::MatrixXd* product) const {
   }
 }
 
-// y = −U_invᵀ Yᵀ x. Held frames do not move.
-double LandmarkDampingAlong(const IncrementalSchur& schur, std::int32_t l, const Eigen::VectorXd& x,
-                            std::vector<BlockRow>* rows) {
+double LargestDampingShare(const IncrementalSchur& schur, std::int32_t landmark) {
+  const Eigen::SelfAdjointEigenSolver<SmallSquare> shares(DampingShares(schur, landmark),
+                                                          Eigen::EigenvaluesOnly);
+  return std::clamp(shares.eigenvalues()[shares.eigenvalues().size() - 1], 0.0, 1.0);
+}
+
+// With u = Yᵀx = L⁻¹Wᵀx it is Y (Lᵀ P⁻¹ L − I) u = Y B (I − B)⁻¹ u, since P = L (I − B) Lᵀ. Held
+// frames do not move.
+void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t l, const Eigen::VectorXd& x,
+                        std::vector<BlockRow>* rows, Eigen::VectorXd* product) {
   if (!CountsInS(schur, l)) {
-    return 0.0;
+    return;
   }
-  using Small = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kQuad, 1>;
   const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
   Small u = Small::Zero(landmark.size);
   schur.blocks().Rows(l, rows);
-  for (std::size_t r = 0; r < rows->size(); ++r) {
-    const int frame = landmark.frames[r];
-    if (!schur.frames()[frame].held) {
-      u += YTransposed((*rows)[r], landmark.size) *
-           x.segment(schur.FrameOffset(frame), schur.frames()[frame].size);
+  const auto for_each_row = [&](const auto& visit) {
+    for (std::size_t r = 0; r < rows->size(); ++r) {
+      const int frame = landmark.frames[r];
+      if (!schur.frames()[frame].held) {
+        visit(YTransposed((*rows)[r], landmark.size), schur.FrameOffset(frame),
+              schur.frames()[frame].size);
+      }
     }
-  }
-  const Small y = InverseRootOf(schur, l).transpose() * u;
-  double sum = 0.0;
-  for (int i = 0; i < landmark.size; ++i) {
-    sum += schur.blocks().P(l)[i * kQuad + i] * y[i] * y[i];
-  }
-  return schur.blocks().lambda(l) * sum;
+  };
+  for_each_row([&](const Block& Y_t, int at, int size) { u += Y_t * x.segment(at, size); });
+  u = TimesDampingOverRest(DampingShares(schur, l), u);
+  for_each_row([&](const Block& Y_t, int at, int size) {
+    product->segment(at, size) += Y_t.transpose() * u;
+  });
 }
 
 // x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).

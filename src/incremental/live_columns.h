@@ -35,10 +35,15 @@ class LiveColumns {
   SparseColumns V_;
 };
 
-/// λ yᵀ diag(P) y, y = −(P + λD)⁻¹ Wᵀ x, of a landmark: what its damping has of xᵀSx, while it
-/// follows a step x of the frames. x as S is; `rows` is room for rows.
-double LandmarkDampingAlong(const IncrementalSchur& schur, std::int32_t landmark,
-                            const Eigen::VectorXd& x, std::vector<BlockRow>* rows);
+/// The largest share that damping has of what holds a landmark where all frames are known, over all
+/// directions: it takes as much of a variance, at most.
+double LargestDampingShare(const IncrementalSchur& schur, std::int32_t landmark);
+
+/// product += W (P⁻¹ − (P + λD)⁻¹) Wᵀ x of a landmark: what its damping adds to S. x as S is;
+/// `rows` is room for rows. A direction that only the damping holds has no W.
+void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t landmark,
+                        const Eigen::VectorXd& x, std::vector<BlockRow>* rows,
+                        Eigen::VectorXd* product);
 
 /// M⁻¹r and M = H + Λ of all variables of the system, by its elimination and a factor of S + μD:
 /// the damped system as it was linearized. r and x by quads of the system's padded vectors.

@@ -34,7 +34,9 @@ Status LiveCovarianceOptions::Validate() const {
 // singular matrix too, thanks to damping or to rounding, so what has no variance is found by other
 // means: the smallest eigenvalue λ of D^−½ S D^−½, of all frames together (live_gauge.cc), and each
 // variance against the one that damping alone would leave. The smallest eigenvalue also bounds what
-// the damping hides: a share of at most μ / (λ + μ) of a variance.
+// the damping of frames hides: a share of at most μ / (λ + μ) of a variance. That of landmarks
+// hides at most the largest share that it has of S, and, of a landmark's variance, that of its own
+// block.
 //
 // Nothing of the system changes. Constants have zeros in the result.
 namespace internal {
@@ -99,18 +101,30 @@ Status CheckHeld(const LiveSource& source, double open) {
   return free < 0 ? Status::Ok() : NotDetermined(free, kFree);
 }
 
-Status CheckGauge(const LiveSource& source, const Inverse& inverse, double* damping_error) {
+Status CheckGauge(const LiveSource& source, const Inverse& inverse) {
   const IncrementalSchur& schur = source.system.schur();
-  if (!IsStillKnown(*source.weakest, schur)) {
-    const Status found = FindWeakest(schur, inverse.factor, inverse.mu, source.weakest);
-    if (!found.ok()) {
-      return found;
+  const Status found = IsStillKnown(*source.weakest, schur, inverse.mu)
+                           ? Status::Ok()
+                           : FindWeakest(schur, inverse.factor, inverse.mu, source.weakest);
+  return found.ok() ? CheckHeld(source, inverse.open) : found;
+}
+
+// By which share the damping, μ of frames and that of landmarks, lowers a variance at most.
+// S_d + μD is at most (λ + μ) / λ times S_d, and that 1 / (1 − θ) times S. A landmark has its own
+// damping besides: (xᵀΔx)^½ + (yᵀΛy)^½, squared, is at most θ + θ_l of what x and y cost together.
+double DampingError(const LiveSource& source, const std::vector<VariableId>& ids, bool any_rows,
+                    double mu) {
+  double share = any_rows ? source.weakest->damping_share : 0.0;
+  for (const VariableId id : ids) {
+    if (source.system.FrameOf(id) < 0) {
+      share = std::max(
+          share, (any_rows ? source.weakest->damping_share : 0.0) +
+                     LargestDampingShare(source.system.schur(), source.system.LandmarkOf(id)));
     }
   }
-  // 1/λ in place of 1/(λ + μ): the share that is missing of the largest variance.
   const double lambda = source.weakest->eigenvalue;
-  *damping_error = inverse.mu > 0.0 ? inverse.mu / (lambda + inverse.mu) : 0.0;
-  return CheckHeld(source, inverse.open);
+  const double kept = any_rows && mu > 0.0 ? lambda / (lambda + mu) : 1.0;
+  return 1.0 - kept * std::max(0.0, 1.0 - share);
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
@@ -176,13 +190,14 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
   joint->setZero(columns.offsets().back(), columns.offsets().back());
   // Landmarks that see no frame that moves have no columns: their own blocks are all there is.
   if (!columns.V().rows.empty()) {
-    status = CheckGauge(source, inverse, &staleness->damping_error);
+    status = CheckGauge(source, inverse);
     status = !status.ok()                  ? status
              : inverse.undamped != nullptr ? inverse.undamped->Product(columns.V(), offsets, joint)
                                            : inverse.factor.Product(columns.V(), offsets, joint);
   }
   status = status.ok() ? CheckVariances(source, inverse, columns, ids, *joint) : status;
   columns.AddLandmarks(joint);
+  staleness->damping_error = DampingError(source, ids, !columns.V().rows.empty(), inverse.mu);
   return status;
 }
 
@@ -215,10 +230,11 @@ Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
   const IncrementalSchur& schur = source.system.schur();
   undamped.NoteChanges(&source.system.schur());
   const int row = ids.size() == 1 ? source.system.FrameOf(ids[0]) : -1;
-  const bool knows_weakest = IsStillKnown(*source.weakest, schur);
+  const bool knows_weakest = IsStillKnown(*source.weakest, schur, /*mu=*/0.0);
   if (row >= 0 && knows_weakest && undamped.KnowsMarginalOf(row)) {
     *joint = undamped.marginal();
     const Status held = CheckHeld(source, kNoCurvature);
+    staleness->damping_error = DampingError(source, ids, /*any_rows=*/true, /*mu=*/0.0);
     return held.ok() ? CheckFrame(source, ids[0], 0, kNoCurvature, *joint) : held;
   }
   const Status status = FollowUndamped(source, ids, !knows_weakest, staleness, joint);

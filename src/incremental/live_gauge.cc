@@ -26,6 +26,8 @@ namespace {
 constexpr int kInverseIterations = 4;
 // Where the landmarks' damping may be what holds that direction: the gauge, and others beside it.
 constexpr int kMoreInverseIterations = 12;
+// The largest share of that damping is found once it grows by less from one solve to the next.
+constexpr double kSettled = 0.01;
 // By how much the graph may grow before the weakest direction is looked for again.
 constexpr double kGrowth = 1.1;
 // So many new frames are looked at by a dense matrix.
@@ -129,15 +131,43 @@ std::vector<std::int32_t> LandmarksOf(const IncrementalSchur& schur, const std::
   return landmarks;
 }
 
-// What the landmarks' damping has of xᵀSx; x moves no frame that other landmarks see.
-double DampingAlong(const IncrementalSchur& schur, const std::vector<std::int32_t>& landmarks,
-                    const Eigen::VectorXd& x) {
-  double sum = 0.0;
+// Δx, with S − Δ without the landmarks' damping; x moves no frame that other landmarks see.
+Eigen::VectorXd DampingTimes(const IncrementalSchur& schur,
+                             const std::vector<std::int32_t>& landmarks, const Eigen::VectorXd& x) {
+  Eigen::VectorXd product = Eigen::VectorXd::Zero(x.size());
   std::vector<BlockRow> rows;
   for (const std::int32_t landmark : landmarks) {
-    sum += LandmarkDampingAlong(schur, landmark, x, &rows);
+    AddLandmarkDamping(schur, landmark, x, &rows, &product);
   }
-  return sum;
+  return product;
+}
+
+// The largest xᵀΔx / xᵀSx by power iteration with S⁻¹Δ, from x on. Without Δ the inverse of S is at
+// most 1 / (1 − share) times as large, in every direction.
+Status FindDampingShare(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
+                        const Eigen::VectorXd& D, const Eigen::VectorXd& x, double* share) {
+  const std::vector<std::int32_t> landmarks = AllLandmarks(schur);
+  Eigen::VectorXd b = DampingTimes(schur, landmarks, x), y = b;
+  *share = 0.0;
+  double gained = HUGE_VAL;
+  for (int i = 0; i < kMoreInverseIterations && gained > kSettled * *share; ++i) {
+    const double length = b.norm();
+    if (!(length > 0.0)) {
+      break;
+    }
+    b /= length;
+    const Status solved = factor.Solve(schur.offsets(), b.data(), y.data());
+    if (!solved.ok()) {
+      return solved;
+    }
+    // yᵀSy
+    const double curvature = b.dot(y) - mu * y.dot(D.cwiseProduct(y));
+    b = DampingTimes(schur, landmarks, y);
+    const double quotient = curvature > 0.0 ? std::min(b.dot(y) / curvature, 1.0) : 1.0;
+    gained = quotient - *share;
+    *share = std::max(*share, quotient);
+  }
+  return Status::Ok();
 }
 
 // Of a vector packed as S is: the frame with its largest entry, in units of D^−½.
@@ -153,11 +183,11 @@ VariableId LargestShare(const IncrementalSchur& schur, const Eigen::VectorXd& sq
 
 }  // namespace
 
-bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur) {
+bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur, double mu) {
   const int num_frames = schur.structure().num_frames();
   return weakest.is_known && num_frames <= kGrowth * weakest.num_frames &&
          (schur.structure().num_landmarks() == 0 ||
-          num_frames <= weakest.num_seen + kMostNewFrames);
+          (num_frames <= weakest.num_seen + kMostNewFrames && weakest.mu <= mu));
 }
 
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
@@ -181,18 +211,20 @@ Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, doub
     theta = b.dot(y) / length;
     x = y;
     if (i + 1 == most) {
-      of_landmarks = DampingAlong(schur, AllLandmarks(schur), x) / length;
+      of_landmarks = x.dot(DampingTimes(schur, AllLandmarks(schur), x)) / length;
       most = of_landmarks > kManyOfLandmarks * (theta - mu) ? kMoreInverseIterations : most;
     }
   }
   // θ ≥ μ but for rounding.
   weakest->eigenvalue = std::max(0.0, theta - mu);
   weakest->of_landmarks = of_landmarks;
+  weakest->mu = mu;
   weakest->variable = LargestShare(schur, x.cwiseAbs2().cwiseProduct(D));
   weakest->num_frames = schur.structure().num_frames();
-  weakest->is_known = true;
   SeeAll(schur, weakest);
-  return Status::Ok();
+  const Status status = FindDampingShare(schur, factor, mu, D, x, &weakest->damping_share);
+  weakest->is_known = status.ok();
+  return status;
 }
 
 bool IsHeld(const WeakestDirection& weakest, double open) {
@@ -221,10 +253,12 @@ VariableId FindFreeNewFrame(const IncrementalSchur& schur, double open, WeakestD
     }
     WeakestDirection among_new;
     among_new.eigenvalue = std::max(0.0, solver.eigenvalues()[0]);
-    among_new.of_landmarks = DampingAlong(schur, LandmarksOf(schur, rows), x);
+    among_new.of_landmarks = x.dot(DampingTimes(schur, LandmarksOf(schur, rows), x));
     if (!IsHeld(among_new, open)) {
       return LargestShare(schur, squares);
     }
+    weakest->damping_share =
+        std::max(weakest->damping_share, among_new.of_landmarks / among_new.eigenvalue);
   }
   SeeAll(schur, weakest);
   return -1;

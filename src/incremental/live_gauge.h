@@ -13,6 +13,8 @@ namespace inceres::internal {
 struct WeakestDirection {
   double eigenvalue = 0.0;
   double of_landmarks = 0.0;     // what of it is the landmarks' damping
+  double damping_share = 0.0;    // the largest that this has of xᵀSx, over all directions x
+  double mu = 0.0;               // of the factor it was looked for with
   VariableId variable = -1;      // with the largest share in it
   int num_frames = 0;            // when it was looked for
   bool is_known = false;         // and nothing was taken out of the graph since
@@ -21,8 +23,8 @@ struct WeakestDirection {
 };
 
 /// Whether it need not be looked for: what has come since is little, and FindFreeNewFrame looks
-/// at it.
-bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur);
+/// at it. With a factor of S + μD: one with more hides what landmarks' damping does.
+bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur, double mu);
 
 /// By inverse iteration with a factor of S + μD. Errors are the factor's.
 Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, double mu,

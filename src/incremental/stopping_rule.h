@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "incremental/rounding_of_steps.h"
 #include "incremental/tuning.h"
 
 namespace inceres::internal {
@@ -31,13 +32,17 @@ class StoppingRule {
         fixed_cost_(fixed_cost),
         most_rounding_(most_rounding),
         rounding_(most_rounding),
+        rounding_of_steps_(kRoundingOfSteps * (cost - fixed_cost)),
         checked_iteration_(iteration),
         checked_cost_(cost) {}
 
   /// T: cost changes below it do not count. The user's tolerance times what can change of the cost,
-  /// and where that is next to zero the rounding of the residuals.
+  /// and where that is next to zero the rounding of the residuals, or all of it that the Update's
+  /// own steps have left.
   double Tolerance(double cost) const {
-    return std::max(OfFunction(cost), rounding_ / tuning_.share);
+    const double moving = cost - fixed_cost_;
+    const double left = moving <= rounding_of_steps_ ? moving : 0.0;
+    return std::max(OfFunction(cost), std::max(rounding_, left) / tuning_.share);
   }
   /// σ T: what an Update may leave undone.
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
@@ -103,7 +108,8 @@ class StoppingRule {
   double function_tolerance_ = 0.0;
   double fixed_cost_ = 0.0;
   double most_rounding_ = 0.0;
-  double rounding_ = 0.0;      // of the residuals, when they were last looked at
+  double rounding_ = 0.0;  // of the residuals, when they were last looked at
+  double rounding_of_steps_ = 0.0;
   int checked_iteration_ = 0;  // from which on HasStagnated counts
   double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;

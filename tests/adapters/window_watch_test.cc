@@ -191,6 +191,28 @@ TEST(ModeChoice, WhatTouchesConstantsOnlyIsNoWorkOfAnIteration) {
   EXPECT_TRUE(of_few.WantsExact());
 }
 
+TEST(ModeChoice, RemembersWhatExactSolvesFindSoon) {
+  ModeChoice choice;
+  ceres::Solver::Summary quick, slow, stopped;
+  quick.termination_type = slow.termination_type = ceres::CONVERGENCE;
+  quick.iterations.resize(ModeChoice::kPatience + 1);  // with iteration 0
+  slow.iterations.resize(ModeChoice::kPatience + 2);
+  stopped.termination_type = ceres::NO_CONVERGENCE;
+  EXPECT_FALSE(choice.IsToRemember());
+  choice.NoteExact(quick);
+  EXPECT_FALSE(choice.IsToRemember());
+  choice.NoteExact(quick);
+  EXPECT_TRUE(choice.IsToRemember());
+  for (const ceres::Solver::Summary& summary : {slow, stopped}) {
+    choice.NoteExact(summary);
+    EXPECT_FALSE(choice.IsToRemember());
+    choice.NoteExact(quick);
+    EXPECT_FALSE(choice.IsToRemember());
+    choice.NoteExact(quick);
+    EXPECT_TRUE(choice.IsToRemember());
+  }
+}
+
 TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {
   ModeChoice choice;
   ProblemChanges anew;

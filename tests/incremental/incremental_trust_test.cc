@@ -10,6 +10,7 @@
 
 #include "inceres/solver/incremental_solver.h"
 #include "incremental/incremental_function.h"
+#include "incremental/stopping_rule.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
 
@@ -236,6 +237,35 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
     SCOPED_TRACE(weight);
     GrowsWithoutALoop(weight);
   }
+}
+
+// The rounding of r = x goes with x, and steps would go on until squares are no numbers any more.
+TEST(IncrementalTrust, WhatStepsHaveLeftOfAResidualIsRounding) {
+  for (const double batch_share : {0.5, 2.0}) {
+    SCOPED_TRACE(batch_share);
+    IncrementalOptions options;
+    options.batch_share = batch_share;
+    IncrementalFunction world(options, [](int, const double* const* x, double* f, double** J) {
+      f[0] = x[0][0];
+      if (J != nullptr && J[0] != nullptr) {
+        J[0][0] = 1.0;
+      }
+      return true;
+    });
+    const UpdateSummary summary = world.solver.Update();
+    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+    EXPECT_LE(summary.final_cost, 1e-28);
+    EXPECT_LE(summary.num_iterations, 6) << summary.FullReport();
+  }
+}
+
+// What no variable moves does not count, also where it is all of the cost.
+TEST(IncrementalTrust, AFixedCostIsNoRoundingOfSteps) {
+  const internal::StoppingRule all_fixed(internal::Tuning().stop, 1e-6, 6.0, 0.0, 0, 6.0);
+  EXPECT_EQ(all_fixed.Tolerance(6.0), 0.0);
+  const internal::StoppingRule some(internal::Tuning().stop, 1e-6, 6.0, 0.0, 0, 7.0);
+  EXPECT_EQ(some.Tolerance(6.0), 0.0);
+  EXPECT_EQ(some.Tolerance(6.5), 0.5e-6);
 }
 
 // Positions in a row, each measured from the one before. The first has a prior of a weight that

@@ -373,6 +373,37 @@ TEST(LiveCovariance, LandmarksDoNotHoldAFreeGauge) {
   }
 }
 
+// The farther a frame is from what holds the gauge, the more of its variance damping takes, and no
+// more than is told, of landmarks too.
+TEST(LiveCovariance, TheErrorOfTheLandmarksDampingIsBounded) {
+  for (const int size : {3, 10, 30, 60}) {
+    LandmarkChain chain;
+    const std::vector<VariableId> frames = chain.Add(size);
+    chain.Hold(frames[0]);
+    const std::vector<VariableId> all = MovingOf(AtValuesHeld(chain.solver));
+    const MatrixXd exact = DenseInverse(chain.solver, 0.0, 0.0);
+    double worst = 0.0;
+    int row = 0;
+    for (const VariableId id : all) {
+      LiveCovariance undamped;
+      ASSERT_TRUE(chain.solver.MarginalCovariance(id, {}, &undamped).ok());
+      for (int k = 0; k < undamped.size(); ++k, ++row) {
+        const double share = 1.0 - undamped(k, k) / exact(row, row);
+        EXPECT_LE(share, undamped.staleness.damping_error) << size;
+        worst = std::max(worst, share);
+      }
+      EXPECT_LT(undamped.staleness.damping_error, 1.0);
+    }
+    EXPECT_EQ(row, exact.rows());
+    LiveCovariance last;
+    ASSERT_TRUE(chain.solver.MarginalCovariance(frames.back(), {}, &last).ok());
+    EXPECT_LE(last.staleness.damping_error, 1.5 * worst) << size;
+    LiveCovariance damped;
+    ASSERT_TRUE(chain.solver.MarginalCovariance(frames.back(), AsFactored(), &damped).ok());
+    EXPECT_LE(1.0 - damped(0, 0) / last(0, 0) * (1.0 - worst), damped.staleness.damping_error);
+  }
+}
+
 // Without a free gauge being found, conjugate gradients that do not converge may mean one.
 TEST(LiveCovariance, WhatDoesNotConvergeMayNotBeHeld) {
   LandmarkChain chain;

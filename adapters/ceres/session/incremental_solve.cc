@@ -129,6 +129,30 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
 
 }  // namespace
 
+bool LinearizeOnly(const SolveInput& input, const IncrementalOptions& core,
+                   IncrementalProblem* living) {
+  const ceres::LinearSolverType type = TypeToPlanIncrementally(input.options, input.ordering);
+  const ShapeTable shapes = FindShapes(input.view);
+  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  ProblemChanges changes;
+  if (input.clock.Seconds() >= input.options.max_solver_time_in_seconds ||
+      !living
+           ->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)},
+                    &changes)
+           .ok()) {
+    return false;
+  }
+  IncrementalOptions options = core;
+  options.max_num_iterations = 0;
+  options.batch_share = 1.0;  // else the batch solver would have it
+  living->solver().SetOptions(options);
+  if (living->solver().Update().termination == Termination::kFailure) {
+    return false;
+  }
+  living->Remember();
+  return true;
+}
+
 bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
                         IncrementalProblem* living, ceres::Solver::Summary* summary,
                         SolveReport* report) {

@@ -18,4 +18,9 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
                         IncrementalProblem* living, ceres::Solver::Summary* summary,
                         SolveReport* report);
 
+/// Brings `living`, which is new, to where the problem is, and linearizes it there: the next solve
+/// goes on from it. No value moves. False if that could not be evaluated, or time is up.
+bool LinearizeOnly(const SolveInput& input, const IncrementalOptions& core,
+                   IncrementalProblem* living);
+
 }  // namespace inceres::internal

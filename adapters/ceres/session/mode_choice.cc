@@ -66,4 +66,10 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
             << " solves of this problem are exact.";
 }
 
+void ModeChoice::NoteExact(const ceres::Solver::Summary& summary) {
+  const bool is_quick = summary.termination_type == ceres::CONVERGENCE &&
+                        static_cast<int>(summary.iterations.size()) <= kPatience + 1;
+  num_quick_ = is_quick ? num_quick_ + 1 : 0;
+}
+
 }  // namespace inceres::internal

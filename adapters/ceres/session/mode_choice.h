@@ -2,6 +2,8 @@
 
 #include <string>
 
+#include <ceres/solver.h>
+
 #include "adapters/ceres/read/introspection.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/solver/update_summary.h"
@@ -17,10 +19,17 @@ namespace inceres::internal {
 /// once, as the incremental one does, what touches none. After kLosses solves in a row that
 /// cost more than exact ones the next are exact, first kPause of them, each time it comes to the
 /// same twice as many; then it is tried again.
+///
+/// To begin to remember takes one linearization of everything. It is worth it where solves end soon
+/// after what comes in between: kQuick exact ones in a row have converged within kPatience.
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;
   static constexpr int kPause = 16;
+  static constexpr int kQuick = 2;
+  /// Iterations after which incremental steps are given up for a solve: those that converge mostly
+  /// take fewer than ten.
+  static constexpr int kPatience = 25;
 
   /// Whether the next solve should be exact. Call once a solve.
   bool WantsExact();
@@ -28,11 +37,16 @@ class ModeChoice {
   /// stayed was evaluated to be recognized.
   void Note(const UpdateSummary& update, const ProblemChanges& changes, const ProblemView& view,
             int num_frames, bool verified);
+  /// How an exact solve went.
+  void NoteExact(const ceres::Solver::Summary& summary);
+  /// Whether what the last exact solve has found is to be remembered.
+  bool IsToRemember() const { return num_quick_ >= kQuick; }
   /// Why solves are exact now.
   const std::string& reason() const { return reason_; }
 
  private:
   int num_losses_ = 0;
+  int num_quick_ = 0;
   int pause_ = kPause;
   int num_exact_left_ = 0;
   std::string reason_;

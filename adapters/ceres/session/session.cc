@@ -26,9 +26,7 @@ namespace inceres {
 
 namespace {
 
-// Iterations after which incremental steps are given up for this solve: those that converge mostly
-// take fewer than ten.
-constexpr int kPatience = 25;
+using internal::ModeChoice;
 
 std::int64_t NumEvaluations(const UpdateSummary& update) {
   return update.num_evaluated_factors + update.num_relinearized_factors;
@@ -86,6 +84,10 @@ class CeresSession::Impl {
                    int max_iterations, SolveReport* report, ceres::Solver::Summary* summary);
   void SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
+  std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
+  bool RemembersLittle(const IncrementalOptions& core) const;
+  void BeginToRemember(const internal::SolveCall& call, const internal::SolveInput& input,
+                       IncrementalOptions core);
 
   const SessionOptions options;
   internal::WindowWatch watch;
@@ -122,18 +124,19 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     SolveExactlyFor(reason, call, &input);
     return;
   }
+  IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
+  if (options.automatic && RemembersLittle(core)) {
+    SolveExactlyFor("auto: most of the problem is not remembered", call, &input);
+    BeginToRemember(call, input, core);
+    return;
+  }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::IncrementalProblem> working = std::move(living);
-  IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
   if (working == nullptr || core.num_threads != num_threads ||
       core.reduced_solver != reduced_solver) {
-    const auto trust =
-        options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
-    working = std::make_unique<internal::IncrementalProblem>(core, trust);
-    num_threads = core.num_threads;
-    reduced_solver = core.reduced_solver;
+    working = NewLiving(core);
   }
-  core.max_num_iterations = std::min(core.max_num_iterations, kPatience);
+  core.max_num_iterations = std::min(core.max_num_iterations, ModeChoice::kPatience);
   internal::StartValues start(view);
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
@@ -223,9 +226,9 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   };
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   const bool on_its_way = IsOnItsWay(*summary, iterations_left());
-  const int share = on_its_way
-                        ? iterations_left()
-                        : std::min(iterations_left(), std::max(kPatience, iterations_left() / 2));
+  const int share = on_its_way ? iterations_left()
+                               : std::min(iterations_left(),
+                                          std::max(ModeChoice::kPatience, iterations_left() / 2));
   const int others_left = iterations_left() - share;
   Part part = GoOnInBatch(input, on_its_way ? core.batch_strategy : kGoOn, share, report, summary);
   if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
@@ -234,7 +237,8 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   const ceres::TerminationType termination = summary->termination_type;
   // What has ended by itself, without a proof, asks for a second opinion and no more.
   const bool ended_by_itself = iterations_left() > others_left;
-  const int others = ended_by_itself ? std::min(iterations_left(), kPatience) : iterations_left();
+  const int others =
+      ended_by_itself ? std::min(iterations_left(), ModeChoice::kPatience) : iterations_left();
   const std::string message = summary->message;
   const double lowest = summary->final_cost;
   internal::StartValues reached(view);  // there again, unless what comes now ends lower
@@ -295,6 +299,39 @@ void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const intern
   }
   internal::SolveExactly(*input, call.summary, call.report);
   call.report->exact_reason = reason;
+  choice.NoteExact(*call.summary);
+}
+
+std::unique_ptr<internal::IncrementalProblem> CeresSession::Impl::NewLiving(
+    const IncrementalOptions& core) {
+  num_threads = core.num_threads;
+  reduced_solver = core.reduced_solver;
+  const auto trust =
+      options.verify_cached_factors ? internal::Trust::kVerified : internal::Trust::kAddresses;
+  return std::make_unique<internal::IncrementalProblem>(core, trust);
+}
+
+// Whether the batch solver would have most of the solve: then it is exact mode's from beginning to
+// end.
+bool CeresSession::Impl::RemembersLittle(const IncrementalOptions& core) const {
+  const double num_moving = view.reduced.num_residual_blocks;
+  const double num_known = living != nullptr ? living->num_factors() : 0;
+  return core.batch_share > 0.0 && core.batch_share < 1.0 &&
+         num_moving - num_known > core.batch_share * num_moving;
+}
+
+// Where an exact solve has ended, if what the next ones change is likely to be little.
+void CeresSession::Impl::BeginToRemember(const internal::SolveCall& call,
+                                         const internal::SolveInput& input,
+                                         IncrementalOptions core) {
+  if (call.report->used_stock || !choice.IsToRemember()) {
+    return;
+  }
+  Look(*call.problem);
+  std::unique_ptr<internal::IncrementalProblem> beginning = NewLiving(core);
+  if (internal::LinearizeOnly(input, core, beginning.get())) {
+    living = std::move(beginning);
+  }
 }
 
 CeresSession::CeresSession(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {

@@ -18,7 +18,8 @@ enum class CovarianceAccuracy {
   /// S without the damping of the frames: a second factor is kept for it, clique by clique, of
   /// which a call renews what has changed since the one before. A few changed rows, such as those
   /// of poses along the odometry, wait until they are more: products around them are nearly as
-  /// exact. Landmarks keep their damping, 1e-6 or more.
+  /// exact. Landmarks keep their damping, 1e-6 or more: FactorStaleness::damping_error bounds what
+  /// that takes of a variance.
   kUndamped,
   /// The undamped normal equations at the values held now, all factors linearized anew, by
   /// conjugate gradients with the Update's factor as preconditioner: what GraphCovariance computes.
@@ -57,10 +58,12 @@ struct INCERES_EXPORT FactorStaleness {
   /// The largest share by which the diagonal of P was increased, of the landmarks concerned and of
   /// those that frames concerned see.
   double landmark_damping = 0.0;
-  /// By which share the frames' damping lowers a variance at most: μ / (λ + μ), with λ the smallest
-  /// eigenvalue of D^−½ S D^−½, D = diag(C), by inverse iteration. λ is sought again when something
-  /// was taken out of the graph or changed, and when the graph has grown by a tenth. 0 of
-  /// kUndamped.
+  /// By which share damping lowers a variance at most: 1 − λ / (λ + μ) (1 − θ), with λ the smallest
+  /// eigenvalue of D^−½ S D^−½, D = diag(C), by inverse iteration, and θ the largest share that the
+  /// landmarks' damping has of xᵀSx, by power iteration to 1 % of it; of a landmark's variance θ is
+  /// increased by the share of its damping in its own block. Both are sought again when something
+  /// was taken out of the graph or changed, and when the graph has grown by a tenth. Of kUndamped
+  /// without μ, so that it is 0 where there are no landmarks; 0 of kExact.
   double damping_error = 0.0;
   int num_iterations = 0;       ///< of kExact: conjugate gradients, of all columns together
   int num_factored_frames = 0;  ///< of kUndamped: whose columns were factored anew for this call
