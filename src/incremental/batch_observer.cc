@@ -33,9 +33,8 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
 bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) {
   const double cost = origin.cost;
   // What is left is the rounding of the steps before.
-  const double moving_at_start = start_cost_ - options_.fixed_cost;
   const bool worked_off =
-      moving_at_start > 0.0 && cost - options_.fixed_cost <= kRoundingOfSteps * moving_at_start;
+      cost - options_.fixed_cost <= kRoundingOfSteps * (start_cost_ - options_.fixed_cost);
   within_rounding_ = origin.within_rounding || worked_off;
   const double promise = iteration.model_cost_change;
   // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
