@@ -40,8 +40,7 @@ class StoppingRule {
   /// and where that is next to zero the rounding of the residuals, or all of it that the Update's
   /// own steps have left.
   double Tolerance(double cost) const {
-    const double moving = cost - fixed_cost_;
-    const double left = moving <= rounding_of_steps_ ? moving : 0.0;
+    const double left = cost - fixed_cost_ <= rounding_of_steps_ ? cost : 0.0;
     return std::max(OfFunction(cost), std::max(rounding_, left) / tuning_.share);
   }
   /// σ T: what an Update may leave undone.

@@ -10,7 +10,6 @@
 
 #include "inceres/solver/incremental_solver.h"
 #include "incremental/incremental_function.h"
-#include "incremental/stopping_rule.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
 
@@ -257,15 +256,6 @@ TEST(IncrementalTrust, WhatStepsHaveLeftOfAResidualIsRounding) {
     EXPECT_LE(summary.final_cost, 1e-28);
     EXPECT_LE(summary.num_iterations, 6) << summary.FullReport();
   }
-}
-
-// What no variable moves does not count, also where it is all of the cost.
-TEST(IncrementalTrust, AFixedCostIsNoRoundingOfSteps) {
-  const internal::StoppingRule all_fixed(internal::Tuning().stop, 1e-6, 6.0, 0.0, 0, 6.0);
-  EXPECT_EQ(all_fixed.Tolerance(6.0), 0.0);
-  const internal::StoppingRule some(internal::Tuning().stop, 1e-6, 6.0, 0.0, 0, 7.0);
-  EXPECT_EQ(some.Tolerance(6.0), 0.0);
-  EXPECT_EQ(some.Tolerance(6.5), 0.5e-6);
 }
 
 // Positions in a row, each measured from the one before. The first has a prior of a weight that
