@@ -32,10 +32,7 @@ void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bo
 // A solve that ends here saves the evaluation of the candidate and the linearization behind it.
 bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) {
   const double cost = origin.cost;
-  // What is left is the rounding of the steps before.
-  const bool worked_off =
-      cost - options_.fixed_cost <= kRoundingOfSteps * (start_cost_ - options_.fixed_cost);
-  within_rounding_ = origin.within_rounding || worked_off;
+  within_rounding_ = origin.within_rounding;
   const double promise = iteration.model_cost_change;
   // Zero for the first step, for last_promise_ is infinite then; `known` is false there by
   // last_ratio_.
@@ -50,8 +47,7 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepO
   tried_radius_ = iteration.trust_region_radius;
   held_back_ = origin.held_back;
   // Next to a cost of nothing, whatever damping holds back counts, though it is rounding as well.
-  const bool blurred =
-      (worked_off || (end_ == BatchEnd::kToTheEnd && within_rounding_)) && IsHardlyDamped();
+  const bool blurred = end_ == BatchEnd::kToTheEnd && within_rounding_ && IsHardlyDamped();
   // All of it only as far as the model sees weak directions: with much damping a promise is small
   // because steps are short.
   const bool claims =
@@ -97,9 +93,6 @@ bool BatchObserver::IsLast(const IterationSummary& iteration) {
 
 // What the next step is judged by.
 void BatchObserver::NoteIteration(const IterationSummary& iteration) {
-  if (iteration.iteration == 0) {
-    start_cost_ = iteration.cost;
-  }
   if (iteration.step_is_successful) {
     // A success that IsLast was not asked of is the start, or has made the cost another function by
     // moving expansion points: costs of before do not compare.

@@ -9,7 +9,6 @@
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_options.h"
 #include "incremental/descent_pace.h"
-#include "incremental/rounding_of_steps.h"
 #include "incremental/stagnation.h"
 #include "incremental/tuning.h"
 #include "incremental/update_trace.h"
@@ -141,7 +140,6 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double tried_radius_ = 0.0;     // of the step under judgment
   double held_back_ = 0.0;        // of it, by its damping
   bool within_rounding_ = false;  // all of it is
-  double start_cost_ = 0.0;
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   std::string words_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "incremental/rounding_of_steps.h"
 #include "incremental/tuning.h"
 
 namespace inceres::internal {
@@ -32,16 +31,13 @@ class StoppingRule {
         fixed_cost_(fixed_cost),
         most_rounding_(most_rounding),
         rounding_(most_rounding),
-        rounding_of_steps_(kRoundingOfSteps * (cost - fixed_cost)),
         checked_iteration_(iteration),
         checked_cost_(cost) {}
 
   /// T: cost changes below it do not count. The user's tolerance times what can change of the cost,
-  /// and where that is next to zero the rounding of the residuals, or all of it that the Update's
-  /// own steps have left.
+  /// and where that is next to zero the rounding of the residuals.
   double Tolerance(double cost) const {
-    const double left = cost - fixed_cost_ <= rounding_of_steps_ ? cost : 0.0;
-    return std::max(OfFunction(cost), std::max(rounding_, left) / tuning_.share);
+    return std::max(OfFunction(cost), rounding_ / tuning_.share);
   }
   /// σ T: what an Update may leave undone.
   double Allowed(double cost) const { return tuning_.share * Tolerance(cost); }
@@ -107,8 +103,7 @@ class StoppingRule {
   double function_tolerance_ = 0.0;
   double fixed_cost_ = 0.0;
   double most_rounding_ = 0.0;
-  double rounding_ = 0.0;  // of the residuals, when they were last looked at
-  double rounding_of_steps_ = 0.0;
+  double rounding_ = 0.0;      // of the residuals, when they were last looked at
   int checked_iteration_ = 0;  // from which on HasStagnated counts
   double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;

@@ -238,26 +238,6 @@ TEST(IncrementalTrust, CostNextToZeroIsConvergence) {
   }
 }
 
-// The rounding of r = x goes with x, and steps would go on until squares are no numbers any more.
-TEST(IncrementalTrust, WhatStepsHaveLeftOfAResidualIsRounding) {
-  for (const double batch_share : {0.5, 2.0}) {
-    SCOPED_TRACE(batch_share);
-    IncrementalOptions options;
-    options.batch_share = batch_share;
-    IncrementalFunction world(options, [](int, const double* const* x, double* f, double** J) {
-      f[0] = x[0][0];
-      if (J != nullptr && J[0] != nullptr) {
-        J[0][0] = 1.0;
-      }
-      return true;
-    });
-    const UpdateSummary summary = world.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-    EXPECT_LE(summary.final_cost, 1e-28);
-    EXPECT_LE(summary.num_iterations, 6) << summary.FullReport();
-  }
-}
-
 // Positions in a row, each measured from the one before. The first has a prior of a weight that
 // makes one last place of its value more than all of the cost, and is where the prior wants it; a
 // few of the later ones are measured anew, from it, and disagree.

@@ -106,23 +106,6 @@ TEST(OneTimeClaims, EndWhereTheCostIsRounding) {
   EXPECT_LT(summary.num_iterations, 10) << summary.FullReport();
 }
 
-// At values of zero a step is never little beside them.
-TEST(OneTimeClaims, EndWhereWhatStepsHaveLeftIsRounding) {
-  const auto identity = [](int /*i*/, const double* const* p, double* f, double** J) {
-    std::copy(p[0], p[0] + 2, f);
-    if (J != nullptr && J[0] != nullptr) {
-      const double rows[4] = {1.0, 0.0, 0.0, 1.0};
-      std::copy(rows, rows + 4, J[0]);
-    }
-    return true;
-  };
-  double xy[2] = {1.0, -3.0};
-  const UpdateSummary summary = SolvePlane(2, identity, xy);
-  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-  EXPECT_LT(summary.final_cost, 1e-27);
-  EXPECT_LE(summary.num_iterations, 6) << summary.FullReport();
-}
-
 // Where x and y differ is 1e-10 times as stiff as their sum, and a constant keeps the tolerance
 // from falling.
 bool WeakDifference(int /*i*/, const double* const* p, double* f, double** J) {
