@@ -196,8 +196,10 @@ Status FromFactor(const LiveSource& source, const std::vector<VariableId>& ids,
                                            : inverse.factor.Product(columns.V(), offsets, joint);
   }
   status = status.ok() ? CheckVariances(source, inverse, columns, ids, *joint) : status;
-  columns.AddLandmarks(joint);
-  staleness->damping_error = DampingError(source, ids, !columns.V().rows.empty(), inverse.mu);
+  if (status.ok()) {
+    columns.AddLandmarks(joint);
+    staleness->damping_error = DampingError(source, ids, !columns.V().rows.empty(), inverse.mu);
+  }
   return status;
 }
 

@@ -89,7 +89,8 @@ TEST(DropinInside, ALivingProblemIsRemembered) {
   ceres::ResidualBlockId id = problem.AddResidualBlock(&cost, nullptr, &x);
   problem.AddResidualBlock(&other, nullptr, &x);
   Solve(&problem);
-  Solve(&problem);  // begins to remember
+  Solve(&problem);
+  Solve(&problem);  // begins to remember, in auto mode too
   const int first = cost.num_jacobians;
   Solve(&problem);
   EXPECT_GT(first, 1);
