@@ -306,9 +306,7 @@ Contribution LandmarkBlocks::Rows(std::int32_t l, std::vector<BlockRow>* rows) c
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
   const std::vector<Incidence>& incidences = incidences_[l];
   const std::size_t count = incidences.size();
-  if (rows->size() < count) {
-    rows->resize(count);
-  }
+  rows->resize(count);
   for (std::size_t r = 0; r < count; ++r) {
     (*rows)[r] = {Y_.data() + std::ptrdiff_t{incidences[r].y} * kQuad, incidences[r].frame,
                   incidences[r].quads, structure_.frames()[landmark.frames[r]].size};
