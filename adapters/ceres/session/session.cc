@@ -87,7 +87,7 @@ class CeresSession::Impl {
   std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
   bool RemembersLittle(const IncrementalOptions& core) const;
   void BeginToRemember(const internal::SolveCall& call, const internal::SolveInput& input,
-                       IncrementalOptions core);
+                       const IncrementalOptions& core);
 
   const SessionOptions options;
   internal::WindowWatch watch;
@@ -323,7 +323,7 @@ bool CeresSession::Impl::RemembersLittle(const IncrementalOptions& core) const {
 // Where an exact solve has ended, if what the next ones change is likely to be little.
 void CeresSession::Impl::BeginToRemember(const internal::SolveCall& call,
                                          const internal::SolveInput& input,
-                                         IncrementalOptions core) {
+                                         const IncrementalOptions& core) {
   if (call.report->used_stock || !choice.IsToRemember()) {
     return;
   }
