@@ -13,6 +13,7 @@
 #include "incremental/live_columns.h"
 #include "incremental/live_gauge.h"
 #include "linear/live_factor.h"
+#include "linear/small_cholesky.h"
 #include "problem/find_fault.h"
 
 namespace inceres {
@@ -128,17 +129,14 @@ double DampingError(const LiveSource& source, const std::vector<VariableId>& ids
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
-// λ P_ii times the variance of coordinate i, (P + λD)⁻¹_ii = Σ_k U_inv,ki²; 1 would be damping
-// only.
+// λ P_ii times the variance of coordinate i, (P + λD)⁻¹_ii; 1 would be damping only.
 double DampingShareOf(const IncrementalSchur& schur, int l) {
   const double *U_inv = schur.blocks().UInv(l), *P = schur.blocks().P(l);
+  const int size = schur.landmarks()[l].size;
   double share = 0.0;
-  for (int i = 0; i < schur.landmarks()[l].size; ++i) {
-    double variance = 0.0;
-    for (int k = i; k < schur.landmarks()[l].size; ++k) {
-      variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
-    }
-    share = std::max(share, schur.blocks().lambda(l) * P[i * kQuad + i] * variance);
+  for (int i = 0; i < size; ++i) {
+    share = std::max(
+        share, schur.blocks().lambda(l) * P[i * kQuad + i] * VarianceOfCoordinate(size, U_inv, i));
   }
   return share;
 }

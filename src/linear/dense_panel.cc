@@ -70,13 +70,11 @@ bool FactorTriangle(double* A, int stride, int width, int* failed) {
 }
 
 // Of poses, of velocities with biases, and of what lies between them; null: of other sizes.
-decltype(&PlaceSized<3, 3>) FindPlaceSized(int rows, int columns) {
+decltype(&PlaceSized<6, 6>) FindPlaceSized(int rows, int columns) {
   if (rows > 9 || columns > 9) {
     return nullptr;
   }
   switch (16 * rows + columns) {
-    case 16 * 3 + 3:
-      return PlaceSized<3, 3>;
     case 16 * 6 + 6:
       return PlaceSized<6, 6>;
     case 16 * 6 + 9:
@@ -94,8 +92,8 @@ decltype(&PlaceSized<3, 3>) FindPlaceSized(int rows, int columns) {
 
 // Called for every block of S and every factorization. The usual block lies below the diagonal: the
 // destination is written along its columns.
-void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
-                int first_column, double* A, std::ptrdiff_t stride) {
+void PlaceAnyBlock(const double* block, int block_stride, int rows, int columns, int first_row,
+                   int first_column, double* A, std::ptrdiff_t stride) {
   if (const auto place = FindPlaceSized(rows, columns)) {
     return place(block, block_stride, first_row, first_column, A, stride);
   }

@@ -32,11 +32,22 @@ inline void PlaceSized(const double* block, int block_stride, int first_row, int
   }
 }
 
+/// PlaceBlock of whatever size.
+void PlaceAnyBlock(const double* block, int block_stride, int rows, int columns, int first_row,
+                   int first_column, double* A, std::ptrdiff_t stride);
+
 /// Writes a block of S, rows × columns and row-major, `block_stride` from row to row, into A, where
 /// its rows start at first_row and its columns at first_column; turned where it would be above the
 /// diagonal. Of a block on the diagonal the lower triangle is read and written.
-void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
-                int first_column, double* A, std::ptrdiff_t stride);
+inline void PlaceBlock(const double* block, int block_stride, int rows, int columns, int first_row,
+                       int first_column, double* A, std::ptrdiff_t stride) {
+  // Most blocks of a pose graph are such: no call for nine entries.
+  if (rows == 3 && columns == 3) {
+    PlaceSized<3, 3>(block, block_stride, first_row, first_column, A, stride);
+  } else {
+    PlaceAnyBlock(block, block_stride, rows, columns, first_row, first_column, A, stride);
+  }
+}
 
 /// L Lᵀ = A in the place of A, width × width; columns have room for whole quads of rows, and what
 /// lies behind the last row there may be anything. False, and the column that failed, where A is

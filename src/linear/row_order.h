@@ -1,9 +1,9 @@
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "linear/block_rows.h"
+#include "linear/seen_rows.h"
 
 namespace inceres::internal {
 
@@ -32,10 +32,7 @@ class RowOrder {
     }
     rows_.resize(kept);
     // Rows known before have their places, unless one has come back.
-    const bool only_new = S.resized_version() == version_ && &S == S_;
-    version_ = S.resized_version();
-    S_ = &S;
-    for (int row = only_new ? known : 0; row < S.num_rows(); ++row) {
+    for (int row = seen_.OnlyGrew(S) ? known : 0; row < S.num_rows(); ++row) {
       if (S.size_of(row) > 0 && places_[row] < 0) {
         places_[row] = num_places();
         rows_.push_back(row);
@@ -49,7 +46,7 @@ class RowOrder {
       places_[row] = -1;
     }
     rows_.clear();
-    S_ = nullptr;
+    seen_.Forget();
   }
   /// Gives a row that has none the next place. `num_rows`: of S.
   void Append(int row, int num_rows) {
@@ -57,7 +54,7 @@ class RowOrder {
     rows_.reserve(num_rows);
     places_[row] = num_places();
     rows_.push_back(row);
-    S_ = nullptr;
+    seen_.Forget();
   }
 
   /// Another order of the rows that have the last tail.size() places.
@@ -72,9 +69,7 @@ class RowOrder {
  private:
   std::vector<int> rows_;    // by place
   std::vector<int> places_;  // by row of S
-  // Of the last Follow.
-  const SymmetricBlockRows* S_ = nullptr;
-  std::int64_t version_ = 0;
+  SeenRows seen_;            // by Follow
 };
 
 /// The rows as they arrived.

@@ -1,10 +1,10 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
 #include "linear/block_rows.h"
+#include "linear/seen_rows.h"
 
 namespace inceres::internal {
 
@@ -15,9 +15,7 @@ class RowPacking {
   /// elsewhere now. Cost: the rows that have come, as long as none has gone.
   bool Follow(const SymmetricBlockRows& S) {
     const std::size_t known = offsets_.size() - 1, count = static_cast<std::size_t>(S.num_rows());
-    const bool only_new = S.resized_version() == version_ && &S == S_ && known <= count;
-    version_ = S.resized_version();
-    S_ = &S;
+    const bool only_new = seen_.OnlyGrew(S) && known <= count;
     offsets_.resize(count + 1);
     bool has_moved = false;
     for (std::size_t row = only_new ? known : 0; row < count; ++row) {
@@ -34,9 +32,7 @@ class RowPacking {
 
  private:
   std::vector<int> offsets_{0};  // by row, one more: the size
-  // Of what was followed last.
-  const SymmetricBlockRows* S_ = nullptr;
-  std::int64_t version_ = 0;
+  SeenRows seen_;
 };
 
 }  // namespace inceres::internal

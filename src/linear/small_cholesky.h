@@ -74,6 +74,16 @@ inline bool NegateInverse(int size, double* A, int lda, double* inverse_pivots, 
 /// False, and U_inv as it was, if a pivot is not positive and finite.
 bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv);
 
+/// Entry (i, i) of U_invᵀ U_inv, the inverse of what was factored: a coordinate's variance where
+/// all frames are known.
+inline double VarianceOfCoordinate(int size, const double* U_inv, int i) {
+  double variance = 0.0;
+  for (int k = i; k < size; ++k) {
+    variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
+  }
+  return variance;
+}
+
 /// z = U_inv x for the lower triangular U_inv.
 inline void MultiplyLower(int size, const double* U_inv, const double* x, double* z) {
   for (int k = 0; k < size && k < kQuad; ++k) {

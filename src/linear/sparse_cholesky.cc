@@ -134,12 +134,6 @@ void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
     // Null: the block is left out, and its place keeps its zeros.
     if (const double* block = A.Block(piece.i, piece.block)) {
       const int j = pattern_->columns[piece.block];
-      if (pattern_->block_size(piece.i) == 3 && pattern_->block_size(j) == 3) {
-        // Most blocks of a pose graph are such: no call for nine entries.
-        PlaceSized<3, 3>(block, pattern_->row_stride(j), piece.row, piece.column, Column(f, 0),
-                         front.stride());
-        continue;
-      }
       PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i),
                  pattern_->block_size(j), piece.row, piece.column, Column(f, 0), front.stride());
     }

@@ -21,17 +21,12 @@ constexpr double kShare = 0.01;
 constexpr int kMostShares = 8;
 constexpr int kMostDirections = 32;
 
-// U_inv is a lower triangle, rows four apart, and P⁻¹ = U_invᵀ U_inv: the variance of coordinate i
-// is the sum of squares of column i, from row i down. It is held against 1 / P_ii, with all else
-// known: of units that cancel.
+// The variance of a coordinate is held against 1 / P_ii, that with all else known: of units that
+// cancel.
 bool IsDetermined(int size, const double* P, const double* U_inv, double max_inflation) {
   for (int i = 0; i < size; ++i) {
-    double variance = 0.0;
-    for (int k = i; k < size; ++k) {
-      variance += U_inv[k * kQuad + i] * U_inv[k * kQuad + i];
-    }
     // Negated, so that NaN is open.
-    if (!(variance * P[i * kQuad + i] <= max_inflation)) {
+    if (!(VarianceOfCoordinate(size, U_inv, i) * P[i * kQuad + i] <= max_inflation)) {
       return false;
     }
   }

@@ -64,15 +64,22 @@ bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveIn
   return WriteUpdate(std::move(*result), std::move(core), input, summary, report);
 }
 
-bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
-              IncrementalProblem* living, ceres::Solver::Summary* summary, SolveReport* report) {
+// Brings the living problem to where the user's is.
+Status Follow(const SolveInput& input, IncrementalProblem* living, LandmarkSelection* landmarks,
+              ProblemChanges* changes) {
   const ceres::LinearSolverType type = TypeToPlanIncrementally(input.options, input.ordering);
   const ShapeTable shapes = FindShapes(input.view);
-  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  *landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  return living->Follow({input.view, shapes, *landmarks, LandmarksAreGiven(input.ordering, type)},
+                        changes);
+}
+
+bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
+              IncrementalProblem* living, ceres::Solver::Summary* summary, SolveReport* report) {
   UpdateResult result;
+  LandmarkSelection landmarks;
+  const Status status = Follow(input, living, &landmarks, &result.changes);
   result.landmarks = landmarks;
-  const Status status = living->Follow(
-      {input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)}, &result.changes);
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
@@ -131,15 +138,10 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
 
 bool LinearizeOnly(const SolveInput& input, const IncrementalOptions& core,
                    IncrementalProblem* living) {
-  const ceres::LinearSolverType type = TypeToPlanIncrementally(input.options, input.ordering);
-  const ShapeTable shapes = FindShapes(input.view);
-  const LandmarkSelection landmarks = SelectLandmarks(input.view, input.ordering, shapes, type);
+  LandmarkSelection landmarks;
   ProblemChanges changes;
   if (input.clock.Seconds() >= input.options.max_solver_time_in_seconds ||
-      !living
-           ->Follow({input.view, shapes, landmarks, LandmarksAreGiven(input.ordering, type)},
-                    &changes)
-           .ok()) {
+      !Follow(input, living, &landmarks, &changes).ok()) {
     return false;
   }
   IncrementalOptions options = core;
