@@ -9,6 +9,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "base/counting_sort.h"
 #include "linear/aggregation.h"
 
 namespace inceres::internal {
@@ -34,20 +35,28 @@ constexpr double kLinked = 0.9;
 
 // Landmarks that each two frames share, over the geometric mean of what each sees; a frame with
 // itself: 1.
-WeightedGraph Similarities(const LandmarkIncidences& incidences) {
-  const int num_frames = static_cast<int>(incidences.frame_begin.size()) - 1;
-  const auto seen = [&](int frame) {
-    return static_cast<double>(incidences.frame_begin[frame + 1] - incidences.frame_begin[frame]);
+WeightedGraph Similarities(const Visibility& visibility) {
+  std::vector<int> seen_begin, seen;  // landmarks, per frame
+  const auto for_each_incidence = [&](const auto& add) {
+    for (int l = 0; l < visibility.num_landmarks(); ++l) {
+      for (int q = visibility.begin[l]; q < visibility.begin[l + 1]; ++q) {
+        add(visibility.frames[q], l);
+      }
+    }
+  };
+  CountingSort(static_cast<std::size_t>(visibility.num_frames), for_each_incidence, &seen_begin,
+               &seen);
+  const auto num_seen = [&](int frame) {
+    return static_cast<double>(seen_begin[frame + 1] - seen_begin[frame]);
   };
   WeightedGraph graph;
   // common is all zeros between two frames: each entry that was counted up is taken out again.
-  std::vector<int> common(num_frames, 0), found;
-  for (int i = 0; i < num_frames; ++i) {
+  std::vector<int> common(visibility.num_frames, 0), found;
+  for (int i = 0; i < visibility.num_frames; ++i) {
     found.assign(1, i);
-    for (int k = incidences.frame_begin[i]; k < incidences.frame_begin[i + 1]; ++k) {
-      const int l = incidences.landmarks[incidences.frame_incidences[k]];
-      for (int q = incidences.begin[l]; q < incidences.begin[l + 1]; ++q) {
-        const int j = incidences.frames[q];
+    for (int k = seen_begin[i]; k < seen_begin[i + 1]; ++k) {
+      for (int q = visibility.begin[seen[k]]; q < visibility.begin[seen[k] + 1]; ++q) {
+        const int j = visibility.frames[q];
         if (j != i && common[j]++ == 0) {
           found.push_back(j);
         }
@@ -57,8 +66,8 @@ WeightedGraph Similarities(const LandmarkIncidences& incidences) {
     std::sort(found.begin(), found.end());
     for (const int j : found) {
       graph.neighbors.push_back(j);
-      graph.weights.push_back(j == i ? 1.0
-                                     : std::exchange(common[j], 0) / std::sqrt(seen(i) * seen(j)));
+      graph.weights.push_back(
+          j == i ? 1.0 : std::exchange(common[j], 0) / std::sqrt(num_seen(i) * num_seen(j)));
     }
     graph.begin.push_back(static_cast<int>(graph.neighbors.size()));
   }
@@ -203,15 +212,15 @@ std::vector<int> SingleLinkage(const WeightedGraph& graph) {
 }
 
 // A spanning forest of paths, greedy by the number of landmarks that two clusters share (Kruskal).
-std::vector<std::pair<int, int>> FindPaths(const LandmarkIncidences& incidences,
+std::vector<std::pair<int, int>> FindPaths(const Visibility& visibility,
                                            const std::vector<int>& cluster_of, int count) {
   std::vector<std::pair<std::int64_t, int>> pairs;  // the pair as one number, and its landmarks
   std::unordered_map<std::int64_t, int> common;
   std::vector<int> seen;
-  for (int l = 0; l < incidences.num_landmarks(); ++l) {
+  for (int l = 0; l < visibility.num_landmarks(); ++l) {
     seen.clear();
-    for (int q = incidences.begin[l]; q < incidences.begin[l + 1]; ++q) {
-      seen.push_back(cluster_of[incidences.frames[q]]);
+    for (int q = visibility.begin[l]; q < visibility.begin[l + 1]; ++q) {
+      seen.push_back(cluster_of[visibility.frames[q]]);
     }
     // A landmark counts once for a pair of clusters, however many of their frames see it.
     std::sort(seen.begin(), seen.end());
@@ -245,9 +254,9 @@ std::vector<std::pair<int, int>> FindPaths(const LandmarkIncidences& incidences,
 
 }  // namespace
 
-FrameClusters FindVisibilityClusters(const LandmarkIncidences& incidences, bool single_linkage,
+FrameClusters FindVisibilityClusters(const Visibility& visibility, bool single_linkage,
                                      bool tridiagonal) {
-  const WeightedGraph graph = Similarities(incidences);
+  const WeightedGraph graph = Similarities(visibility);
   const std::vector<int> order = OrderOfVertices(graph.num_vertices());
   FrameClusters clusters;
   // The order stands for that in which Ceres's graph has its vertices: it decides ties and numbers.
@@ -258,7 +267,7 @@ FrameClusters FindVisibilityClusters(const LandmarkIncidences& incidences, bool 
     for (const int cluster : clusters.cluster_of) {
       count = std::max(count, cluster + 1);
     }
-    clusters.neighbors = FindPaths(incidences, clusters.cluster_of, count);
+    clusters.neighbors = FindPaths(visibility, clusters.cluster_of, count);
   }
   return clusters;
 }

@@ -1,9 +1,20 @@
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "linear/frame_clusters.h"
-#include "linearize/incidences.h"
 
 namespace inceres::internal {
+
+/// Which frames see each landmark, each once.
+struct Visibility {
+  int num_frames;
+  const std::vector<int>& begin;  // per landmark, one more
+  const std::vector<std::int32_t>& frames;
+
+  int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
+};
 
 /// Clusters of frames that see the same landmarks, as Ceres 2.1 finds them for CLUSTER_JACOBI. Two
 /// frames are as similar as the landmarks that both see are many, over the geometric mean of what
@@ -19,7 +30,7 @@ namespace inceres::internal {
 /// otherwise: clusters are its own where neither occurs. Sources: Simon, Snavely & Seitz, "Scene
 /// summarization for online image collections", ICCV 2007; Kushal & Agarwal, "Visibility based
 /// preconditioning for bundle adjustment", CVPR 2012.
-FrameClusters FindVisibilityClusters(const LandmarkIncidences& incidences, bool single_linkage,
+FrameClusters FindVisibilityClusters(const Visibility& visibility, bool single_linkage,
                                      bool tridiagonal);
 
 }  // namespace inceres::internal

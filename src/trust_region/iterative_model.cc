@@ -113,7 +113,8 @@ const FrameClusters* IterativeModel::FindClusters() {
   if (kind == PreconditionerKind::kClusterJacobi ||
       kind == PreconditionerKind::kClusterTridiagonal) {
     clusters_ = FindVisibilityClusters(
-        incidences_, options_.visibility_clustering == VisibilityClusteringKind::kSingleLinkage,
+        {evaluator_.layout().num_frames, incidences_.begin, incidences_.frames},
+        options_.visibility_clustering == VisibilityClusteringKind::kSingleLinkage,
         kind == PreconditionerKind::kClusterTridiagonal);
     return &clusters_;
   }

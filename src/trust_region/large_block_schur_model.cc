@@ -92,13 +92,9 @@ LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const E
   if (status->ok()) {
     SortBlocks(status);
   }
-  // The others group frames by what they see, or factor a sum: of H, not of this S.
-  const PreconditionerKind kind = options_.preconditioner;
-  if (status->ok() && kind != PreconditionerKind::kIdentity &&
-      kind != PreconditionerKind::kJacobi && kind != PreconditionerKind::kSchurJacobi) {
-    *status = Status::Error(StatusCode::kInvalidArgument,
-                            "large blocks are eliminated with the preconditioners kIdentity, "
-                            "kJacobi and kSchurJacobi only");
+  if (status->ok()) {
+    preconditioner_ =
+        std::make_unique<KeptBlocks>(options_, FindKeptStructure(), evaluator.executor(), status);
   }
 }
 
@@ -202,35 +198,57 @@ Status LargeBlockSchurModel::FactorEliminated() {
   return Status::Ok();
 }
 
-// Blocks on the diagonal of H_ff, damped; of SCHUR_JACOBI less what S has less there, block by
-// block: cost as many products as there are blocks of H_ef.
+// Rows of H come in the order of the layout, so the kept ones of an eliminated one ascend.
+KeptStructure LargeBlockSchurModel::FindKeptStructure() const {
+  KeptStructure structure{/*offsets=*/{0}, /*seen_begin=*/{0}, {}, {}};
+  for (const int variable : kept_) {
+    structure.offsets.push_back(structure.offsets.back() + Size(variable));
+  }
+  for (std::size_t e = 0; e < eliminated_.size(); ++e) {
+    for (const Entry& entry : of_[e]) {
+      structure.seen.push_back(place_[entry.OtherThan(eliminated_[e])]);
+    }
+    structure.seen_begin.push_back(static_cast<int>(structure.seen.size()));
+  }
+  for (const Entry& entry : between_kept_) {
+    structure.between.emplace_back(place_[entry.i], place_[entry.j]);
+  }
+  return structure;
+}
+
+// Of H_ff, damped, and less what S has less.
 Status LargeBlockSchurModel::FactorPreconditioner() {
-  if (options_.preconditioner == PreconditionerKind::kIdentity) {
+  if (preconditioner_->IsEmpty()) {
     return Status::Ok();
   }
-  // Damped copies, since H serves other dampings.
-  std::vector<MatrixXd> blocks;
-  blocks.reserve(kept_.size());
-  for (const int variable : kept_) {
-    blocks.push_back(Diagonal(variable));
-  }
-  for (std::size_t e = 0;
-       options_.preconditioner == PreconditionerKind::kSchurJacobi && e < eliminated_.size(); ++e) {
-    for (const Entry& entry : of_[e]) {
-      // The kept one of the two.
-      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
-      const MatrixXd H_fe = Off(entry, variable);
-      blocks[place_[variable]] -= H_fe * eliminated_inverse_[e] * H_fe.transpose();
-    }
-  }
-  preconditioner_.resize(kept_.size());
+  preconditioner_->SetZero();
   for (std::size_t f = 0; f < kept_.size(); ++f) {
-    if (!Invert(blocks[f], &preconditioner_[f])) {
-      return Status::Error(StatusCode::kSingular,
-                           "a block of the preconditioner is not positive definite");
+    preconditioner_->Add(static_cast<int>(f), static_cast<int>(f), Diagonal(kept_[f]));
+  }
+  for (const Entry& entry : between_kept_) {
+    if (preconditioner_->Keeps(place_[entry.i], place_[entry.j])) {
+      preconditioner_->Add(place_[entry.i], place_[entry.j], Off(entry, entry.i));
     }
   }
-  return Status::Ok();
+  for (std::size_t e = 0; preconditioner_->AreOfS() && e < eliminated_.size(); ++e) {
+    SubtractCoupledBlocks(e);
+  }
+  return preconditioner_->Factorize();
+}
+
+// H_fe H_ee⁻¹ H_ef, where it is kept. Cost: as many products as there are blocks of that.
+void LargeBlockSchurModel::SubtractCoupledBlocks(std::size_t e) {
+  const std::vector<Entry>& entries = of_[e];
+  for (auto row = entries.begin(); row != entries.end(); ++row) {
+    const int i = row->OtherThan(eliminated_[e]);
+    const MatrixXd minus_product = -Off(*row, i) * eliminated_inverse_[e];
+    for (auto column = entries.begin(); column <= row; ++column) {
+      const int j = column->OtherThan(eliminated_[e]);
+      if (preconditioner_->Keeps(place_[i], place_[j])) {
+        preconditioner_->Add(place_[i], place_[j], minus_product * Off(*column, eliminated_[e]));
+      }
+    }
+  }
 }
 
 // As IterativeModel::Solve. A failure at any stage leaves no step.
@@ -270,7 +288,7 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
                        Eigen::Map<const VectorXd>(Gradient().data() + Offset(eliminated_[e]),
                                                   Size(eliminated_[e]));
     for (const Entry& entry : of_[e]) {
-      const int variable = entry.i == eliminated_[e] ? entry.j : entry.i;
+      const int variable = entry.OtherThan(eliminated_[e]);
       Multiply(entry, variable, x.data(), 1.0, iteration_.b() + padded_[place_[variable]]);
     }
   }
@@ -294,12 +312,12 @@ void LargeBlockSchurModel::AddCoupled(const double* v, double* y) const {
     double* H_ef_v = coupled_.data();
     double* x = H_ef_v + Size(eliminated);
     for (const Entry& entry : of_[e]) {
-      const int variable = entry.i == eliminated ? entry.j : entry.i;
+      const int variable = entry.OtherThan(eliminated);
       Multiply(entry, eliminated, v + padded_[place_[variable]], 1.0, H_ef_v);
     }
     AddProduct(eliminated_inverse_[e], H_ef_v, x);
     for (const Entry& entry : of_[e]) {
-      const int variable = entry.i == eliminated ? entry.j : entry.i;
+      const int variable = entry.OtherThan(eliminated);
       Multiply(entry, variable, x, 1.0, y + padded_[place_[variable]]);
     }
   }
@@ -335,20 +353,19 @@ void LargeBlockSchurModel::SubtractProduct(const double* v, double* y) const {
 
 // M⁻¹ r by blocks; the inverses are there, so nothing can fail.
 bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
+  if (!preconditioner_->IsEmpty()) {
+    preconditioner_->Apply(r, z);
+    return true;
+  }
   std::fill_n(z, padded_.back(), 0.0);
   for (std::size_t f = 0; f < kept_.size(); ++f) {
     const int size = Size(kept_[f]);
-    const Eigen::Map<const VectorXd> from(r + padded_[f], size);
-    Eigen::Map<VectorXd> to(z + padded_[f], size);
-    if (options_.preconditioner == PreconditionerKind::kIdentity) {
-      // Ceres's identity is that of the scaled system.
-      // M⁻¹ = diag(s²) of the unscaled variables.
-      to = Eigen::Map<const VectorXd>(scale_ + Offset(kept_[f]), size)
-               .cwiseAbs2()
-               .cwiseProduct(from);
-    } else {
-      AddProduct(preconditioner_[f], r + padded_[f], z + padded_[f]);
-    }
+    // Ceres's identity is that of the scaled system.
+    // M⁻¹ = diag(s²) of the unscaled variables.
+    Eigen::Map<VectorXd>(z + padded_[f], size) =
+        Eigen::Map<const VectorXd>(scale_ + Offset(kept_[f]), size)
+            .cwiseAbs2()
+            .cwiseProduct(Eigen::Map<const VectorXd>(r + padded_[f], size));
   }
   return true;
 }
@@ -364,7 +381,7 @@ void LargeBlockSchurModel::BackSubstitute(double* step) const {
     // η_e − H_ef δ_f, with the step of the kept ones, which is packed here.
     VectorXd x = -Eigen::Map<const VectorXd>(Gradient().data() + Offset(variable), Size(variable));
     for (const Entry& entry : of_[e]) {
-      const int other = entry.i == variable ? entry.j : entry.i;
+      const int other = entry.OtherThan(variable);
       Multiply(entry, variable, step + Offset(other), -1.0, x.data());
     }
     Eigen::Map<VectorXd> to(step + Offset(variable), Size(variable));
@@ -384,7 +401,7 @@ void LargeBlockSchurModel::Describe(WorkCounts* work) const {
   }
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * plans_.hessian.terms.size()) +
-                 static_cast<std::int64_t>(iteration_.Bytes());
+                 static_cast<std::int64_t>(iteration_.Bytes()) + preconditioner_->Bytes();
   CountDynamicSizes(evaluator_, work);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -7,6 +8,7 @@
 
 #include "linear/conjugate_gradients.h"
 #include "linearize/hessian.h"
+#include "trust_region/kept_blocks.h"
 #include "trust_region/linear_model.h"
 
 namespace inceres::internal {
@@ -19,7 +21,7 @@ namespace inceres::internal {
 ///     δ_e = H_ee⁻¹ (η_e − H_ef δ_f),
 ///
 /// H damped, H_ee block-diagonal. A product takes H_ff, and H_ef twice. Cost: that of the blocks of
-/// H. Single-threaded but for H itself. Preconditioners: kIdentity, kJacobi, kSchurJacobi. Source:
+/// H. Single-threaded but for H itself. Preconditioners: all but kSubset and kTwoLevel. Source:
 /// Ceres's implicit_schur_complement.cc; docs/ceres_contract.md, "Conjugate gradients".
 class LargeBlockSchurModel final : public LinearModel, private ConjugateGradients::System {
  public:
@@ -48,6 +50,7 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
     int block;
     int i;
     int j;
+    int OtherThan(int variable) const { return i == variable ? j : i; }
   };
 
   void SortBlocks(Status* status);
@@ -55,7 +58,9 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   Eigen::MatrixXd Off(const Entry& entry, int row) const;
   void Multiply(const Entry& entry, int row, const double* v, double sign, double* y) const;
   Status FactorEliminated();
+  KeptStructure FindKeptStructure() const;
   Status FactorPreconditioner();
+  void SubtractCoupledBlocks(std::size_t e);
   Status SolveKept(double* step);
   void AddCoupled(const double* v, double* y) const;
   void SubtractDiagonal(int variable, const double* v, double* y) const;
@@ -79,8 +84,8 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   std::vector<std::vector<Entry>> of_;  // per eliminated one: blocks of H_ef
   // Inverses, as Ceres has them: one product where a factor takes two substitutions.
   std::vector<Eigen::MatrixXd> eliminated_inverse_;  // of H_ee
-  std::vector<Eigen::MatrixXd> preconditioner_;  // of each kept one's block; empty: the identity
-  mutable std::vector<double> coupled_;          // scratch of AddCoupled
+  std::unique_ptr<KeptBlocks> preconditioner_;
+  mutable std::vector<double> coupled_;  // scratch of AddCoupled
   ConjugateGradients iteration_;
   const double* damping_ = nullptr;
   const double* scale_ = nullptr;

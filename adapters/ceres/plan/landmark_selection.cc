@@ -1,6 +1,7 @@
 #include "adapters/ceres/plan/landmark_selection.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -257,10 +258,10 @@ class Chooser {
 
 // As Ceres orders the blocks that it does not eliminate where nobody has told it how: by their
 // number of neighbors, blocks with as many by first appearance.
-std::vector<int> FramesByDegree(const BlockGraph& graph, const LandmarkSelection& selection) {
+std::vector<int> FramesByDegree(const BlockGraph& graph, const LandmarkSelection& eliminated) {
   std::vector<int> frames;
   for (const int b : graph.order()) {
-    if (!selection.Contains(b)) {
+    if (!eliminated.Contains(b)) {
       frames.push_back(b);
     }
   }
@@ -281,20 +282,17 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
     eliminated.first_group = IndependentSets(graph).TakeOne();
   }
   LandmarkSelection selection = LandmarksOfFirstGroup(view, eliminated);
-  if (ordering.numbers_frames && IsSchurType(type)) {
-    selection.frames_in_order = LandmarksAreGiven(ordering, type)
-                                    ? ordering.later_groups
-                                    : FramesByDegree(BlockGraph(view), selection);
-  }
   if (selection.num_too_large > 0) {
     selection = LandmarkSelection();
     selection.is_landmark.assign(view.blocks.size(), 0);
-    if (ordering.numbers_frames) {
-      selection.obstacle =
-          "preconditioners by clusters where eliminated blocks have more than four degrees of "
-          "freedom";
-    }
     selection.large.assign(eliminated.first_group.begin(), eliminated.first_group.end());
+  }
+  if (ordering.numbers_frames && IsSchurType(type)) {
+    selection.frames_in_order =
+        LandmarksAreGiven(ordering, type)
+            ? ordering.later_groups
+            : FramesByDegree(BlockGraph(view),
+                             LandmarksOfFirstGroup(view, eliminated, /*max_size=*/INT_MAX));
   }
   return selection;
 }

@@ -1,0 +1,124 @@
+#include "trust_region/kept_blocks.h"
+
+#include <algorithm>
+#include <memory>
+#include <numeric>
+
+#include "linear/pattern_rows.h"
+#include "schur/visibility_clusters.h"
+
+namespace inceres::internal {
+
+// S is never formed, so what a preconditioner reads of it has a pattern and values here. Block
+// Jacobi is the case of clusters of one variable each, but for the inverses, which Ceres takes
+// there and which are applied faster.
+
+KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, KeptStructure structure,
+                       const Executor& executor, Status* status)
+    : kind_(options.preconditioner), executor_(executor) {
+  if (kind_ == PreconditionerKind::kSubset || kind_ == PreconditionerKind::kTwoLevel) {
+    *status = Status::Error(StatusCode::kInvalidArgument,
+                            "large blocks are eliminated without the preconditioners kSubset and "
+                            "kTwoLevel");
+    return;
+  }
+  clusters_ = FindClusters(
+      structure, options.visibility_clustering == VisibilityClusteringKind::kSingleLinkage);
+  pattern_ = FindPattern(structure);
+  values_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
+  zeros_.resize(static_cast<std::size_t>(pattern_.size()));
+  if (IsByClusters() && pattern_.num_blocks() > 0) {
+    factor_ = std::make_unique<ClusterCholesky>(pattern_, clusters_, executor, status);
+  }
+}
+
+bool KeptBlocks::IsByClusters() const {
+  return kind_ == PreconditionerKind::kClusterJacobi ||
+         kind_ == PreconditionerKind::kClusterTridiagonal;
+}
+
+// Of block Jacobi one for each variable.
+FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool single_linkage) const {
+  const auto num_kept = static_cast<int>(structure.offsets.size()) - 1;
+  if (IsByClusters() && num_kept > 0) {
+    return FindVisibilityClusters({num_kept, structure.seen_begin, structure.seen}, single_linkage,
+                                  kind_ == PreconditionerKind::kClusterTridiagonal);
+  }
+  FrameClusters single;
+  single.cluster_of.resize(static_cast<std::size_t>(num_kept));
+  std::iota(single.cluster_of.begin(), single.cluster_of.end(), 0);
+  return single;
+}
+
+// The diagonal, and what clusters keep of the blocks of S.
+BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
+  std::vector<std::vector<int>> columns(structure.offsets.size() - 1);
+  const auto add = [&](int i, int j) {
+    if (Keeps(i, j)) {
+      columns[i].push_back(j);
+    }
+  };
+  for (const auto& [i, j] : structure.between) {
+    add(i, j);
+  }
+  for (std::size_t e = 0; e + 1 < structure.seen_begin.size(); ++e) {
+    for (int a = structure.seen_begin[e]; a < structure.seen_begin[e + 1]; ++a) {
+      for (int b = structure.seen_begin[e]; b < a; ++b) {
+        add(structure.seen[a], structure.seen[b]);
+      }
+    }
+  }
+  BlockPattern pattern = PatternWithoutBlocks(structure.offsets);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    std::vector<int>& row = columns[i];
+    row.push_back(static_cast<int>(i));
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    AppendRow(row, &pattern);
+  }
+  return pattern;
+}
+
+void KeptBlocks::SetZero() {
+  std::fill(values_.begin(), values_.end(), 0.0);
+}
+
+void KeptBlocks::Add(int i, int j, const Eigen::MatrixXd& block) {
+  const auto begin = pattern_.columns.begin() + pattern_.row_begin[i];
+  const auto end = pattern_.columns.begin() + pattern_.row_begin[i + 1];
+  const auto at = std::lower_bound(begin, end, j) - pattern_.columns.begin();
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Eigen::Map<RowMajor>(values_.data() + pattern_.value_begin[at], block.rows(), block.cols()) +=
+      block;
+}
+
+// Λ_c is in the blocks on the diagonal already.
+Status KeptBlocks::Factorize() {
+  if (factor_ != nullptr) {
+    return factor_->Factorize(values_.data(), zeros_.data());
+  }
+  std::vector<const double*> diagonal;
+  for (int i = 0; i < pattern_.num_blocks(); ++i) {
+    diagonal.push_back(values_.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1]);
+  }
+  return inverses_.Invert(pattern_.offsets, diagonal, zeros_.data(), executor_) < 0
+             ? Status::Ok()
+             : Status::Error(StatusCode::kSingular,
+                             "a block of the preconditioner is not positive definite");
+}
+
+void KeptBlocks::Apply(const double* r, double* z) {
+  if (factor_ != nullptr) {
+    factor_->Apply(r, z);
+  } else {
+    inverses_.Apply(executor_, r, z);
+  }
+}
+
+std::int64_t KeptBlocks::Bytes() const {
+  return static_cast<std::int64_t>((values_.size() + zeros_.size()) * sizeof(double) +
+                                   pattern_.columns.size() * (sizeof(int) + sizeof(std::int64_t))) +
+         inverses_.Bytes() + (factor_ != nullptr ? factor_->Bytes() : 0);
+}
+
+}  // namespace inceres::internal
