@@ -19,14 +19,14 @@ inline BlockPattern PatternWithoutBlocks(std::vector<int> offsets) {
 }
 
 /// The next row has blocks in these columns, which ascend to the diagonal one. The values of a
-/// block follow those of the one before, without padding.
+/// block follow those of the one before, padded if those of the pattern are.
 inline void AppendRow(const std::vector<int>& columns, BlockPattern* pattern) {
   const int row = static_cast<int>(pattern->row_begin.size()) - 1;
   for (const int column : columns) {
     pattern->columns.push_back(column);
     pattern->value_begin.push_back(pattern->value_begin.back() +
                                    static_cast<std::int64_t>(pattern->block_size(row)) *
-                                       pattern->block_size(column));
+                                       pattern->row_stride(column));
   }
   pattern->row_begin.push_back(static_cast<int>(pattern->columns.size()));
 }

@@ -47,8 +47,9 @@ void CovarianceSystem::MakeColumn(VariableId id) {
     column.V.setIdentity();
     return;
   }
-  const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> U_inv(
+  const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> lower(
       normals_.elimination().UInv(landmark), size, size, Eigen::OuterStride<>(kQuad));
+  const Eigen::MatrixXd U_inv = lower.triangularView<Eigen::Lower>();
   column.P_inv = U_inv.transpose() * U_inv;
 }
 

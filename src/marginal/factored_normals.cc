@@ -21,18 +21,6 @@ constexpr double kShare = 0.01;
 constexpr int kMostShares = 8;
 constexpr int kMostDirections = 32;
 
-// The variance of a coordinate is held against 1 / P_ii, that with all else known: of units that
-// cancel.
-bool IsDetermined(int size, const double* P, const double* U_inv, double max_inflation) {
-  for (int i = 0; i < size; ++i) {
-    // Negated, so that NaN is open.
-    if (!(VarianceOfCoordinate(size, U_inv, i) * P[i * kQuad + i] <= max_inflation)) {
-      return false;
-    }
-  }
-  return true;
-}
-
 }  // namespace
 
 FactoredNormals::FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
@@ -43,10 +31,8 @@ FactoredNormals::FactoredNormals(const FactorGraph& graph, const std::vector<dou
       executor_(options.num_threads),
       layout_(graph, /*eliminate_landmarks=*/true),
       evaluator_(graph, layout_, executor_),
-      incidences_(evaluator_),
-      plans_(evaluator_, incidences_),
-      hessian_(evaluator_, incidences_, plans_),
-      elimination_(evaluator_, incidences_, plans_, hessian_),
+      incidences_(evaluator_, DirectElimination::kQuadsPerChunk),
+      elimination_(evaluator_, incidences_),
       factor_(executor_) {
   evaluator_.points().SetCurrent(state);
 }
@@ -69,7 +55,7 @@ void FactoredNormals::FindDirections() {
     return;
   }
   const Eigen::MatrixXd directions =
-      FindNullSpace(plans_.pattern, elimination_.S(), diagonal_, 1.0 / options_.max_inflation,
+      FindNullSpace(pattern(), elimination_.S(), diagonal_, 1.0 / options_.max_inflation,
                     // One more than are told, to know whether there are more.
                     kMostDirections + 1, executor_);
   deficiency_.has_more = directions.cols() > kMostDirections;
@@ -107,18 +93,15 @@ Status FactoredNormals::Factorize() {
   if (options_.algorithm == CovarianceAlgorithm::kQr) {
     return FactorizeRows();
   }
-  hessian_.Accumulate();
-  // A vector of zeros, since damping is an argument of the elimination and of the factorization.
-  const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
-  const Status eliminated = elimination_.Eliminate(no_damping.data());
-  status = CheckLandmarks(eliminated.ok());
-  status = status.ok() ? eliminated : status;
+  status = NameOpen(elimination_.Eliminate(options_.max_inflation));
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
   // Before the factorization: if that fails, directions are looked for in units of it.
   diagonal_ = DiagonalOfS();
-  const ReducedMatrix S(plans_.pattern, elimination_.S(), no_damping.data());
+  // A vector of zeros, since damping is an argument of the factorization.
+  const std::vector<double> no_damping(static_cast<std::size_t>(layout_.frame_size()), 0.0);
+  const ReducedMatrix S(pattern(), elimination_.S(), no_damping.data());
   status = factor_.Analyze(S);
   if (status.ok()) {
     status = NameVariable(factor_.Factorize(S, {}),
@@ -135,33 +118,24 @@ Status FactoredNormals::Factorize() {
   return status.ok() ? CheckGauge() : status;
 }
 
-// The elimination ends at the first landmark without a factor; then all are factored here.
-Status FactoredNormals::CheckLandmarks(bool are_eliminated) {
-  const double no_damping[kQuad] = {};
-  for (int l = 0; l < layout_.num_landmarks(); ++l) {
-    const int size = incidences_.sizes[l];
-    const double* const P = hessian_.P(l);
-    double of_its_own[4 * kQuad] = {};
-    const double* const U_inv = are_eliminated ? elimination_.UInv(l) : of_its_own;
-    if (!(are_eliminated || InvertCholeskyFactor(size, P, no_damping, of_its_own)) ||
-        !IsDetermined(size, P, U_inv, options_.max_inflation)) {
-      deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
-    }
+// Ok of none.
+Status FactoredNormals::NameOpen(const std::vector<int>& landmarks) {
+  for (const int l : landmarks) {
+    deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
   }
-  return deficiency_.landmarks.empty()
-             ? Status::Ok()
-             : NotDetermined(deficiency_.landmarks.front(),
-                             "the landmark is not determined by its factors");
+  return landmarks.empty() ? Status::Ok()
+                           : NotDetermined(deficiency_.landmarks.front(),
+                                           "the landmark is not determined by its factors");
 }
 
 // Of the last block of each row.
 Eigen::VectorXd FactoredNormals::DiagonalOfS() const {
-  const BlockPattern& pattern = plans_.pattern;
-  Eigen::VectorXd diagonal(pattern.size());
-  for (int row = 0; row < pattern.num_blocks(); ++row) {
-    const double* block = elimination_.S() + pattern.value_begin[pattern.row_begin[row + 1] - 1];
-    for (int i = 0; i < pattern.block_size(row); ++i) {
-      diagonal[pattern.offsets[row] + i] = block[i * pattern.block_size(row) + i];
+  Eigen::VectorXd diagonal(pattern().size());
+  for (int row = 0; row < pattern().num_blocks(); ++row) {
+    const double* block =
+        elimination_.S() + pattern().value_begin[pattern().row_begin[row + 1] - 1];
+    for (int i = 0; i < pattern().block_size(row); ++i) {
+      diagonal[pattern().offsets[row] + i] = block[i * pattern().row_stride(row) + i];
     }
   }
   return diagonal;
@@ -192,9 +166,9 @@ Status FactoredNormals::CheckGauge() {
     return Status::Ok();
   }
   // The frame that the scalar belongs to: the last one that begins at or before it.
-  const auto after = std::upper_bound(plans_.pattern.offsets.begin(), plans_.pattern.offsets.end(),
+  const auto after = std::upper_bound(pattern().offsets.begin(), pattern().offsets.end(),
                                       static_cast<int>(largest));
-  return NotDetermined(layout_.variables[after - plans_.pattern.offsets.begin() - 1],
+  return NotDetermined(layout_.variables[after - pattern().offsets.begin() - 1],
                        "the gauge is free, or what determines it is lost to rounding");
 }
 

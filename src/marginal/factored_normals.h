@@ -9,9 +9,8 @@
 #include "inceres/solver/covariance.h"
 #include "linear/sparse_cholesky.h"
 #include "linearize/evaluator.h"
-#include "linearize/hessian.h"
 #include "marginal/orthogonal_elimination.h"
-#include "schur/elimination.h"
+#include "schur/direct_elimination.h"
 
 namespace inceres::internal {
 
@@ -37,8 +36,8 @@ class FactoredNormals {
   const Layout& layout() const { return layout_; }
   const Evaluator& evaluator() const { return evaluator_; }
   const LandmarkIncidences& incidences() const { return incidences_; }
-  const BlockPattern& pattern() const { return plans_.pattern; }
-  const Elimination& elimination() const { return elimination_; }
+  const BlockPattern& pattern() const { return elimination_.pattern(); }
+  const DirectElimination& elimination() const { return elimination_; }
   const SparseCholesky& factor() const { return factor_; }
   /// Null but of kQr.
   OrthogonalElimination* by_rows() const { return by_rows_.get(); }
@@ -47,7 +46,8 @@ class FactoredNormals {
   Status FactorizeRows();
   Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
   void AddSquares(const RowsOfBlocks& rows);
-  Status CheckLandmarks(bool are_eliminated);
+  double LargestColumn() const;
+  Status NameOpen(const std::vector<int>& landmarks);
   Status CheckGauge();
   Status NotDetermined(VariableId id, const char* why);
   void FindDirections();
@@ -59,9 +59,7 @@ class FactoredNormals {
   Layout layout_;
   Evaluator evaluator_;
   LandmarkIncidences incidences_;
-  FramePlans plans_;
-  Hessian hessian_;
-  Elimination elimination_;
+  DirectElimination elimination_;
   SparseCholesky factor_;
   Eigen::VectorXd diagonal_;                        // of S
   std::unique_ptr<OrthogonalElimination> by_rows_;  // of kQr

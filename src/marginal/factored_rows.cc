@@ -55,14 +55,15 @@ Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>*
       (*rows)[static_cast<std::size_t>(l)] = std::move(landmark.rest);
     }
   });
+  std::vector<int> open_ones;
   for (int l = 0; l < layout_.num_landmarks(); ++l) {
     if (open[static_cast<std::size_t>(l)] != 0) {
-      deficiency_.landmarks.push_back(layout_.variables[layout_.num_frames + l]);
+      open_ones.push_back(l);
     }
   }
-  if (!deficiency_.landmarks.empty()) {
-    return NotDetermined(deficiency_.landmarks.front(),
-                         "the landmark is not determined by its factors");
+  const Status status = NameOpen(open_ones);
+  if (!status.ok()) {
+    return status;
   }
   // Behind the landmarks' rows: the order of rows has its part in the bits of the result.
   for (RowsOfBlocks& others : by_rows_->OtherRows()) {
@@ -71,27 +72,43 @@ Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>*
   return Status::Ok();
 }
 
+// The largest norm of a column of J.
+double FactoredNormals::LargestColumn() const {
+  std::vector<double> squares(static_cast<std::size_t>(layout_.size()), 0.0);
+  for (const Linearization& cache : evaluator_.families()) {
+    for (int i = 0; i < cache.num_factors; ++i) {
+      const VariableId* ids = graph_.Variables(cache.id, i);
+      for (int s = 0; s < cache.num_slots; ++s) {
+        const SlotJacobians& slot = cache.slots[s];
+        const double* J = slot.data + i * slot.factor_stride;
+        const int position = layout_.Position(ids[s]);
+        for (int r = 0; position >= 0 && r < cache.residual_size; ++r, J += slot.row_stride) {
+          for (int c = 0; c < slot.columns; ++c) {
+            squares[layout_.packed_offset[position] + c] += J[c] * J[c];
+          }
+        }
+      }
+    }
+  }
+  return squares.empty() ? 0.0 : std::sqrt(*std::max_element(squares.begin(), squares.end()));
+}
+
 // Landmarks, fronts, gauge. L is in factor_ afterwards, as after a Cholesky factorization, so that
 // solves and the selected inverse do not know the difference.
 Status FactoredNormals::FactorizeRows() {
-  // For its diagonal alone: the squared norms of the columns of J.
-  hessian_.Accumulate();
-  const std::vector<double>& squares = hessian_.diagonal();
-  const double least =
-      options_.min_column_remainder * std::sqrt(*std::max_element(squares.begin(), squares.end()));
+  const double least = options_.min_column_remainder * LargestColumn();
   std::vector<RowsOfBlocks> rows;
   Status status = EliminateByRows(least, &rows);
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }
-  diagonal_.setZero(plans_.pattern.size());
-  const std::vector<double> no_damping(static_cast<std::size_t>(layout_.size()), 0.0);
+  diagonal_.setZero(pattern().size());
   // By the pattern alone: S has no values here.
-  status = factor_.Analyze(ReducedMatrix(plans_.pattern, elimination_.S(), no_damping.data()));
+  status = factor_.Analyze(ReducedMatrix(pattern(), nullptr, nullptr));
   if (!status.ok()) {
     return status;
   }
-  FrontQr qr(factor_.tree(), plans_.pattern, least);
+  FrontQr qr(factor_.tree(), pattern(), least);
   for (RowsOfBlocks& each : rows) {
     AddSquares(each);
     qr.Add(std::move(each));

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/zeroed_array.h"
+#include "inceres/linear/reduced_matrix.h"
+#include "linearize/evaluator.h"
+#include "linearize/incidences.h"
+#include "schur/product_lists.h"
+#include "simd/kernels.h"
+
+namespace inceres::internal {
+
+/// S = C − W P⁻¹ Wᵀ of Jacobians that are looked at once, undamped and without a right-hand side:
+/// what Elimination forms for every step of a solve, without a plan of all products, which takes as
+/// long to make as to carry out. A chunk of landmarks after the other adds to S.
+///
+/// Threads: those of the evaluator; the same bits for any number of them. Source: Triggs et al.
+/// 1999, section 6.1.
+class DirectElimination {
+ public:
+  /// Of Y in a chunk: what stays in the second-level cache.
+  static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 13;
+
+  /// Finds the pattern of S. The evaluator keeps Jacobians by slot.
+  DirectElimination(const Evaluator& evaluator, const LandmarkIncidences& incidences);
+
+  /// Forms S of the evaluator's Jacobians. Returns the landmarks, ascending, that have a coordinate
+  /// whose variance for known frames exceeds that with all else known by more than max_inflation:
+  /// if there are any, S is not formed to its end.
+  std::vector<int> Eliminate(double max_inflation);
+
+  const BlockPattern& pattern() const { return pattern_; }
+  const double* S() const { return S_.data(); }
+  /// U_inv of landmark l, with U_invᵀ U_inv = P⁻¹: rows four apart, up to the diagonal.
+  const double* UInv(int l) const { return U_inv_.data() + std::ptrdiff_t{l} * kQuad * kQuad; }
+
+ private:
+  // All products of Jacobians of two slots, in a chunk.
+  struct Source {
+    const Linearization* cache;
+    int row_slot;
+    int column_slot;
+    std::int32_t row_quads;  // from factor to factor
+    std::int32_t column_quads;
+    ProductLists lists;
+  };
+
+  void FindOwners();
+  void FindOthers(const Linearization& cache);
+  void FindPattern();
+  void MakeSources();
+  bool FactorizeLandmark(int landmark, double max_inflation);
+  void EliminateLandmark(int landmark);
+  void ListLandmark(int landmark);
+  void ListFactors(const Linearization& cache, const std::int32_t* factors, int count);
+  void IndexBlocks();
+  void AddLists();
+  void AddProducts(const BlockProducts& kind, double sign, ProductLists* lists);
+  int BlockAt(int row, int column) const {
+    return block_of_.empty() ? FindBlock(row, column)
+                             : block_of_[static_cast<std::size_t>(row_place_[row] + column)];
+  }
+  int FindBlock(int row, int column) const;
+
+  const Evaluator& evaluator_;
+  const LandmarkIncidences& incidences_;
+  const Kernels& kernels_;
+  BlockPattern pattern_;
+  std::vector<int> block_row_;  // per block
+  std::vector<int> block_of_;   // by row_place_ and column; empty if few places have a block
+  std::vector<std::int64_t> row_place_;  // where column 0 of a row would be: rows begin with their
+                                         // first block
+  std::vector<const Linearization*> owners_;       // per entry of incidences_.factors
+  std::vector<std::vector<std::int32_t>> others_;  // per family: factors without a landmark
+  std::vector<Source> sources_;
+  std::vector<std::size_t> first_source_;   // per family
+  std::vector<ProductLists> of_sizes_;  // products of Y, by the size of their landmarks less one
+  ZeroedArray U_inv_;
+  ZeroedArray Y_;  // of a chunk
+  ZeroedArray S_;
+};
+
+}  // namespace inceres::internal

@@ -1,0 +1,108 @@
+// S without a plan against the dense H, landmarks eliminated by Eigen.
+#include "schur/direct_elimination.h"
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "support/core_pipeline.h"
+#include "support/dense_oracle.h"
+#include "support/random_graph.h"
+
+namespace inceres::internal {
+namespace {
+
+using test::BundleOptions;
+using test::CorePipeline;
+using test::DenseOracle;
+using test::MakeBundle;
+using test::RandomGraph;
+using test::RelativeError;
+
+constexpr double kAnyInflation = 1e12;
+
+// Of whose blocks on the diagonal the lower triangle counts.
+Eigen::MatrixXd Dense(const BlockPattern& pattern, const double* values) {
+  ReducedMatrix S(pattern, values, nullptr);
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(pattern.size(), pattern.size());
+  S.ForEachBlock([&](int i, int j, const double* block, int stride) {
+    for (int r = 0; r < pattern.block_size(i); ++r) {
+      for (int c = 0; c < pattern.block_size(j) && (i != j || c <= r); ++c) {
+        dense(pattern.offsets[i] + r, pattern.offsets[j] + c) = block[r * stride + c];
+      }
+    }
+  });
+  return dense.selfadjointView<Eigen::Lower>();
+}
+
+void ExpectDenseS(const FactorGraph& graph, std::int64_t quads_per_chunk, int num_threads) {
+  const CorePipeline core(graph, true, num_threads, quads_per_chunk);
+  ASSERT_TRUE(core.status.ok()) << core.status.message;
+  DirectElimination elimination(core.evaluator, core.incidences);
+  EXPECT_EQ(elimination.Eliminate(kAnyInflation), std::vector<int>());
+  const DenseOracle oracle(graph, core.layout.variables);
+  const int n_c = core.layout.frame_size(), n_l = core.layout.size() - n_c;
+  const Eigen::MatrixXd W = oracle.H.topRightCorner(n_c, n_l);
+  Eigen::MatrixXd S = oracle.H.topLeftCorner(n_c, n_c);
+  if (n_l > 0) {
+    S -= W * oracle.H.bottomRightCorner(n_l, n_l).llt().solve(W.transpose());
+  }
+  EXPECT_LT(RelativeError(Dense(elimination.pattern(), elimination.S()), S), 1e-9);
+}
+
+TEST(DirectElimination, IsTheSchurComplement) {
+  for (const int num_threads : {1, 2}) {
+    for (const std::int64_t quads_per_chunk : {DirectElimination::kQuadsPerChunk, 100L, 1L}) {
+      BundleOptions options;
+      options.num_views = 4;
+      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
+      options.frame_sizes = {9};  // Y has a tail
+      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
+      options.frame_sizes = {6, 3, 9, 1};
+      options.landmark_sizes = {3, 1, 4, 2};
+      options.residual_sizes = {2, 3, 1};
+      options.hosted = options.by_frame = options.manifolds = options.losses = true;
+      options.constants = true;
+      options.num_views = 5;
+      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
+      options.num_landmarks = 0;
+      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
+    }
+  }
+}
+
+// Rows that reach far and have few blocks: these are not numbered by places.
+TEST(DirectElimination, OfFramesThatAllMeetTheFirst) {
+  BundleOptions options;
+  options.num_frames = 40;
+  options.num_landmarks = 60;
+  const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+  for (VariableId frame = 2; frame < options.num_frames; ++frame) {
+    bundle->Connect(6, {frame, 0});
+    bundle->Connect(6, {0, frame});  // and once more
+  }
+  ExpectDenseS(bundle->graph(), DirectElimination::kQuadsPerChunk, 1);
+}
+
+TEST(DirectElimination, NamesLandmarksThatAreNotDetermined) {
+  RandomGraph random(7);
+  const VariableId frame = random.AddFrame(6);
+  random.Connect(6, {frame});
+  std::vector<VariableId> landmarks;
+  for (int l = 0; l < 4; ++l) {
+    landmarks.push_back(random.AddLandmark(3));
+    const int num_views = l % 2 == 0 ? 2 : 1;  // of one a direction is open
+    for (int k = 0; k < num_views; ++k) {
+      random.Connect(2, {frame, landmarks.back()});
+    }
+  }
+  const CorePipeline core(random.graph());
+  DirectElimination elimination(core.evaluator, core.incidences);
+  EXPECT_EQ(elimination.Eliminate(kAnyInflation), (std::vector<int>{1, 3}));
+}
+
+}  // namespace
+}  // namespace inceres::internal
