@@ -129,23 +129,35 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const FactorGraph& graph = evaluator.graph();
   // One number a frame tells whether it is known to this landmark: no search through a separator.
   std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
+  const Linearization* owner = nullptr;               // of the factors at hand
+  std::size_t num_factors = 0;  // most with one frame each
+  for (const LandmarkFactors& entry : factors) {
+    num_factors += static_cast<std::size_t>(entry.count);
+  }
+  incidences.reserve(num_factors);
+  frames.reserve(num_factors);
+  landmarks.reserve(num_factors);
+  begin.reserve(sizes.size() + 1);
   begin.push_back(0);
   for (std::size_t l = 0; l < sizes.size(); ++l) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
       const LandmarkFactors& entry = factors[k];
       // A family is recognized by the address of its slots.
-      const auto owner = std::find_if(
-          evaluator.families().begin(), evaluator.families().end(),
-          [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
+      if (owner == nullptr || owner->slots.data() != entry.jacobians) {
+        owner = &*std::find_if(
+            evaluator.families().begin(), evaluator.families().end(),
+            [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
+      }
       std::int32_t* const targets = y_targets_[owner->id].data();
       const VariableId* const ids = graph.Variables(owner->id, 0);
       const int first_incidence = begin.back();
       // In the order in which the kernels go through the factors.
       for (int n = 0; n < entry.count; ++n) {
         const int factor = entry.factors[n];
+        const VariableId* const id = ids + owner->Entry(factor);
         std::int32_t* const target = targets + owner->Entry(owner->Record(factor));
         for (int s = 0; s < entry.num_slots; ++s) {
-          const int frame = layout.FrameOf(ids[owner->Entry(factor) + s]);
+          const int frame = layout.FrameOf(id[s]);
           if (frame < 0) {
             continue;
           }
@@ -155,9 +167,8 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
           const bool known = seen >= first_incidence;
           if (!known) {
             seen = static_cast<int>(incidences.size());
-            const auto f = static_cast<std::size_t>(frame);
-            incidences.push_back(
-                {0, layout.quad_offset[f], layout.quad_offset[f + 1] - layout.quad_offset[f]});
+            const std::int32_t* const quads = layout.quad_offset.data() + frame;
+            incidences.push_back({0, quads[0], quads[1] - quads[0]});
             frames.push_back(frame);
             landmarks.push_back(static_cast<std::int32_t>(l));
           }
@@ -225,12 +236,13 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
+  const auto [smallest, largest] = std::minmax_element(sizes.begin(), sizes.end());
   // Counting sort once more: `next` is where the frame's next block goes.
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
   for (int chunk = 0; chunk < num_chunks(); ++chunk) {
     const int first = begin[chunk_begin[chunk]];
     const int last = begin[chunk_begin[chunk + 1]];
-    for (char size = 1; size <= kMaxLandmarkSize; ++size) {
+    for (int size = last > first ? *smallest : 1; last > first && size <= *largest; ++size) {
       for (int q = first; q < last; ++q) {
         if (sizes[landmarks[q]] == size) {
           frame_incidences[next[frames[q]]++] = q;

@@ -76,6 +76,10 @@ class Planner {
                            ? num_landmarks
                            : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_);
     }
+    if (std::is_sorted(row_of.begin(), row_of.end())) {
+      order_ = view_.moving;
+      return;
+    }
     order_ = SortIntoRows(At(num_landmarks) + 1, [&](const auto& add) {
                for (std::size_t k = 0; k < row_of.size(); ++k) {
                  add(row_of[k], view_.moving[k]);

@@ -76,7 +76,11 @@ class Chooser {
     taken_.assign(view_.residuals.size(), 0);
     unknowns_left_ = view_.reduced.num_effective_parameters;
     for (const Kind& kind : kinds) {
-      Take(WithoutTaken(kind), &selection);
+      if (selection.num_landmarks == 0) {
+        Take(kind, &selection);
+      } else {
+        Take(WithoutTaken(kind), &selection);
+      }
     }
     return selection;
   }
