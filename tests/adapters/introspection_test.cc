@@ -36,6 +36,43 @@ TEST(PointerIndex, FindsEveryPointerAndNoOther) {
   }
 }
 
+TEST(PointerIndex, KeepsTheFirstIndexOfAPointer) {
+  const double memory[3] = {};
+  PointerIndex index;
+  index.Reserve(3);
+  EXPECT_EQ(index.FindOrAdd(memory, 7), 7);
+  EXPECT_EQ(index.FindOrAdd(memory + 1, 8), 8);
+  EXPECT_EQ(index.FindOrAdd(memory, 9), 7);
+  EXPECT_EQ(index.Find(memory), 7);
+  EXPECT_EQ(index.Find(memory + 2), -1);
+}
+
+// Many are found by way of the residual blocks that touch them, unless some are touched by none.
+TEST(Introspection, HasAllOfManyBlocksByAddress) {
+  constexpr int kNumBlocks = 5000;
+  std::vector<double> values(kNumBlocks + 1);
+  ceres::Problem problem;
+  for (int i = 0; i < kNumBlocks; ++i) {
+    double* const block = &values[static_cast<std::size_t>(i * 3 % kNumBlocks)];  // out of order
+    problem.AddResidualBlock(new ShapeOnlyCost(1, {1, 1}), nullptr, block,
+                             block == values.data() ? &values[1] : values.data());
+  }
+  for (const bool has_untouched : {false, true}) {
+    if (has_untouched) {
+      problem.AddParameterBlock(&values.back(), 1);
+    }
+    std::vector<double*> expected;
+    problem.GetParameterBlocks(&expected);
+    const ProblemView view = Introspect(problem);
+    ASSERT_EQ(view.blocks.size(), expected.size());
+    for (std::size_t b = 0; b < expected.size(); ++b) {
+      EXPECT_EQ(view.blocks[b].values, expected[b]);
+      EXPECT_EQ(view.index.Find(expected[b]), static_cast<int>(b));
+      EXPECT_EQ(view.blocks[b].degree > 0, expected[b] != &values.back());
+    }
+  }
+}
+
 TEST(Introspection, SeesLocalParameterizations) {
   const auto test = MakeWindow(3, 4, false);
   const ProblemView view = Introspect(test->problem);

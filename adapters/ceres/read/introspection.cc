@@ -88,10 +88,47 @@ void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& poi
   }
 }
 
+// Those that residual blocks touch, in any order.
+std::vector<double*> FindTouchedBlocks(const ceres::Problem& problem, ProblemView* view) {
+  std::vector<double*> touched, blocks, before;
+  view->index.Reserve(static_cast<std::size_t>(problem.NumParameterBlocks()));
+  for (const ceres::ResidualBlockId id : view->ids) {
+    problem.GetParameterBlocksForResidualBlock(id, &blocks);
+    for (std::size_t s = 0; s < blocks.size(); ++s) {
+      // The slot of the residual block before often has the same.
+      const bool is_near = s < before.size() && before[s] == blocks[s];
+      const int next = static_cast<int>(touched.size());
+      if (!is_near && view->index.FindOrAdd(blocks[s], next) == next) {
+        touched.push_back(blocks[s]);
+      }
+    }
+    blocks.swap(before);
+  }
+  return touched;
+}
+
+// By address, as Ceres shows them, node by node of its map. Of many blocks most nodes are not in
+// the cache, and each is waited for before it is known where the next one is. What residual blocks
+// point to, mostly all of them, can be asked for some at a time.
+std::vector<double*> FindBlocks(const ceres::Problem& problem, ProblemView* view) {
+  constexpr int kMany = 4096;
+  constexpr int kMostUses = 8;  // residual blocks for each
+  const auto count = static_cast<std::size_t>(problem.NumParameterBlocks());
+  std::vector<double*> pointers;
+  if (count >= kMany && view->ids.size() <= kMostUses * count) {
+    pointers = FindTouchedBlocks(problem, view);
+  }
+  if (pointers.size() == count) {
+    std::sort(pointers.begin(), pointers.end());
+  } else {
+    problem.GetParameterBlocks(&pointers);
+  }
+  return pointers;
+}
+
 void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, bool may_have_bounds,
                          ProblemView* view) {
-  std::vector<double*> pointers;
-  problem.GetParameterBlocks(&pointers);
+  const std::vector<double*> pointers = FindBlocks(problem, view);
   view->index.Build(pointers);
   LookUpBlocks(problem, pointers, num_threads, may_have_bounds, view);
   for (std::size_t b = 0; b < view->blocks.size(); ++b) {
@@ -111,7 +148,6 @@ class ResidualReader {
   explicit ResidualReader(ProblemView* view) : view_(*view) {}
 
   void Run(const ceres::Problem& problem, int num_threads) {
-    problem.GetResidualBlocks(&view_.ids);
     count_ = static_cast<int>(view_.ids.size());
     view_.residuals.resize(view_.ids.size());
     view_.moving.reserve(view_.ids.size());
@@ -228,6 +264,7 @@ std::size_t ProblemView::Bytes() const {
 void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads,
                 bool may_have_bounds) {
   view->Clear();
+  problem.GetResidualBlocks(&view->ids);
   ReadParameterBlocks(problem, num_threads, may_have_bounds, view);
   ResidualReader(view).Run(problem, num_threads);
   for (const ParameterBlockView& block : view->blocks) {

@@ -13,20 +13,31 @@ class PointerIndex {
   /// Index i belongs to pointers[i]; the pointers are distinct and not null.
   template <typename T>
   void Build(const std::vector<T*>& pointers) {
+    Reserve(pointers.size());
+    for (std::size_t i = 0; i < pointers.size(); ++i) {
+      FindOrAdd(pointers[i], static_cast<int>(i));
+    }
+  }
+  /// Nothing yet, and room for so many.
+  void Reserve(std::size_t count) {
     int bits = 4;
-    while ((std::size_t{1} << bits) < 2 * pointers.size()) {
+    while ((std::size_t{1} << bits) < 2 * count) {
       ++bits;
     }
     shift_ = 64 - bits;
     mask_ = (std::size_t{1} << bits) - 1;
     entries_.assign(mask_ + 1, Entry{});
-    for (std::size_t i = 0; i < pointers.size(); ++i) {
-      std::size_t place = Home(pointers[i]);
-      while (entries_[place].pointer != nullptr) {
-        place = (place + 1) & mask_;
-      }
-      entries_[place] = {pointers[i], static_cast<int>(i)};
+  }
+  /// The index of a pointer, not null, which is this one if it was not there.
+  int FindOrAdd(const void* pointer, int index) {
+    std::size_t place = Home(pointer);
+    while (entries_[place].pointer != nullptr && entries_[place].pointer != pointer) {
+      place = (place + 1) & mask_;
     }
+    if (entries_[place].pointer == nullptr) {
+      entries_[place] = {pointer, index};
+    }
+    return entries_[place].index;
   }
 
   std::size_t Bytes() const { return entries_.capacity() * sizeof(Entry); }
