@@ -4,6 +4,7 @@
 #include <memory>
 #include <numeric>
 
+#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
 #include "schur/visibility_clusters.h"
 
@@ -52,28 +53,43 @@ FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool sing
 
 // The diagonal, and what clusters keep of the blocks of S.
 BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
-  std::vector<std::vector<int>> columns(structure.offsets.size() - 1);
-  const auto add = [&](int i, int j) {
-    if (Keeps(i, j)) {
-      columns[i].push_back(j);
-    }
-  };
-  for (const auto& [i, j] : structure.between) {
-    add(i, j);
-  }
-  for (std::size_t e = 0; e + 1 < structure.seen_begin.size(); ++e) {
-    for (int a = structure.seen_begin[e]; a < structure.seen_begin[e + 1]; ++a) {
-      for (int b = structure.seen_begin[e]; b < a; ++b) {
-        add(structure.seen[a], structure.seen[b]);
-      }
-    }
-  }
+  const std::size_t num_kept = structure.offsets.size() - 1;
+  // Per kept variable: those that share a factor with it, and the eliminated ones that do.
+  std::vector<int> coupled_begin, coupled, seen_by_begin, seen_by;
+  CountingSort(
+      num_kept,
+      [&](const auto& add) {
+        for (const auto& [i, j] : structure.between) {
+          add(i, j);
+        }
+      },
+      &coupled_begin, &coupled);
+  CountingSort(
+      num_kept,
+      [&](const auto& add) {
+        for (std::size_t e = 0; IsByClusters() && e + 1 < structure.seen_begin.size(); ++e) {
+          for (int k = structure.seen_begin[e]; k < structure.seen_begin[e + 1]; ++k) {
+            add(structure.seen[k], static_cast<int>(e));
+          }
+        }
+      },
+      &seen_by_begin, &seen_by);
+  std::vector<int> row, last_row(num_kept, -1);
   BlockPattern pattern = PatternWithoutBlocks(structure.offsets);
-  for (std::size_t i = 0; i < columns.size(); ++i) {
-    std::vector<int>& row = columns[i];
-    row.push_back(static_cast<int>(i));
+  for (int i = 0; i < static_cast<int>(num_kept); ++i) {
+    row.assign(1, i);
+    const auto add = [&](int j) {
+      if (j < i && last_row[j] != i && Keeps(i, j)) {
+        last_row[j] = i;
+        row.push_back(j);
+      }
+    };
+    std::for_each(coupled.begin() + coupled_begin[i], coupled.begin() + coupled_begin[i + 1], add);
+    for (int k = seen_by_begin[i]; k < seen_by_begin[i + 1]; ++k) {
+      std::for_each(structure.seen.begin() + structure.seen_begin[seen_by[k]],
+                    structure.seen.begin() + structure.seen_begin[seen_by[k] + 1], add);
+    }
     std::sort(row.begin(), row.end());
-    row.erase(std::unique(row.begin(), row.end()), row.end());
     AppendRow(row, &pattern);
   }
   return pattern;

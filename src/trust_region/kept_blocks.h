@@ -38,6 +38,8 @@ class KeptBlocks {
   bool IsEmpty() const { return kind_ == PreconditionerKind::kIdentity; }
   /// Blocks are those of S, not of H.
   bool AreOfS() const { return !IsEmpty() && kind_ != PreconditionerKind::kJacobi; }
+  /// Blocks beside the diagonal too.
+  bool IsByClusters() const;
   bool Keeps(int i, int j) const { return clusters_.Keeps(i, j); }
 
   void SetZero();
@@ -52,7 +54,6 @@ class KeptBlocks {
  private:
   FrameClusters FindClusters(const KeptStructure& structure, bool single_linkage) const;
   BlockPattern FindPattern(const KeptStructure& structure) const;
-  bool IsByClusters() const;
 
   const PreconditionerKind kind_;
   const Executor& executor_;

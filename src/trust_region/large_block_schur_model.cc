@@ -242,7 +242,9 @@ void LargeBlockSchurModel::SubtractCoupledBlocks(std::size_t e) {
   for (auto row = entries.begin(); row != entries.end(); ++row) {
     const int i = row->OtherThan(eliminated_[e]);
     const MatrixXd minus_product = -Off(*row, i) * eliminated_inverse_[e];
-    for (auto column = entries.begin(); column <= row; ++column) {
+    // Block Jacobi has none beside the diagonal.
+    for (auto column = preconditioner_->IsByClusters() ? entries.begin() : row; column <= row;
+         ++column) {
       const int j = column->OtherThan(eliminated_[e]);
       if (preconditioner_->Keeps(place_[i], place_[j])) {
         preconditioner_->Add(place_[i], place_[j], minus_product * Off(*column, eliminated_[e]));
