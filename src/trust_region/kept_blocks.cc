@@ -14,7 +14,7 @@ namespace inceres::internal {
 // Jacobi is the case of clusters of one variable each, but for the inverses, which Ceres takes
 // there and which are applied faster.
 
-KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, KeptStructure structure,
+KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, const KeptStructure& structure,
                        const Executor& executor, Status* status)
     : kind_(options.preconditioner), executor_(executor) {
   if (kind_ == PreconditionerKind::kSubset || kind_ == PreconditionerKind::kTwoLevel) {
@@ -114,6 +114,7 @@ Status KeptBlocks::Factorize() {
     return factor_->Factorize(values_.data(), zeros_.data());
   }
   std::vector<const double*> diagonal;
+  diagonal.reserve(static_cast<std::size_t>(pattern_.num_blocks()));
   for (int i = 0; i < pattern_.num_blocks(); ++i) {
     diagonal.push_back(values_.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1]);
   }

@@ -31,7 +31,7 @@ struct KeptStructure {
 class KeptBlocks {
  public:
   /// Fails for other kinds, which factor a sum or have levels: of H, not of this S.
-  KeptBlocks(const ConjugateGradientsOptions& options, KeptStructure structure,
+  KeptBlocks(const ConjugateGradientsOptions& options, const KeptStructure& structure,
              const Executor& executor, Status* status);
 
   /// None of them: the identity.
