@@ -130,7 +130,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   // One number a frame tells whether it is known to this landmark: no search through a separator.
   std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
   const Linearization* owner = nullptr;               // of the factors at hand
-  std::size_t num_factors = 0;  // most with one frame each
+  std::size_t num_factors = 0;                        // most with one frame each
   for (const LandmarkFactors& entry : factors) {
     num_factors += static_cast<std::size_t>(entry.count);
   }
