@@ -19,7 +19,8 @@ namespace inceres::internal {
 // is left above runs when those it waits for are done. Update matrices live from their elimination
 // to the parent's assembly. Within a segment they are placed as in a stack with gaps, planned here
 // by going through the fronts in order; segments do not share memory, since they run at the same
-// time.
+// time, unless there is one thread only: then they run in the order in which each names those that
+// come before it, and all share one stack.
 
 namespace {
 
@@ -191,11 +192,14 @@ class TreeBuilder {
 // Memory of update matrices: the lowest gap, while the others wait.
 class UpdatePlanner {
  public:
+  /// From this place on.
+  explicit UpdatePlanner(std::size_t begin = 0) : begin_(begin), peak_(begin) {}
+
   std::size_t Place(std::size_t size) {
     if (size == 0) {
-      return 0;  // of a root, which no parent frees
+      return begin_;  // of a root, which no parent frees
     }
-    std::size_t begin = 0;
+    std::size_t begin = begin_;
     auto at = waiting_.begin();
     // First fit: past each piece that is too near until there is room.
     for (; at != waiting_.end() && at->begin < begin + size; ++at) {
@@ -216,13 +220,14 @@ class UpdatePlanner {
     std::size_t begin, end;
   };
   std::vector<Piece> waiting_;  // ascending
-  std::size_t peak_ = 0;
+  const std::size_t begin_;
+  std::size_t peak_;
 };
 
 // Cuts a tree into tasks, and places what each front needs.
 class Scheduler {
  public:
-  explicit Scheduler(FrontTree* tree) : tree_(*tree) {}
+  Scheduler(FrontTree* tree, bool one_by_one) : tree_(*tree), one_by_one_(one_by_one) {}
 
   void Plan() {
     CutIntoSegments();
@@ -306,44 +311,58 @@ class Scheduler {
       tree_.vectors_size += static_cast<std::size_t>(front.num_rows());
     }
     tree_.update_begin.assign(tree_.fronts.size(), 0);
+    if (one_by_one_) {
+      UpdatePlanner planner;
+      PlanUpdatesUpTo(tree_.segments.front(), &planner);
+      tree_.updates_size = planner.peak();
+      return;
+    }
     // One stretch for each segment, however they run.
     for (const FrontSegment& segment : tree_.segments) {
-      tree_.updates_size += PlanUpdates(segment, tree_.updates_size);
+      UpdatePlanner planner(tree_.updates_size);
+      PlanUpdates(segment, &planner);
+      tree_.updates_size = planner.peak();
     }
   }
 
-  // Places the update matrices of a segment's fronts from `begin` on; those of children in other
-  // segments stay where they are. What they take.
-  std::size_t PlanUpdates(const FrontSegment& segment, std::size_t begin) {
-    UpdatePlanner planner;
-    const auto place = [&](int f) {
-      tree_.update_begin[f] = begin + planner.Place(tree_.UpdateSize(f));
-    };
+  void PlanUpdatesUpTo(const FrontSegment& segment, UpdatePlanner* planner) {
+    for (const int before : segment.before) {
+      PlanUpdatesUpTo(tree_.segments[before], planner);
+    }
+    PlanUpdates(segment, planner);
+  }
+
+  // Places the update matrices of a segment's fronts.
+  void PlanUpdates(const FrontSegment& segment, UpdatePlanner* planner) {
     for (const int f : segment.fronts) {
-      const Front& front = tree_.fronts[f];
-      // A front that is not open yet is placed while its children still wait: it is assembled from
-      // them.
       if (tree_.opened_by[f] == FrontTree::kNone) {
-        place(f);
-        for (int k = front.child_begin; k < front.child_end; ++k) {
-          const int child = tree_.children[k];
-          if (tree_.segment_of[child] == tree_.segment_of[f]) {
-            planner.Free(tree_.update_begin[child] - begin);
-          }
-        }
+        PlanOpening(f, planner);
       }
       // Its update matrix goes to the parent at once, which its first child opens.
       if (tree_.IsTakenEarly(f)) {
-        if (tree_.opened_by[front.parent] == f) {
-          place(front.parent);
+        if (tree_.opened_by[tree_.fronts[f].parent] == f) {
+          PlanOpening(tree_.fronts[f].parent, planner);
         }
-        planner.Free(tree_.update_begin[f] - begin);
+        planner->Free(tree_.update_begin[f]);
       }
     }
-    return planner.peak();
+  }
+
+  // A front is placed while its children still wait: it is assembled from them. Those of children
+  // in other segments stay where they are, as long as these may run at any time.
+  void PlanOpening(int f, UpdatePlanner* planner) {
+    tree_.update_begin[f] = planner->Place(tree_.UpdateSize(f));
+    for (int k = tree_.fronts[f].child_begin; k < tree_.fronts[f].child_end; ++k) {
+      const int child = tree_.children[k];
+      if (!tree_.IsTakenEarly(child) &&
+          (one_by_one_ || tree_.segment_of[child] == tree_.segment_of[f])) {
+        planner->Free(tree_.update_begin[child]);
+      }
+    }
   }
 
   FrontTree& tree_;
+  const bool one_by_one_;
 };
 
 }  // namespace
@@ -354,7 +373,8 @@ std::size_t FrontTree::Bytes() const {
          pieces.capacity() * sizeof(FrontPiece);
 }
 
-Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect) {
+Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect,
+                      bool one_by_one) {
   *tree = FrontTree();
   // No frames: an empty tree, with one segment that has nothing to do.
   if (pattern.num_blocks() == 0) {
@@ -364,7 +384,7 @@ Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dis
   const Status found = FindSymbolicFactor(pattern, may_dissect, &factor);
   if (found.ok()) {
     TreeBuilder(pattern, factor, tree).Build();
-    Scheduler(tree).Plan();
+    Scheduler(tree, one_by_one).Plan();
   }
   return found;
 }

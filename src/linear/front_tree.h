@@ -93,7 +93,9 @@ struct FrontTree {
 };
 
 /// The tree of FindSymbolicFactor's order and fronts, in scalars. Fails as that does; `may_dissect`
-/// is for it.
-Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect = true);
+/// is for it. one_by_one: segments run one after the other, each behind those before it in their
+/// order, and need less memory.
+Status BuildFrontTree(const BlockPattern& pattern, FrontTree* tree, bool may_dissect = true,
+                      bool one_by_one = false);
 
 }  // namespace inceres::internal

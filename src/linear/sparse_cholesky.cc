@@ -5,6 +5,7 @@
 
 #include "linear/dense_panel.h"
 #include "linear/front_elimination.h"
+#include "linear/front_values.h"
 #include "linear/not_positive_definite.h"
 
 namespace inceres::internal {
@@ -36,7 +37,8 @@ std::size_t SparseCholesky::Bytes() const {
 // no zeros, since ZeroFront writes what is read.
 Status SparseCholesky::Analyze(const ReducedMatrix& A) {
   pattern_ = &A.pattern();
-  const Status built = BuildFrontTree(*pattern_, &tree_);
+  const Status built = BuildFrontTree(*pattern_, &tree_, /*may_dissect=*/true,
+                                      /*one_by_one=*/executor_.num_threads() == 1);
   if (!built.ok()) {
     return built;
   }
@@ -49,6 +51,15 @@ Status SparseCholesky::Analyze(const ReducedMatrix& A) {
   vectors_.assign(tree_.vectors_size, 0.0);
   failed_.assign(tree_.segments.size(), FrontTree::kNone);
   return built;
+}
+
+// What Analyze has taken has not been touched: the new memory comes in its place.
+double* SparseCholesky::PlaceValues(BlockPattern* pattern) {
+  PlaceValuesInFactor(&tree_, pattern);
+  if (L_.size() < tree_.factor_size) {
+    L_ = ZeroedArray(tree_.factor_size);
+  }
+  return L_.data();
 }
 
 // As Analyze would take it, if nothing were there.

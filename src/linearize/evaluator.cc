@@ -4,9 +4,11 @@
 #include <cstdint>
 #include <numeric>
 
+#include "base/address.h"
 #include "linearize/jacobian_places.h"
 #include "linearize/robust_costs.h"
 #include "linearize/strip_gradient.h"
+#include "linearize/variable_look_up.h"
 
 namespace inceres::internal {
 namespace {
@@ -138,7 +140,9 @@ void Evaluator::BuildFamily(FamilyId id) {
     cache.PlaceByFactor(num_places,
                         storage_ == JacobianStorage::kByFactorInSingle &&
                             Linearization::MayKeepSingles(*cache.family, num_places),
-                        RecordsByLandmark(*graph_, layout_, id));
+                        storage_ == JacobianStorage::kWithoutPadding
+                            ? std::vector<std::int32_t>()
+                            : RecordsByLandmark(*graph_, layout_, id));
   }
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.
@@ -212,14 +216,22 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
     // at.
     PlaceInTangent(layout_, cache.Entry(chunk.begin), cache.Entry(chunk.end), &cache);
   }
-  EvaluationFailure failure = jacobians ? cache.Linearize(chunk.begin, chunk.end)
-                                        : cache.EvaluateCandidate(chunk.begin, chunk.end);
+  // Residuals that nobody reads again once their costs are summed.
+  double of_chunk[kChunkSize * VariableLookUp::kMostRows];
+  double* const candidate_f =
+      cache.look_up != nullptr
+          ? AddressBefore(std::ptrdiff_t{chunk.begin} * cache.residual_size, of_chunk)
+          : cache.candidate_residuals.data();
+  EvaluationFailure failure = jacobians
+                                  ? cache.Linearize(chunk.begin, chunk.end)
+                                  : cache.EvaluateCandidate(chunk.begin, chunk.end, candidate_f);
   // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
     double* sum = sums_.data() + chunk.first_sum;
     for (int begin = chunk.begin; begin < chunk.end && !failure.failed();) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk.end);
-      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, &cache, &failure);
+      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, candidate_f, &cache,
+                        &failure);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
@@ -238,9 +250,7 @@ Status Evaluator::DescribeFailure(bool jacobians, FamilyId id, const EvaluationF
   const Linearization& cache = families_[id];
   return Status::Error(
       StatusCode::kEvaluationFailed,
-      graph_->DescribeFailure(id, failure,
-                              jacobians ? cache.Parameters(failure.factor)
-                                        : cache.CandidateParameters(failure.factor)));
+      graph_->DescribeFailure(id, failure, ParametersOf(cache, failure.factor, !jacobians).data()));
 }
 
 // Announces all factors of a family that asks for it.
@@ -355,16 +365,7 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
 std::int64_t Evaluator::Bytes() const {
   std::int64_t bytes = 0;
   for (const Linearization& cache : families_) {
-    bytes += static_cast<std::int64_t>(
-        sizeof(double) *
-        (cache.residuals.size() * 2 + cache.jacobian_values.size() + cache.strip_values.size()));
-    bytes += static_cast<std::int64_t>(cache.parameters.size() *
-                                       (2 * sizeof(void*) + sizeof(std::int32_t)));
-    bytes += static_cast<std::int64_t>((cache.records.size() + cache.record_offsets.size()) *
-                                       sizeof(std::int32_t));
-    bytes += cache.BytesKept();
-    bytes += static_cast<std::int64_t>(cache.candidate_parameters.size() * sizeof(void*) +
-                                       cache.loss_values.size() * sizeof(LossValue));
+    bytes += BytesOf(cache);
   }
   return bytes + static_cast<std::int64_t>(sizeof(double) * gradient_.size()) + points_.Bytes();
 }

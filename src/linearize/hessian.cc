@@ -356,7 +356,7 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
-      kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
+      kernels_.landmark_gram(size, incidences_.FactorsAt(k), P, eta);
     }
     if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
       const double* const of_landmark =

@@ -1,12 +1,15 @@
 #include "linearize/incidences.h"
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
 
 #include "base/counting_sort.h"
 
 namespace inceres::internal {
 namespace {
+
+constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of LandmarkFactors
 
 // Symbolic elimination (docs/algorithms.md, "Schur complement"): numbers all pairs (landmark,
 // frame) with a common factor, gives each block Y_li its place, and tells each factor where its
@@ -225,6 +228,43 @@ int LandmarkIncidences::ChunkOf(int landmark) const {
   return static_cast<int>(std::upper_bound(chunk_begin.begin(), chunk_begin.end(), landmark) -
                           chunk_begin.begin()) -
          1;
+}
+
+// Of an entry all but three numbers is the same as in others.
+void LandmarkIncidences::ShortenFactors() {
+  few_numbers_.reserve(factors.size());
+  for (const FactorList& list : factor_lists_) {
+    LandmarkFactors& of_slot = of_slots_.emplace_back();
+    of_slot.factors = list.factors.data();
+  }
+  for (const LandmarkFactors& entry : factors) {
+    int slot = 0;
+    for (const std::less<> before;
+         before(entry.factors, factor_lists_[slot].factors.data()) ||
+         !before(entry.factors,
+                 factor_lists_[slot].factors.data() + factor_lists_[slot].factors.size());) {
+      ++slot;
+    }
+    LandmarkFactors& of_slot = of_slots_[slot];
+    const std::int32_t* const first = of_slot.factors;
+    of_slot = entry;
+    of_slot.factors = first;
+    few_numbers_.push_back({slot, static_cast<int>(entry.factors - first), entry.count});
+  }
+  std::vector<LandmarkFactors>().swap(factors);
+}
+
+// Y of one chunk is still there when it is substituted back; else Wᵀδ comes from the Jacobians.
+void LandmarkIncidences::ForgetPlaces() {
+  if (factors.size() > kFewEntries) {
+    ShortenFactors();
+  }
+  std::vector<std::int32_t>().swap(frames);
+  std::vector<int>().swap(frame_incidences);
+  std::vector<std::int32_t>().swap(landmarks);
+  if (num_chunks() > 1 || tail) {
+    std::vector<Incidence>().swap(incidences);
+  }
 }
 
 // Blocks of a frame lie together within a chunk, and within these by landmark size: the terms of a

@@ -31,6 +31,21 @@ struct LandmarkIncidences {
   int num_chunks() const { return static_cast<int>(chunk_begin.size()) - 1; }
   int ChunkOf(int landmark) const;
 
+  /// Gives back the columns by incidence that only planning reads, but for those of `incidences`
+  /// where substitution needs them, and `factors`: for who has all plans, and asks for FactorsAt.
+  void ForgetPlaces();
+  /// Entry k of `factors`, wherever it is.
+  LandmarkFactors FactorsAt(int k) const {
+    if (few_numbers_.empty()) {
+      return factors[k];
+    }
+    const FewNumbers& entry = few_numbers_[k];
+    LandmarkFactors result = of_slots_[entry.slot];
+    result.factors += entry.first;
+    result.count = entry.count;
+    return result;
+  }
+
   // Per landmark: its incidences, in order of first appearance.
   std::vector<int> begin;  // num_landmarks + 1
   std::vector<Incidence> incidences;
@@ -60,6 +75,7 @@ struct LandmarkIncidences {
     std::vector<int> begin;
   };
   void CollectFactors(const Evaluator& evaluator);
+  void ShortenFactors();
   void ListFactors(const std::vector<FactorsThroughSlot>& slots);
   void CollectIncidences(const Evaluator& evaluator);
   void ChooseStorage(const Layout& layout, bool may_have_tail);
@@ -73,7 +89,15 @@ struct LandmarkIncidences {
     FamilyId family;
     std::vector<std::int32_t> factors;  // by landmark
   };
-  std::vector<FactorList> factor_lists_;
+  // All that entries of `factors` with the same family and slot do not share.
+  struct FewNumbers {
+    int slot;  // among of_slots_
+    int first;
+    int count;
+  };
+  std::vector<FewNumbers> few_numbers_;               // per entry of `factors`; or empty
+  std::vector<LandmarkFactors> of_slots_;             // without their count
+  std::vector<FactorList> factor_lists_;              // of the same slots
   std::vector<std::vector<std::int32_t>> y_targets_;  // per family
 };
 

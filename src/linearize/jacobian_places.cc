@@ -26,6 +26,11 @@ bool ComesUnwritten(std::size_t size) {
   return size <= kMostUnwritten;
 }
 
+// What is far beyond the largest caches is read at the speed of memory, padding and all. Kernels
+// for rows without it take a few instructions more: on a path of 1,000 cameras, whose Jacobians
+// take 51 MB, 2 % of those of a solve.
+constexpr std::int64_t kMostPadded = std::int64_t{1} << 27;  // 128 MiB
+
 // One to three entries at the end of each row.
 void ClearPadding(int padding, int row_stride, double* begin, double* end) {
   for (double* next_row = begin + row_stride; next_row <= end; next_row += row_stride) {
@@ -68,6 +73,19 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
     }
   }
   return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
+}
+
+bool IsPaddingDear(const FactorGraph& graph) {
+  std::int64_t padded = 0, entries = 0;
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    const FactorFamily& family = graph.family(id);
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const std::int64_t rows = std::int64_t{graph.NumFactors(id)} * family.residual_size();
+      padded += rows * PadToQuad(family.slot(s).tangent_size);
+      entries += rows * family.slot(s).tangent_size;
+    }
+  }
+  return padded > entries && padded * std::int64_t{sizeof(double)} > kMostPadded;
 }
 
 void PlaceWholeRows(const Layout& layout, Linearization* cache) {
@@ -154,7 +172,7 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
 }
 
 void PlaceBySlot(int num_places, Linearization* cache) {
-  const auto size = static_cast<std::size_t>(cache->FactorSize() * num_places);
+  const auto size = static_cast<std::size_t>(FactorSize(*cache) * num_places);
   cache->jacobian_values = ComesUnwritten(size) ? ZeroedArray::Unwritten(size) : ZeroedArray(size);
   cache->capacity = num_places;
   double* next = cache->jacobian_values.data();

@@ -16,6 +16,10 @@ namespace inceres::internal {
 /// one small dense matrix.
 JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 
+/// Whether rows padded to quads would spend so much memory that it is worth more than the few
+/// instructions that products of padded rows take less: of Jacobians that no cache holds anyway.
+bool IsPaddingDear(const FactorGraph& graph);
+
 /// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
 void PlaceWholeRows(const Layout& layout, Linearization* cache);
 

@@ -1,9 +1,11 @@
 #include "linearize/linearization.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <numeric>
 #include <utility>
+
+#include "base/address.h"
+#include "linearize/variable_look_up.h"
 
 namespace inceres::internal {
 
@@ -21,13 +23,6 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
   ZeroedArray larger(size);
   std::copy_n(array->data(), used, larger.data());
   *array = std::move(larger);
-}
-
-// The address so many doubles before `data`, whatever is there.
-double* BeforeBy(std::ptrdiff_t count, const double* data) {
-  const std::uintptr_t address =
-      reinterpret_cast<std::uintptr_t>(data) - static_cast<std::uintptr_t>(count) * sizeof(double);
-  return reinterpret_cast<double*>(address);  // NOLINT(performance-no-int-to-ptr)
 }
 
 // Records lie apart where they are in another order than the factors: so many ahead are asked for.
@@ -163,18 +158,25 @@ void Linearization::PlaceSlots(double* first) {
   }
 }
 
-std::ptrdiff_t Linearization::FactorSize() const {
-  return std::accumulate(slots.begin(), slots.end(), std::ptrdiff_t{0},
+std::ptrdiff_t FactorSize(const Linearization& factors) {
+  return std::accumulate(factors.slots.begin(), factors.slots.end(), std::ptrdiff_t{0},
                          [&](std::ptrdiff_t sum, const SlotJacobians& slot) {
-                           return sum + std::ptrdiff_t{residual_size} * slot.row_stride;
+                           return sum + std::ptrdiff_t{factors.residual_size} * slot.row_stride;
                          });
+}
+
+EvaluationFailure Linearization::EvaluateCandidate(int begin, int end, double* f) {
+  FactorBatch batch = CandidateBatch(begin, end);
+  batch.residuals = f;
+  batch.prepared = prepared_;
+  return EvaluateBatch(*this, batch);
 }
 
 // Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
 // where the Jacobians of factor 0 would be. That address is a number only: none of it is used.
 void Linearization::BeginStrip(int first) {
   strip_begin_ = first;
-  PlaceSlots(BeforeBy(first * slots[0].factor_stride, strip_values.data()));
+  PlaceSlots(AddressBefore(first * slots[0].factor_stride, strip_values.data()));
 }
 
 // Who reads Jacobians in double by mistake where they are in single precision, or writes to a strip
@@ -197,8 +199,8 @@ double* Linearization::WrittenResiduals() const {
   if (records.empty()) {
     return residuals.data();
   }
-  const double* const strip_end = strip_values.data() + strip_values.size();
-  return BeforeBy(std::ptrdiff_t{strip_begin_ + kStripSize} * residual_size, strip_end);
+  double* const strip_end = strip_values.data() + strip_values.size();
+  return AddressBefore(std::ptrdiff_t{strip_begin_ + kStripSize} * residual_size, strip_end);
 }
 
 // Of all slots, for a factor's blocks lie together.
@@ -299,7 +301,7 @@ EvaluationFailure Linearization::Linearize(int begin, int end) {
   FactorBatch batch = LinearizationBatch(begin, end);
   batch.prepared = prepared_;
   // Families without a pin take one call.
-  return pins.empty() ? family->Evaluate(batch) : LinearizePinned(batch);
+  return pins.empty() ? EvaluateBatch(*this, batch) : LinearizePinned(batch);
 }
 
 // With pins two evaluations at two points follow: neither is announced.

@@ -15,6 +15,8 @@
 
 namespace inceres::internal {
 
+class VariableLookUp;
+
 /// How the tangent Jacobians of a family's factors lie in memory.
 enum class JacobianStorage {
   kBySlot,  ///< those of each slot together, rows padded: factors touch what they like
@@ -26,6 +28,9 @@ enum class JacobianStorage {
   /// as kByFactor, and those of families that are large (Linearization::MayKeepSingles) in single
   /// precision
   kByFactorInSingle,
+  /// as kByFactor, in the order of the factors, whatever landmarks they touch: where padding would
+  /// take much memory
+  kWithoutPadding,
 };
 
 /// The factors of one family, linearized: where their variables are, residuals and tangent
@@ -78,10 +83,10 @@ struct Linearization {
   /// it, Jacobians say.
   FactorBatch CandidateBatch(int begin, int end);
   EvaluationFailure EvaluateCandidate(int begin, int end) {
-    FactorBatch batch = CandidateBatch(begin, end);
-    batch.prepared = prepared_;
-    return family->Evaluate(batch);
+    return EvaluateCandidate(begin, end, candidate_residuals.data());
   }
+  /// The residual of factor i goes to f + i · residual_size.
+  EvaluationFailure EvaluateCandidate(int begin, int end, double* f);
   /// Residuals and Jacobians.
   EvaluationFailure Linearize(int begin, int end);
   /// Tells a family that wants to know it (FactorFamily::Prepares) which factors the calls of
@@ -118,8 +123,6 @@ struct Linearization {
   /// What products with J take for one factor: all of a family's whole rows are one.
   int num_blocks() const { return has_whole_rows() ? std::min(num_factors, 1) : num_factors; }
   int rows_per_block() const { return residual_size * (has_whole_rows() ? num_factors : 1); }
-  /// Entries of J of one factor that a pass over J reads.
-  std::ptrdiff_t FactorSize() const;
   FactorRows Rows(int begin, int end) const;
 
   const FactorGraph* graph;
@@ -139,6 +142,8 @@ struct Linearization {
   std::vector<SlotJacobians> slots;  // of whole rows there is one
   // the same places slot by slot, as the public interface calls them
   std::vector<JacobianView> views;
+  // what entries of it need is looked up there; null: in the next columns
+  const VariableLookUp* look_up = nullptr;
   // Per entry:
   // without the second column: at the point where it was evaluated last
   std::vector<const double*> parameters;
@@ -168,6 +173,9 @@ struct Linearization {
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };
+
+/// Entries of J of one factor that a pass over J reads.
+std::ptrdiff_t FactorSize(const Linearization& factors);
 
 /// Each factor's last evaluation with Jacobians is kept, for whoever comes back to its values,
 /// until this is taken back. Nothing is without room.

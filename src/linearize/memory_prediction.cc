@@ -53,7 +53,8 @@ bool HasLargeFamilies(const FactorGraph& graph) {
 }
 
 bool IsByFactor(JacobianStorage storage) {
-  return storage == JacobianStorage::kByFactor || storage == JacobianStorage::kByFactorInSingle;
+  return storage == JacobianStorage::kByFactor || storage == JacobianStorage::kByFactorInSingle ||
+         storage == JacobianStorage::kWithoutPadding;
 }
 
 // As they are kept, with what it takes to know where; and of a strip of them as they are written.
@@ -68,7 +69,8 @@ std::int64_t BytesOfJacobians(const FactorGraph& graph, FamilyId id, JacobianSto
   const std::int64_t in_double = kDouble * PadToQuad(static_cast<int>(entries));
   const bool in_single = storage == JacobianStorage::kByFactorInSingle &&
                          Linearization::MayKeepSingles(family, graph.NumFactors(id));
-  const bool has_records = IsByFactor(storage) && HasRecordsByLandmark(graph, id);
+  const bool has_records = IsByFactor(storage) && storage != JacobianStorage::kWithoutPadding &&
+                           HasRecordsByLandmark(graph, id);
   std::int64_t bytes = num_places * in_double / (in_single ? 2 : 1);
   if (in_single || has_records) {
     bytes += Linearization::kStripSize * in_double;

@@ -28,6 +28,8 @@ class PointPair {
   std::vector<double>& mutable_candidate() { return candidate_; }
   /// Its address stays. Variables without a manifold have one in common if they are as large.
   const TangentMap& tangent_map(VariableId id) const { return *maps_[id]; }
+  /// The same per VariableId.
+  const TangentMap* const* tangent_maps() const { return maps_.data(); }
 
   /// Whether any variable that moves has bounds.
   bool IsConstrained() const { return !bounds_.empty(); }

@@ -19,10 +19,9 @@ struct GroupScales {
 };
 
 // Of the candidate: the values of the losses are kept.
-double SumCandidateCosts(int begin, int end, Linearization* family) {
+double SumCandidateCosts(int begin, int end, const double* candidate_f, Linearization* family) {
   const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
-  const double* f =
-      family->candidate_residuals.data() + std::ptrdiff_t{begin} * family->residual_size;
+  const double* f = candidate_f + std::ptrdiff_t{begin} * family->residual_size;
   LossValue* const values = family->loss_values.data();
   return WithConstantSize(family->residual_size, [=](auto rows) {
     const double* next = f;  // copies, which registers can hold
@@ -107,16 +106,15 @@ void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int 
 }  // namespace
 
 double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
-                Linearization* family, EvaluationFailure* failure) {
+                const double* candidate_f, Linearization* family, EvaluationFailure* failure) {
   // One pass over the residuals, as the sum of squares needs no loss.
   if (!family->graph->HasLosses(family->id)) {
-    const double* const f =
-        linearized ? family->WrittenResiduals() : family->candidate_residuals.data();
+    const double* const f = linearized ? family->WrittenResiduals() : candidate_f;
     return PlainCost(f + std::ptrdiff_t{begin} * family->residual_size,
                      std::ptrdiff_t{end - begin} * family->residual_size);
   }
   if (!linearized) {
-    return SumCandidateCosts(begin, end, family);
+    return SumCandidateCosts(begin, end, candidate_f, family);
   }
   GroupScales scales;
   const double cost = WithConstantSize(family->residual_size, [&](auto rows) {

@@ -14,7 +14,9 @@ constexpr int kSumSize = 16;
 ///
 /// `known_point`: the point was a candidate before. The values of losses are then those of
 /// Linearization::loss_values wherever the residual has the same norm to the bit.
+///
+/// candidate_f: the residual of factor i at the candidate is at candidate_f + i · residual_size.
 double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
-                Linearization* family, EvaluationFailure* failure);
+                const double* candidate_f, Linearization* family, EvaluationFailure* failure);
 
 }  // namespace inceres::internal

@@ -30,7 +30,7 @@ constexpr std::int64_t kJacobianShare = 100;
 int NumParts(const Evaluator& evaluator, int num_landmarks, int frame_entries) {
   std::int64_t size = 0;
   for (const Linearization& family : evaluator.families()) {
-    size += std::int64_t{family.num_factors} * family.FactorSize();
+    size += std::int64_t{family.num_factors} * FactorSize(family);
   }
   const std::int64_t most = std::min(kMaxParts, std::max(num_landmarks, 1));
   return static_cast<int>(

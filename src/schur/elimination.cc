@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/address.h"
 #include "base/counting_sort.h"
 #include "base/lowest_index.h"
 #include "linear/small_cholesky.h"
@@ -20,15 +21,18 @@ namespace inceres::internal {
 // the same for any number of threads. The first chunk begins a block with C, the later ones add to
 // it.
 //
-// Kept after Eliminate: U_inv and z of all landmarks, and Y where there is one chunk. Where there
-// are more, Y was overwritten, and the way back takes Wᵀδ_c from the Jacobians, as it does where
-// blocks of Y have their last column apart. Where no block of S is formed and there are several
-// chunks, nothing is worth a Y at all, and b comes from the Jacobians too.
+// Kept after Eliminate: U_inv and z of all landmarks, unless they may be forgotten and are many,
+// and Y where there is one chunk. Where there are more, Y was overwritten, and the way back takes
+// Wᵀδ_c from the Jacobians, as it does where blocks of Y have their last column apart. Where no
+// block of S is formed and there are several chunks, nothing is worth a Y at all, and b comes from
+// the Jacobians too.
 
 namespace {
 
 constexpr int kBlockGrain = 4;
 constexpr int kLandmarkGrain = 64;
+// Their U_inv and z take 8 MiB.
+constexpr int kFewLandmarks = 1 << 16;
 
 // out = base + the rows of `block`, padded to quads; none overlaps another. kColumns 0: their
 // number is known at run time.
@@ -59,7 +63,7 @@ int LandmarkOf(const VectorTerm& term) {
 }  // namespace
 
 Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                         const FramePlans& plans, const Hessian& hessian)
+                         const FramePlans& plans, const Hessian& hessian, const Memory& memory)
     : evaluator_(evaluator),
       incidences_(incidences),
       plans_(plans),
@@ -68,19 +72,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       coupled_(evaluator, incidences, hessian),
       // Whether Y is written: for blocks of S, or for b and the way back.
       keeps_all_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
-  const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
-  // U_inv and z here, P and η in the Hessian.
-  const std::size_t of_landmarks = num_landmarks * 2 * (hessian.landmark_stride() + kQuad);
-  // Memory is asked for before it is taken, so that a problem that is too large is refused by name.
-  evaluator.Take(static_cast<std::int64_t>(sizeof(double) * of_landmarks),
-                 "the blocks of the landmarks");
-  evaluator.Take(incidences.y_quads * kQuad * static_cast<std::int64_t>(sizeof(double)),
-                 "Y of the elimination");
-  U_inv_ = ZeroedArray(num_landmarks * hessian.landmark_stride());
-  z_ = ZeroedArray(num_landmarks * kQuad);
-  Y_ = ZeroedArray::Unwritten(incidences.y_quads * kQuad);
-  // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
-  S_ = ZeroedArray::Unwritten(plans.pattern.value_begin.back());
+  TakeMemory(memory);
   b_.resize(plans.pattern.size());
   rhs_end_.resize(static_cast<std::size_t>(evaluator.layout().num_frames));
   const Layout& layout = evaluator.layout();
@@ -92,6 +84,35 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
     rhs_terms_.push_back({incidences.incidences[k].y, incidences.landmarks[k] * kQuad});
   }
   CollectChunkBlocks();
+}
+
+// Memory is asked for before it is taken, so that a problem that is too large is refused by name.
+void Elimination::TakeMemory(const Memory& memory) {
+  const int num_chunks = incidences_.num_chunks();
+  keeps_landmarks_ = !memory.may_forget_landmarks || !keeps_all_ || num_chunks == 1 ||
+                     incidences_.num_landmarks() <= kFewLandmarks;
+  int num_kept = keeps_landmarks_ ? incidences_.num_landmarks() : 0;
+  for (int chunk = 0; chunk < num_chunks; ++chunk) {
+    num_kept =
+        std::max(num_kept, incidences_.chunk_begin[chunk + 1] - incidences_.chunk_begin[chunk]);
+  }
+  const auto num_landmarks = static_cast<std::size_t>(incidences_.num_landmarks());
+  const auto stride = static_cast<std::size_t>(hessian_.landmark_stride());
+  // U_inv and z here, P and η in the Hessian.
+  evaluator_.Take(
+      static_cast<std::int64_t>(
+          sizeof(double) * (num_landmarks + static_cast<std::size_t>(num_kept)) * (stride + kQuad)),
+      "the blocks of the landmarks");
+  evaluator_.Take(incidences_.y_quads * kQuad * static_cast<std::int64_t>(sizeof(double)),
+                  "Y of the elimination");
+  U_inv_ = ZeroedArray(static_cast<std::size_t>(num_kept) * stride);
+  z_ = ZeroedArray(static_cast<std::size_t>(num_kept) * kQuad);
+  Y_ = ZeroedArray::Unwritten(incidences_.y_quads * kQuad);
+  // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
+  if (memory.S == nullptr) {
+    S_memory_ = ZeroedArray::Unwritten(plans_.pattern.value_begin.back());
+  }
+  S_ = memory.S != nullptr ? memory.S : S_memory_.data();
 }
 
 void Elimination::CollectChunkBlocks() {
@@ -124,7 +145,7 @@ int Elimination::DampingOffset(int landmark) const {
 // The block alone: whether it has a factor is known before any of its Y is computed.
 bool Elimination::Factorize(int landmark, const double* damping) {
   return InvertCholeskyFactor(incidences_.sizes[landmark], hessian_.P(landmark), damping,
-                              U_inv_.data() + landmark * hessian_.landmark_stride());
+                              U_inv_.data() + Kept(landmark) * hessian_.landmark_stride());
 }
 
 // z = U_inv l, and the landmark's blocks of Y family by family: where two factors share a frame,
@@ -134,19 +155,22 @@ void Elimination::EliminateLandmark(int landmark) {
   const int size = incidences_.sizes[l];
   const double* const U_inv = UInv(landmark);
   const double* eta = hessian_.LandmarkEta(landmark);
-  double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
+  double* z = z_.data() + Kept(landmark) * kQuad;
+  std::fill_n(z, kQuad, 0.0);
   MultiplyLower(size, U_inv, eta, z);
   // Y_li = Σ J_cᵀ (J_l U_invᵀ), straight from the Jacobians: W is never stored.
   for (int k = incidences_.factors_begin[l]; keeps_all_ && k < incidences_.factors_begin[l + 1];
        ++k) {
-    kernels_.eliminate(size, incidences_.factors[k], U_inv, Y_.data());
+    kernels_.eliminate(size, incidences_.FactorsAt(k), U_inv, Y_.data());
   }
 }
 
 Status Elimination::Eliminate(const double* landmark_damping) {
   const Executor& executor = evaluator_.executor();
   const int num_landmarks = incidences_.num_landmarks();
+  landmark_damping_ = landmark_damping;
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
+    first_kept_ = keeps_landmarks_ ? 0 : incidences_.chunk_begin[chunk];
     // Of several landmarks that fail the first is named, whichever task met it.
     LowestIndex singular(num_landmarks);
     const int first = incidences_.chunk_begin[chunk];
@@ -203,7 +227,7 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   const auto k = static_cast<std::size_t>(place.block);
   const int rows = pattern.block_size(plans_.block_row[k]);
   const int columns = pattern.block_size(pattern.columns[k]);
-  double* out = S_.data() + pattern.value_begin[k];
+  double* out = S_ + pattern.value_begin[k];
   // Null: no factor touches both frames, so the pair is there for its landmarks only.
   const double* const C_ij = chunk == 0 ? hessian_.FrameBlock(place.block) : nullptr;
   const auto source_of = [&](int s) {
@@ -265,7 +289,7 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   while (end < incidences_.frame_begin[i + 1] && LandmarkOf(rhs_terms_[end]) < landmark_end) {
     ++end;
   }
-  SubtractOfFrame(z_.data(), frame, begin, end, sum);
+  SubtractOfFrame(frame, begin, end, sum);
   for (int k = 0; k < size; ++k) {
     const int at = pattern.offsets[i] + k;
     // c = −g of the frames, where b begins.
@@ -273,9 +297,8 @@ void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch)
   }
 }
 
-// sum −= Σ Y_li v_l over a frame's incidences from begin to end.
-void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end,
-                                  double* sum) const {
+// sum −= Σ Y_li z_l over a frame's incidences from begin to end.
+void Elimination::SubtractOfFrame(int frame, int begin, int end, double* sum) const {
   const auto size_of = [&](int k) { return incidences_.sizes[LandmarkOf(rhs_terms_[k])]; };
   while (begin < end) {
     int last = begin;
@@ -287,7 +310,7 @@ void Elimination::SubtractOfFrame(const double* v, int frame, int begin, int end
     // takes.
     VectorProducts products;
     products.a = Y_.data();
-    products.v = v;
+    products.v = AddressBefore(Kept(0) * -kQuad, z_.data());
     products.terms = rhs_terms_.data() + begin;
     products.count = last - begin;
     products.depth = size_of(begin);
@@ -332,9 +355,18 @@ void Elimination::BackSubstitute(const double* frame_step, double* landmark_step
 void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) const {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
-  const double* z = z_.data() + static_cast<std::ptrdiff_t>(landmark) * kQuad;
-  const double* const U_inv = UInv(landmark);
-  double y[kQuad] = {z[0], z[1], z[2], z[3]};
+  double own_U_inv[kQuad * kQuad];
+  double y[kQuad] = {};
+  const double* U_inv = own_U_inv;
+  if (keeps_landmarks_) {
+    U_inv = UInv(landmark);
+    std::copy_n(z_.data() + Kept(landmark) * kQuad, kQuad, y);
+  } else {
+    // It had a factor before, and has the same one now.
+    InvertCholeskyFactor(size, hessian_.P(landmark), landmark_damping_ + DampingOffset(landmark),
+                         own_U_inv);
+    MultiplyLower(size, U_inv, hessian_.LandmarkEta(landmark), y);
+  }
   // Y of all landmarks is still there, in the layout that the kernel reads.
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {
     kernels_.back_substitute(size, incidences_.incidences.data() + incidences_.begin[l],
@@ -344,7 +376,7 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
     double w[kQuad] = {};
     double U_inv_w[kQuad] = {};
     for (int k = incidences_.factors_begin[l]; k < incidences_.factors_begin[l + 1]; ++k) {
-      kernels_.multiply_coupling(incidences_.factors[k], padded_frame_step_.data(), w);
+      kernels_.multiply_coupling(incidences_.FactorsAt(k), padded_frame_step_.data(), w);
     }
     // Yᵀδ_c = U_inv Wᵀδ_c, with Wᵀδ_c from the Jacobians.
     MultiplyLower(size, U_inv, w, U_inv_w);
@@ -356,8 +388,8 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
 }
 
 std::int64_t Elimination::Bytes() const {
-  return static_cast<std::int64_t>(
-             sizeof(double) * (U_inv_.size() + z_.size() + Y_.size() + S_.size() + b_.size())) +
+  return static_cast<std::int64_t>(sizeof(double) * (U_inv_.size() + z_.size() + Y_.size() +
+                                                     S_memory_.size() + b_.size())) +
          coupled_.Bytes();
 }
 

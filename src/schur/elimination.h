@@ -23,18 +23,30 @@ namespace inceres::internal {
 /// al. 1999, section 6.1.
 class Elimination {
  public:
+  /// How much memory it may do without.
+  struct Memory {
+    /// Where S is formed, as the plans' pattern has its blocks; null: in memory of its own.
+    double* S = nullptr;
+    /// Of many landmarks U_inv and z are found again on the way back, and not kept: there is no
+    /// UInv and no AddCoupled.
+    bool may_forget_landmarks = false;
+  };
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-              const FramePlans& plans, const Hessian& hessian);
+              const FramePlans& plans, const Hessian& hessian, const Memory& memory);
+  Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
+              const FramePlans& plans, const Hessian& hessian)
+      : Elimination(evaluator, incidences, plans, hessian, Memory()) {}
 
-  /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only). kSingular names the
-  /// variable whose block P + Λ_l has no Cholesky factor.
+  /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only), which stays where it
+  /// is until the way back. kSingular names the variable whose block P + Λ_l has no Cholesky
+  /// factor.
   Status Eliminate(const double* landmark_damping);
 
   /// Values of S in the pattern of the frame system.
-  const double* S() const { return S_.data(); }
+  const double* S() const { return S_; }
   const double* b() const { return b_.data(); }
   /// U_inv of landmark l: rows four apart.
-  const double* UInv(int l) const { return U_inv_.data() + l * hessian_.landmark_stride(); }
+  const double* UInv(int l) const { return U_inv_.data() + Kept(l) * hessian_.landmark_stride(); }
   /// Rows of Y_li, where Y is whole: of one chunk, without a tail.
   const double* Y(const Incidence& incidence) const {
     return Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;
@@ -56,13 +68,16 @@ class Elimination {
     int block;
     int first_segment;  // of the chunk, if it has one there
   };
+  // Where U_inv and z of a landmark are among those that are there.
+  std::ptrdiff_t Kept(int landmark) const { return landmark - first_kept_; }
+  void TakeMemory(const Memory& memory);
   void CollectChunkBlocks();
   bool Factorize(int landmark, const double* damping);  // U_inv; false if the block is singular
   void EliminateLandmark(int landmark);                 // z and Y by it
   void FormBlocks(int chunk, int begin, int end);
   void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
-  void SubtractOfFrame(const double* v, int frame, int begin, int end, double* sum) const;
+  void SubtractOfFrame(int frame, int begin, int end, double* sum) const;
   void BackSubstituteLandmark(int landmark, double* landmark_step) const;
   void TakeRightHandSideFromJacobians();
   int DampingOffset(int landmark) const;
@@ -72,10 +87,14 @@ class Elimination {
   const FramePlans& plans_;
   const Hessian& hessian_;
   const Kernels& kernels_;
-  ZeroedArray U_inv_;  // per landmark, as P: rows four apart
-  ZeroedArray z_;      // per landmark: four entries
-  ZeroedArray Y_;      // of one chunk
-  ZeroedArray S_;
+  ZeroedArray U_inv_;            // per landmark, as P: rows four apart
+  ZeroedArray z_;                // per landmark: four entries
+  bool keeps_landmarks_ = true;  // else both are of one chunk
+  int first_kept_ = 0;
+  const double* landmark_damping_ = nullptr;
+  ZeroedArray Y_;         // of one chunk
+  ZeroedArray S_memory_;  // mostly empty
+  double* S_;
   std::vector<double> b_;
   AlignedVector<double> padded_frame_step_;
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block

@@ -39,7 +39,6 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   num_accepted_in_row_ = 0;
   held_.clear();
   damping_.resize(scale.size());
-  damped_step_.resize(scale.size());
 }
 
 // LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²).
@@ -63,6 +62,7 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
 }
 
 double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<double>& step) {
+  damped_step_.resize(step.size());
   std::transform(damping_.begin(), damping_.end(), step.begin(), damped_step_.begin(),
                  std::multiplies<>());
   return model.Dot(damped_step_, step);

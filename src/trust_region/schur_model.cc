@@ -5,6 +5,7 @@
 #include "linear/elimination_order.h"
 #include "linear/not_positive_definite.h"
 #include "linear/select_solver.h"
+#include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {
 
@@ -101,11 +102,19 @@ void PlainModel::Describe(WorkCounts* work) const {
   CountDynamicSizes(evaluator_, work);
 }
 
+// A sparse factor reads each block of S once, and before it writes there.
+double* PlainModel::PlaceS() {
+  auto* const sparse = dynamic_cast<SparseCholesky*>(reduced_solver_.get());
+  return sparse != nullptr ? sparse->PlaceValues(&plans_.pattern) : nullptr;
+}
+
 // The base class has made the solver for S already: its pattern has the blocks that elimination
-// fills.
+// fills. S is formed anew for each damping.
 SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
     : PlainModel(options, evaluator, status),
-      elimination_(evaluator, incidences_, plans_, hessian_) {
+      elimination_(evaluator, incidences_, plans_, hessian_,
+                   {PlaceS(), /*may_forget_landmarks=*/true}) {
+  incidences_.ForgetPlaces();
 }
 
 // The packed vectors have frames first, then landmarks; damping and step are cut there.

@@ -34,6 +34,9 @@ class PlainModel : public LinearModel {
  protected:
   /// δ_c = (S + diag(damping))⁻¹ b, timed. A system of size zero is solved by doing nothing.
   Status SolveReduced(const double* S, const double* b, const double* damping, double* step);
+  /// Where S may be formed without memory of its own, for the reduced solver that there is: the
+  /// plans' pattern then has its blocks there. Null: nowhere.
+  double* PlaceS();
 
   LandmarkIncidences incidences_;
   FramePlans plans_;

@@ -7,11 +7,13 @@
 #include <utility>
 
 #include "base/executor.h"
+#include "base/freed_memory.h"
 #include "base/memory_budget.h"
 #include "base/stopwatch.h"
 #include "linearize/evaluator.h"
 #include "linearize/jacobian_places.h"
 #include "linearize/memory_prediction.h"
+#include "linearize/variable_look_up.h"
 #include "simd/kernels.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"
@@ -90,6 +92,8 @@ std::int64_t VectorBytes(const Layout& layout) {
   return kVectors * static_cast<std::int64_t>(sizeof(double)) * layout.size();
 }
 
+constexpr std::int64_t kMuchMemory = std::int64_t{1} << 26;  // 64 MiB
+
 // What a structure is set up with.
 struct Workspace {
   Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph)
@@ -100,7 +104,7 @@ struct Workspace {
         dynamic_sparsity(options.dynamic_sparsity),
         conjugate_gradients(options.conjugate_gradients),
         eliminated(EliminatedBy(loop)) {
-    const JacobianStorage storage = StorageOf(options, graph, layout);
+    const JacobianStorage storage = StorageOf(options, loop, graph, layout);
     evaluator.emplace(graph, layout, executor, storage);
     // Whole rows of a dense model have no blocks to leave out.
     evaluator->set_leaves_out_zero_blocks(dynamic_sparsity && storage == JacobianStorage::kBySlot);
@@ -110,6 +114,19 @@ struct Workspace {
   void MakeRoomFor(const LoopOptions& loop) {
     if (loop.inner_descent != nullptr) {
       evaluator->MakeRoomToKeep();
+    }
+  }
+
+  // Whether factors are asked for more than passes over all of them.
+  static bool NeedsTables(const SolverOptions& options, const LoopOptions& loop,
+                          const FactorGraph& graph) {
+    return loop.inner_descent != nullptr || options.refine_landmarks || graph.HasPins();
+  }
+
+  void SpareTables() {
+    look_up.Bind(evaluator->graph(), evaluator->points());
+    for (Linearization& family : evaluator->families()) {
+      look_up.Serve(&family);
     }
   }
 
@@ -128,10 +145,14 @@ struct Workspace {
   }
 
   // Where S is not formed products with it read all of J: the less there is to read the better.
-  static JacobianStorage StorageAskedFor(const SolverOptions& options) {
+  // Where it is formed there is less to keep, if that is much.
+  static JacobianStorage StorageAskedFor(const SolverOptions& options, const LoopOptions& loop,
+                                         const FactorGraph& graph) {
     const ConjugateGradientsOptions& iteration = options.conjugate_gradients;
     if (options.linear_model != LinearModelKind::kIterativeSchur) {
-      return JacobianStorage::kBySlot;
+      return EliminatesLandmarks(options, loop) && IsPaddingDear(graph)
+                 ? JacobianStorage::kWithoutPadding
+                 : JacobianStorage::kBySlot;
     }
     return iteration.single_precision_jacobians  ? JacobianStorage::kByFactorInSingle
            : iteration.explicit_schur_complement ? JacobianStorage::kBySlot
@@ -139,10 +160,11 @@ struct Workspace {
   }
 
   // A reduced solver that was asked for is given the blocks of its system.
-  static JacobianStorage StorageOf(const SolverOptions& options, const FactorGraph& graph,
-                                   const Layout& layout) {
-    if (StorageAskedFor(options) != JacobianStorage::kBySlot) {
-      return StorageAskedFor(options);
+  static JacobianStorage StorageOf(const SolverOptions& options, const LoopOptions& loop,
+                                   const FactorGraph& graph, const Layout& layout) {
+    const JacobianStorage asked = StorageAskedFor(options, loop, graph);
+    if (asked != JacobianStorage::kBySlot) {
+      return asked;
     }
     // Where none was asked for the small dense models are open, which have no reduced system.
     // One that is to eliminate in a certain order needs blocks, too.
@@ -176,6 +198,7 @@ struct Workspace {
   bool dynamic_sparsity;
   ConjugateGradientsOptions conjugate_gradients;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
+  VariableLookUp look_up;              // unbound: families have tables
   std::optional<Evaluator> evaluator;
   // Refers to the evaluator, and is destroyed before it.
   std::unique_ptr<LinearModel> model;
@@ -215,10 +238,15 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                                  Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
   // IsReadyFor has no LoopOptions: what they eliminate is compared here alone.
-  summary->structure_reused = workspace != nullptr && workspace->Suits(options, graph) &&
-                              workspace->eliminated == Workspace::EliminatedBy(loop);
+  summary->structure_reused =
+      workspace != nullptr && workspace->Suits(options, graph) &&
+      workspace->eliminated == Workspace::EliminatedBy(loop) &&
+      !(workspace->look_up.is_bound() && Workspace::NeedsTables(options, loop, graph));
   if (summary->structure_reused) {
     workspace->evaluator->Rebind(graph);
+    if (workspace->look_up.is_bound()) {
+      workspace->look_up.Bind(graph, workspace->evaluator->points());
+    }
     workspace->MakeRoomFor(loop);
     return workspace;
   }
@@ -227,7 +255,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   // having been tried.
   MemoryBudget budget(options.max_memory_bytes);
   TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop),
-               Workspace::StorageAskedFor(options), &budget);
+               Workspace::StorageAskedFor(options, loop, graph), &budget);
   workspace = std::make_unique<Workspace>(options, loop, graph);
   workspace->evaluator->set_memory_budget(&budget);
   // All variables are constant, or there are none. Ceres calls this converged.
@@ -242,6 +270,10 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                  JacobianStorage::kByFactor);
     workspace->evaluator->set_memory_budget(&budget);
   }
+  if (way == StepWay::kFactor && !Workspace::NeedsTables(options, loop, graph) &&
+      workspace->evaluator->storage() == JacobianStorage::kWithoutPadding) {
+    workspace->SpareTables();
+  }
   Status status;
   workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated, &status);
   if (!status.ok()) {
@@ -250,6 +282,10 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   }
   workspace->evaluator->Take(VectorBytes(workspace->layout), "the vectors of a step");
   workspace->MakeRoomFor(loop);
+  // What planning has freed would stay beside what the loop is about to fill.
+  if (budget.taken() > kMuchMemory) {
+    ReturnFreedMemory();
+  }
   // The budget ends with this function; what is taken from now on was counted here.
   workspace->evaluator->set_memory_budget(nullptr);
   return workspace;

@@ -108,11 +108,14 @@ class Prediction {
   double forming_ = 0.0;  // S
 };
 
-// Whether even a full S is factored in the time of a few products.
+// Whether even a full S is factored in the time of a few products, of Jacobians with padding.
 bool IsSmall(const Evaluator& evaluator) {
   double numbers = 0.0;
   for (const Linearization& cache : evaluator.families()) {
-    numbers += static_cast<double>(cache.num_factors) * static_cast<double>(cache.FactorSize());
+    for (const SlotJacobians& slot : cache.slots) {
+      numbers += static_cast<double>(cache.num_factors) *
+                 static_cast<double>(cache.residual_size * PadToQuad(slot.columns));
+    }
   }
   return PredictFullSystem(evaluator.layout().frame_size()).cost <=
          kFewestIterations * kPerNumberRead * numbers;

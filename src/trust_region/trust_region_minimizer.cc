@@ -62,12 +62,12 @@ double MaxNorm(const double* begin, const double* end) {
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
 // space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
 // Where residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it
-// is g then.
+// is g then. The step is overwritten: the last one is taken, or refused, and the next one is not
+// there yet.
 bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvaluation* evaluation,
-                       std::vector<double>* negative_gradient, IterationSummary* iteration) {
-  std::transform(g.begin(), g.end(), negative_gradient->begin(),
-                 [](double entry) { return -entry; });
-  if (!evaluation->MoveCandidate(*negative_gradient)) {
+                       std::vector<double>* step, IterationSummary* iteration) {
+  std::transform(g.begin(), g.end(), step->begin(), [](double entry) { return -entry; });
+  if (!evaluation->MoveCandidate(*step)) {
     return false;
   }
   iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
@@ -112,7 +112,6 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
       scale_(memory->scale),
       best_state_(memory->best_state),
-      negative_gradient_(memory->negative_gradient),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
   // From here on clock_ is read at the borders of stages, and each stage charges what went by
@@ -122,7 +121,6 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
   // What is returned if nothing at all is accepted.
   best_state_ = evaluator->points().current();
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
-  negative_gradient_.resize(trial_.step().size());
 }
 
 void TrustRegionMinimizer::Minimize() {
@@ -466,7 +464,7 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
   return FindGradientNorms(model_.Gradient(), loop_.judge != nullptr && !summary_.is_constrained,
-                           &evaluation_, &negative_gradient_, &iteration_) ||
+                           &evaluation_, &trial_.step(), &iteration_) ||
          Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
 }
 

@@ -28,7 +28,6 @@ struct TrustRegionMemory {
   std::vector<double> best_state;
   std::vector<double> step;
   std::vector<double> scaled_step;
-  std::vector<double> negative_gradient;
   std::unique_ptr<TrustRegionStrategy> strategy;
 };
 
@@ -95,7 +94,6 @@ class TrustRegionMinimizer {
 
   std::vector<double>& scale_;
   std::vector<double>& best_state_;
-  std::vector<double>& negative_gradient_;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;
   IterationSummary iteration_;

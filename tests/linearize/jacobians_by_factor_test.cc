@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "linearize/row_products.h"
+#include "linearize/variable_look_up.h"
 #include "schur/elimination.h"
 #include "support/core_pipeline.h"
 #include "support/random_graph.h"
@@ -120,6 +121,74 @@ TEST_P(JacobiansByFactor, HaveTheSumsOfJacobiansBySlot) {
   EXPECT_EQ(by_factor.core.cost, by_slot.core.cost);
   EXPECT_LT(Distance(by_factor.gradient, by_slot.gradient), 1e-12);
   ExpectLinearSums(by_factor, by_slot, 1e-12);
+}
+
+// In the order of the factors all sums are those of padded rows, to the bit.
+TEST_P(JacobiansByFactor, WithoutPaddingHaveTheBitsOfJacobiansBySlot) {
+  const auto bundle = Bundle(GetParam());
+  const Sums padded(bundle->graph(), JacobianStorage::kBySlot);
+  const Sums packed(bundle->graph(), JacobianStorage::kWithoutPadding);
+  EXPECT_EQ(packed.core.cost, padded.core.cost);
+  EXPECT_EQ(packed.gradient, padded.gradient);
+  EXPECT_EQ(packed.C, padded.C);
+  EXPECT_EQ(packed.P, padded.P);
+  EXPECT_EQ(packed.S, padded.S);
+  EXPECT_EQ(packed.b, padded.b);
+  EXPECT_EQ(packed.step, padded.step);
+  EXPECT_EQ(packed.decrease, padded.decrease);
+  for (const Linearization& cache : packed.core.evaluator.families()) {
+    EXPECT_TRUE(cache.records.empty());
+  }
+}
+
+// Parameters and maps that are looked up chunk by chunk: the same passes in less memory, at the
+// start, at a candidate, and there once it is accepted.
+TEST_P(JacobiansByFactor, HaveTheSameBitsWithoutTables) {
+  const auto bundle = Bundle(GetParam());
+  for (const int num_threads : {1, 3}) {
+    test::CorePipeline with(bundle->graph(), true, num_threads, LandmarkIncidences::kQuadsPerChunk,
+                            JacobianStorage::kWithoutPadding);
+    test::CorePipeline without(bundle->graph(), true, num_threads,
+                               LandmarkIncidences::kQuadsPerChunk,
+                               JacobianStorage::kWithoutPadding);
+    VariableLookUp look_up;
+    look_up.Bind(bundle->graph(), without.evaluator.points());
+    int num_served = 0;
+    for (Linearization& family : without.evaluator.families()) {
+      look_up.Serve(&family);
+      num_served += family.look_up != nullptr ? 1 : 0;
+    }
+    EXPECT_EQ(num_served, 1);
+    EXPECT_LT(without.evaluator.Bytes(), with.evaluator.Bytes());
+    const std::vector<double> step(static_cast<std::size_t>(with.layout.size()), 1e-3);
+    std::vector<double> costs;
+    for (Evaluator* const evaluator : {&with.evaluator, &without.evaluator}) {
+      double cost = 0.0;
+      EXPECT_TRUE(evaluator->points().MoveCandidate(step.data()));
+      EXPECT_TRUE(evaluator->EvaluateCandidateCost(&cost).ok());
+      costs.push_back(cost);
+      evaluator->AcceptCandidate();
+      EXPECT_TRUE(evaluator->EvaluateJacobians(/*known_point=*/true, &cost).ok());
+      costs.push_back(cost);
+    }
+    EXPECT_EQ(costs[0], costs[2]);
+    EXPECT_EQ(costs[1], costs[3]);
+    for (std::size_t f = 0; f < with.evaluator.families().size(); ++f) {
+      const Linearization& a = with.evaluator.families()[f];
+      const Linearization& b = without.evaluator.families()[f];
+      EXPECT_TRUE(a.residuals == b.residuals);
+      EXPECT_TRUE(a.jacobian_values == b.jacobian_values);
+      // Those at fault are told by their values.
+      for (const bool candidate : {false, true}) {
+        const std::vector<const double*> of_a = ParametersOf(a, a.num_factors - 1, candidate);
+        const std::vector<const double*> of_b = ParametersOf(b, b.num_factors - 1, candidate);
+        ASSERT_EQ(of_a.size(), of_b.size());
+        for (std::size_t s = 0; s < of_a.size(); ++s) {
+          EXPECT_EQ(*of_a[s], *of_b[s]);
+        }
+      }
+    }
+  }
 }
 
 // Each landmark's one after the other, in the order of its factors; those without one last.

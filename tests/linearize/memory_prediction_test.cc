@@ -10,6 +10,7 @@
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/problem/graph_edit.h"
 #include "linearize/evaluator.h"
+#include "linearize/jacobian_places.h"
 #include "linearize/layout.h"
 
 namespace inceres::internal {
@@ -138,6 +139,19 @@ TEST(MemoryPrediction, CountsTheOrderOfLandmarksWhereFactorsComeInAnotherOne) {
   EXPECT_EQ(
       Predict(points.graph(), true) - Predict(points.graph(), true, JacobianStorage::kByFactor),
       kSaved);
+  // In the order of the factors there is nothing to count but what padding is spared.
+  const Evaluator packed(points.graph(), layout, executor, JacobianStorage::kWithoutPadding);
+  EXPECT_EQ(by_slot.Bytes() - packed.Bytes(), 64 * kNumFactors - 32);
+  EXPECT_EQ(Predict(points.graph(), true) -
+                Predict(points.graph(), true, JacobianStorage::kWithoutPadding),
+            64 * kNumFactors);
+}
+
+// 256 bytes of a factor with padding: beyond 128 MiB.
+TEST(MemoryPrediction, PaddingIsSparedWhereNoCacheHoldsTheJacobians) {
+  constexpr int kMostFactors = (1 << 27) / 256;
+  EXPECT_FALSE(IsPaddingDear(PointGraph(kMostFactors).graph()));
+  EXPECT_TRUE(IsPaddingDear(PointGraph(kMostFactors + 1).graph()));
 }
 
 }  // namespace

@@ -158,6 +158,48 @@ TEST_P(EliminationOfBundle, ManifoldsLossesConstantsAndHosts) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, EliminationOfBundle, testing::Values(31u, 32u, 33u));
 
+// Of more than 65,536 landmarks U_inv and z are those of one chunk, and found again: the same bits,
+// for any number of threads, and once planning has forgotten what it needed.
+TEST(Elimination, SameBitsWhereLandmarksAreForgotten) {
+  for (const int size : {6, 9}) {
+    BundleOptions options;
+    options.num_frames = 9;
+    options.num_landmarks = 66000;
+    options.num_views = 2;
+    options.frame_sizes = {size};
+    options.landmark_sizes = {3, 1, 4, 2};
+    const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+    const CorePipeline core(bundle->graph(), true);
+    ASSERT_GT(core.incidences.num_chunks(), 1);
+    std::vector<double> damping(static_cast<std::size_t>(core.layout.size()));
+    for (std::size_t k = 0; k < damping.size(); ++k) {
+      damping[k] = 0.01 * static_cast<double>(1 + k % 7);
+    }
+    const int n_c = core.layout.frame_size();
+    const auto solve = [&](const CorePipeline& in, Elimination* elimination) {
+      EXPECT_TRUE(elimination->Eliminate(damping.data() + n_c).ok());
+      std::vector<double> result(elimination->b(), elimination->b() + n_c);
+      result.insert(result.end(), elimination->S(),
+                    elimination->S() + in.plans.pattern.value_begin.back());
+      std::vector<double> step(damping.size() - static_cast<std::size_t>(n_c));
+      elimination->BackSubstitute(elimination->b(), step.data());
+      result.insert(result.end(), step.begin(), step.end());
+      return result;
+    };
+    Elimination keeps(core.evaluator, core.incidences, core.plans, core.hessian);
+    const std::vector<double> expected = solve(core, &keeps);
+    for (const int num_threads : {1, 3}) {
+      CorePipeline lean(bundle->graph(), true, num_threads);
+      Elimination forgets(lean.evaluator, lean.incidences, lean.plans, lean.hessian,
+                          {nullptr, /*may_forget_landmarks=*/true});
+      EXPECT_LT(forgets.Bytes(), keeps.Bytes());
+      lean.incidences.ForgetPlaces();
+      EXPECT_TRUE(lean.incidences.factors.empty());
+      EXPECT_EQ(solve(lean, &forgets), expected) << num_threads << " threads";
+    }
+  }
+}
+
 TEST(Elimination, LandmarksSeenInEveryUnusualWay) {
   RandomGraph random(41);
   const VariableId frame = random.AddFrame(6);

@@ -247,5 +247,31 @@ TEST(RepeatedSolve, HoldsNoMoreThanItMay) {
   }
 }
 
+// Jacobians of more than 128 MiB lie without padding, S in the memory of its factor, and what
+// factors need is looked up by variable. Who needs more of them sets up anew.
+TEST(RepeatedSolve, OfLargeProblem) {
+  constexpr int kNumFactors = 530000;
+  BundleOptions large;
+  large.num_frames = 40;
+  large.num_landmarks = kNumFactors / 4;
+  large.num_views = 4;
+  large.frame_sizes = {9};
+  large.losses = true;
+  large.perturbation = 0.1;
+  SolverOptions options;
+  options.max_num_iterations = 1;
+  options.reduced_solver = ReducedSolverKind::kSparse;
+  Solver solver;
+  const Summary first = SolveBothWays(options, large, &solver);
+  EXPECT_FALSE(first.structure_reused);
+  BundleOptions other = large;
+  other.perturbation = 0.2;
+  EXPECT_TRUE(SolveBothWays(options, other, &solver).structure_reused);
+  options.refine_landmarks = true;
+  const Summary refined = SolveBothWays(options, large, &solver);
+  EXPECT_FALSE(refined.structure_reused);
+  EXPECT_GT(refined.work.bytes, first.work.bytes + std::int64_t{kNumFactors} * 40);
+}
+
 }  // namespace
 }  // namespace inceres

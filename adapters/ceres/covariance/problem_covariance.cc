@@ -190,8 +190,9 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
 ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     const ceres::Covariance::Options& options, const Pairs& pairs, ProblemView* view) {
   const OrderingView ordering;
+  std::shared_ptr<GraphPlan> own;
   const std::shared_ptr<const GraphPlan> plan =
-      StructureCache::OfProcess().PlanFor(*view, ordering, ceres::SPARSE_SCHUR);
+      StructureCache::OfProcess().PlanFor(*view, ordering, ceres::SPARSE_SCHUR, &own);
   if (!plan->landmarks.obstacle.empty()) {
     return Decline(plan->landmarks.obstacle);
   }

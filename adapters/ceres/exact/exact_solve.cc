@@ -98,11 +98,14 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
     dump.emplace(input.options, input.view, *input.plan, type);
   }
-  const auto subset = SubsetOf(input);  // while the residual blocks are there
+  // While the blocks are there.
+  const auto subset = SubsetOf(input);
+  InnerDescent descent = DescentOf(input, inner);
   FactorGraph graph;
   LandmarkCounts landmarks;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
   NameVariables(blocks, &graph);
+  input.view.ForgetBlocks();
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   observer.set_is_to_abort(input.is_to_abort);
@@ -111,7 +114,6 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   options.num_threads = summary->num_threads_used;
   options.max_memory_bytes = input.asked != nullptr ? input.asked->max_memory_bytes : 0;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
-  InnerDescent descent = DescentOf(input, inner);
   LoopOptions loop;
   loop.rules = kCeresRules;
   loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
@@ -203,6 +205,9 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
   std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph, input.make_family);
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
+  if (input.own_plan != nullptr) {
+    std::vector<GraphPlan::Family>().swap(input.own_plan->families);  // the graph has them
+  }
   return blocks;
 }
 

@@ -2,14 +2,42 @@
 
 #include <algorithm>
 #include <memory>
+#include <string>
 #include <utility>
+#include <vector>
+
+#include <ceres/cost_function.h>
 
 #include "adapters/ceres/read/ceres_adapters.h"
 #include "adapters/ceres/read/index.h"
-#include "inceres/ceres/cost_family.h"
+#include "inceres/problem/ambient_family.h"
 
 namespace inceres::internal {
 namespace {
+
+// Cost functions that the problem keeps, of one shape: a CeresCostFamily that owns none of them
+// takes half of its memory.
+class BorrowedCosts final : public AmbientFamily<BorrowedCosts> {
+ public:
+  BorrowedCosts(int residual_size, std::vector<Slot> slots,
+                std::vector<const ceres::CostFunction*> costs)
+      : AmbientFamily<BorrowedCosts>(residual_size, std::move(slots)), costs_(std::move(costs)) {}
+
+  int size() const override { return static_cast<int>(costs_.size()); }
+  const char* Name() const override { return "ceres::CostFunction"; }
+  std::string Describe(int i) const override { return DescribeObject("cost function", &at(i)); }
+
+  void Prefetch(int i) const { __builtin_prefetch(&at(i)); }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    return at(i).Evaluate(parameters, residuals, jacobians);
+  }
+
+ private:
+  const ceres::CostFunction& at(int i) const { return *costs_[At(i)]; }
+
+  std::vector<const ceres::CostFunction*> costs_;
+};
 
 class Builder {
  public:
@@ -50,12 +78,13 @@ class Builder {
     if (make_family_) {
       return make_family_(view_, family);
     }
-    auto costs = std::make_shared<CeresCostFamily>(family.shape.num_residuals, family.shape.slots);
-    costs->Reserve(family.residuals.size());
+    std::vector<const ceres::CostFunction*> costs;
+    costs.reserve(family.residuals.size());
     for (const int r : family.residuals) {
-      costs->Add(CeresCostFamily::Borrowed(view_.residuals[At(r)].cost));
+      costs.push_back(view_.residuals[At(r)].cost);
     }
-    return costs;
+    return std::make_shared<BorrowedCosts>(family.shape.num_residuals, family.shape.slots,
+                                           std::move(costs));
   }
 
   void AddFamily(const GraphPlan::Family& family) {

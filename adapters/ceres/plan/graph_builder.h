@@ -19,9 +19,8 @@ struct StateBlock {
 /// Adds to an empty graph what the plan says: the blocks the solver moves, the constants they meet
 /// (borrowed), and the residual blocks. The plan is one of a problem of this structure.
 ///
-/// Returns where each moved block lies. `make_family`, if set, makes the families, which are
-/// CeresCostFamily else. The graph borrows cost functions, losses, manifolds and
-/// constants. Cost: linear.
+/// Returns where each moved block lies. `make_family`, if set, makes the families. The graph
+/// borrows cost functions, losses, manifolds and constants. Cost: linear.
 std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
                                    FactorGraph* graph, const MakeFamily& make_family = nullptr);
 

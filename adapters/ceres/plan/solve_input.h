@@ -39,6 +39,8 @@ struct SolveInput {
   std::optional<int> last_iteration = std::nullopt;
   /// ChoosePlan's; null in a session, and where there is nothing to solve for
   std::shared_ptr<const GraphPlan> plan = nullptr;
+  /// The same, where nobody else has it: a solver may give back what it no longer needs of it.
+  std::shared_ptr<GraphPlan> own_plan = nullptr;
   /// Asked at the end of each iteration, after all callbacks: whether the solve is to be aborted.
   /// May be empty.
   std::function<bool()> is_to_abort = nullptr;

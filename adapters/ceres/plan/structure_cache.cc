@@ -93,7 +93,8 @@ void StructureCache::GiveBack(std::unique_ptr<ProblemView> view) {
 
 std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view,
                                                          const OrderingView& ordering,
-                                                         ceres::LinearSolverType type) {
+                                                         ceres::LinearSolverType type,
+                                                         std::shared_ptr<GraphPlan>* own) {
   const bool is_small = view.residuals.size() + view.slots.size() <= kMaxNumbers;
   std::shared_ptr<const KnownPlan> known;
   if (is_small) {
@@ -105,7 +106,8 @@ std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view
     GraphPlan plan =
         PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, AvailableBytes));
     if (!is_small || !plan.landmarks.obstacle.empty()) {  // there may be more memory another time
-      return std::make_shared<const GraphPlan>(std::move(plan));
+      *own = std::make_shared<GraphPlan>(std::move(plan));
+      return *own;
     }
     known = std::make_shared<const KnownPlan>(
         KnownPlan{Fingerprint(view, ordering, type), std::move(plan)});
@@ -137,7 +139,8 @@ std::string ChoosePlan(ceres::LinearSolverType type, SolveInput* input) {
   if (input->view.reduced.num_parameter_blocks == 0) {
     return "";
   }
-  input->plan = StructureCache::OfProcess().PlanFor(input->view, input->ordering, type);
+  input->plan =
+      StructureCache::OfProcess().PlanFor(input->view, input->ordering, type, &input->own_plan);
   return input->plan->landmarks.obstacle;
 }
 

@@ -98,9 +98,11 @@ class StructureCache {
   std::unique_ptr<ProblemView> TakeView();
   void GiveBack(std::unique_ptr<ProblemView> view);
 
-  /// The plan for this problem and effective linear solver: one that was kept or else a new one.
+  /// The plan for this problem and effective linear solver: one that was kept or else a new one. If
+  /// that is not kept either, it is *own, too.
   std::shared_ptr<const GraphPlan> PlanFor(const ProblemView& view, const OrderingView& ordering,
-                                           ceres::LinearSolverType type);
+                                           ceres::LinearSolverType type,
+                                           std::shared_ptr<GraphPlan>* own);
 
   /// A solver that is ready for this graph, else a new one.
   std::unique_ptr<Solver> TakeSolver(const SolverOptions& options, const FactorGraph& graph);

@@ -94,6 +94,14 @@ struct ProblemView {
     std::vector<int>().swap(slots);
     index = PointerIndex();
   }
+  /// The same of everything, but for the totals.
+  void ForgetBlocks() {
+    ForgetResidualBlocks();
+    if (!IsSmall()) {
+      std::vector<ParameterBlockView>().swap(blocks);
+      std::vector<double>().swap(bounds);
+    }
+  }
 
   const int* SlotsOf(const ResidualBlockView& residual) const {
     return slots.data() + residual.first_slot;
