@@ -69,7 +69,7 @@ Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/
 // `failed`: the block of S at which there is no factor; or none. `row`: what it is called.
 Status SparseCholesky::End(int failed, int row) {
   failed_at_ = failed;
-  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(row);
+  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(row, &work_);
   return factored_;
 }
 
