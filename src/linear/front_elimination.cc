@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
 #include "linear/dense_panel.h"
 #include "simd/kernels.h"
@@ -88,18 +89,23 @@ void AddUpdateTriangle(const double* source, int source_stride, int size, int co
   }
 }
 
+// Zeros in all that is read: of a column from the first row of its panel on. In the first panel that
+// is everything, at once.
+void ZeroColumns(int count, int num_rows, int stride, double* A) {
+  const SmallKernels& kernels = BestSmallKernels();
+  const int whole = std::min(count, kFrontPanel);
+  kernels.set_zero(std::int64_t{whole} * stride, A);
+  for (int j = whole; j < count; ++j) {
+    const int first = j / kFrontPanel * kFrontPanel;
+    kernels.set_zero(num_rows - first, A + static_cast<std::ptrdiff_t>(j) * stride + first);
+  }
+}
+
 }  // namespace
 
-// Of a column what is read of it: from the first row of its panel on.
 void ZeroFront(const Front& front, double* L, double* U) {
-  for (int j = 0; j < front.width; ++j) {
-    double* column = L + static_cast<std::ptrdiff_t>(j) * front.stride();
-    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.num_rows(), 0.0);
-  }
-  for (int j = 0; j < front.height; ++j) {
-    double* column = U + static_cast<std::ptrdiff_t>(j) * front.update_stride();
-    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.update_stride(), 0.0);
-  }
+  ZeroColumns(front.width, front.num_rows(), front.stride(), L);
+  ZeroColumns(front.height, front.update_stride(), front.update_stride(), U);
 }
 
 // Run by run rather than entry by entry: between two runs the places are consecutive on both sides.

@@ -61,6 +61,8 @@ struct SmallKernels {
   /// above it may be anything afterwards.
   void (*subtract_lower_outer)(int rows, int cols, int depth, const double* A, int lda, double* C,
                                int ldc);
+  /// Zeros, of whole quads.
+  void (*set_zero)(std::int64_t count, double* A);
   /// C += A, both column-major: nothing between the columns is written.
   void (*add_columns)(int rows, int cols, const double* A, int lda, double* C, int ldc);
   /// What a factor adds: add_outer and add_squares with the sign, add_transposed with the other

@@ -424,6 +424,15 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   }
 }
 
+TEST_P(ProductKernels, SetZeroTakesWholeQuadsAndNoMore) {
+  for (int count = 0; count <= 40; count += kQuad) {
+    std::vector<double> A(static_cast<std::size_t>(count + 1), 77.0);
+    small_kernels().set_zero(count, A.data());
+    EXPECT_EQ(std::count(A.begin(), A.end(), 0.0), count);
+    EXPECT_EQ(A.back(), 77.0) << count;
+  }
+}
+
 // Every remainder of a vector; what lies between the columns stays as it is.
 TEST_P(ProductKernels, AddColumnsAddsEachEntryAlone) {
   constexpr int kColumns = 3;
