@@ -89,8 +89,8 @@ void AddUpdateTriangle(const double* source, int source_stride, int size, int co
   }
 }
 
-// Zeros in all that is read: of a column from the first row of its panel on. In the first panel that
-// is everything, at once.
+// Zeros in all that is read: of a column from the first row of its panel on. In the first panel
+// that is everything, at once.
 void ZeroColumns(int count, int num_rows, int stride, double* A) {
   const SmallKernels& kernels = BestSmallKernels();
   const int whole = std::min(count, kFrontPanel);
