@@ -123,8 +123,9 @@ Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
   if (std::exchange(all_changed_, false)) {
     changed = {};
   }
-  const Status factored = NameVariable(
-      solver_->Factorize(A, changed), [&schur](std::size_t row) { return schur.frames()[row].id; });
+  const Status factored =
+      NameVariable(*solver_, solver_->Factorize(A, changed),
+                   [&schur](std::size_t row) { return schur.frames()[row].id; });
   has_factor_ = factored.ok();
   factored_mu_ = reduced_.mu();
   return factored;

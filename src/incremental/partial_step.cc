@@ -54,7 +54,7 @@ bool PartialStep::Find(const IncrementalSchur& schur, const ReducedVectors& redu
     Grow(schur, reduced);
     // No frame with a pull is left, or A costs more than what standing still saves.
     if (num_frames() == num_before || static_cast<int>(b_.size()) > limits_.max_scalars ||
-        !cholesky_.Factorize(schur.S(), order_, damping_.data(), num_before).ok()) {
+        !cholesky_.Factorize(schur.S(), order_, damping_.data(), num_before)) {
       return false;
     }
     cholesky_.ForwardSubstitute(b_.data(), num_before, y_.data());
@@ -85,7 +85,7 @@ bool PartialStep::Solve(const IncrementalSchur& schur, const ReducedVectors& red
   frames.ForEach([&](std::int32_t i) { Append(schur, reduced, i); });
   y_.resize(b_.size());
   x_.resize(b_.size());
-  if (!cholesky_.Factorize(schur.S(), order_, damping_.data(), 0).ok()) {
+  if (!cholesky_.Factorize(schur.S(), order_, damping_.data(), 0)) {
     return false;
   }
   cholesky_.ForwardSubstitute(b_.data(), 0, y_.data());

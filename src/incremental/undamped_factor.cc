@@ -117,7 +117,7 @@ Status UndampedFactor::Factorize(const IncrementalSchur& schur) {
   is_new_ = false;
   num_released_ = schur.S().num_released();
   const Status factored = NameVariable(
-      tree_.Factorize(ReducedMatrix(schur.S(), diagonal_.data(), constant_.data()), changed),
+      tree_, tree_.Factorize(ReducedMatrix(schur.S(), diagonal_.data(), constant_.data()), changed),
       [&schur](std::size_t row) { return schur.frames()[row].id; });
   waiting_.clear();
   pending_.Forget();

@@ -125,7 +125,7 @@ Status BayesTree::FactorizeAsPlanned(const ReducedMatrix& A) {
   for (; done < stale_.size(); ++done) {
     const int failed = Eliminate(A, stale_[done]);
     if (failed >= 0) {
-      factored_ = NotPositiveDefinite(failed);
+      factored_ = NotPositiveDefinite(failed, &work_);
       break;
     }
     Clique& clique = tree_.clique(stale_[done]);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
@@ -16,7 +15,7 @@ namespace inceres::internal {
 // its part of a vector. A row stays on the list of stale ones until it has been inverted, so that
 // after a failure the next call tries it again.
 
-Status BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed) {
+int BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed) {
   const SymmetricBlockRows& S = *A.rows();
   // Rows that came since the last call are stale whether or not they are among the changed ones.
   const int known_rows = std::min(num_rows(), S.num_rows());
@@ -39,11 +38,11 @@ Status BlockJacobi::Update(const ReducedMatrix& A, const ReducedSolver::Rows& ch
     }
     blocks_[row].size = A.constant() != nullptr && A.constant()[row] != 0 ? 0 : S.size_of(row);
     if (!Invert(A, row)) {
-      return NotPositiveDefinite(row);
+      return row;
     }
     num_inverted_ += IsFree(row);
   }
-  return Status::Ok();
+  return kNone;
 }
 
 void BlockJacobi::FindOffsets(const SymmetricBlockRows& S, int first_row) {

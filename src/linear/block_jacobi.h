@@ -14,9 +14,11 @@ namespace inceres::internal {
 /// block.
 class BlockJacobi {
  public:
-  /// Inverts the blocks that changed. kSingular names a block row whose M_i is not positive
-  /// definite; it is tried again next time.
-  Status Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed);
+  static constexpr int kNone = -1;
+
+  /// Inverts the blocks that changed. Returns a block row whose M_i is not positive definite, which
+  /// is tried again next time; kNone: there is none.
+  int Update(const ReducedMatrix& A, const ReducedSolver::Rows& changed);
 
   /// y −= M v.
   void SubtractProduct(const double* v, double* y) const;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/counting_sort.h"
+#include "linear/block_neighbors.h"
 #include "simd/small_kernels.h"
 
 namespace inceres::internal {
@@ -24,10 +25,9 @@ constexpr int kMostNeighbors = 3 * kMostTileScalars - 1;
 
 class PathFinder {
  public:
-  explicit PathFinder(const BlockPattern& pattern) : pattern_(pattern) {}
+  explicit PathFinder(const BlockPattern& pattern) : pattern_(pattern), graph_(pattern) {}
 
   BlockPaths Find() {
-    FindNeighbors();
     JoinRows();
     FindNodeNeighbors();
     on_path_.resize(found_.num_nodes());
@@ -45,21 +45,7 @@ class PathFinder {
 
  private:
   int num_rows() const { return pattern_.num_blocks(); }
-  int NumNeighbors(int row) const { return begin_[row + 1] - begin_[row]; }
-
-  void FindNeighbors() {
-    CountingSort(
-        num_rows(),
-        [this](const auto& add) {
-          for (int i = 0; i < num_rows(); ++i) {
-            for (int k = pattern_.row_begin[i]; pattern_.columns[k] < i; ++k) {
-              add(i, pattern_.columns[k]);
-              add(pattern_.columns[k], i);
-            }
-          }
-        },
-        &begin_, &neighbors_);
-  }
+  int NumNeighbors(int row) const { return graph_.begin[row + 1] - graph_.begin[row]; }
 
   // Of the closed neighborhood, whatever the order.
   std::uint64_t HashOf(int row) const {
@@ -69,24 +55,24 @@ class PathFinder {
       return h * 0xD6E8FEB86659FD93u;
     };
     std::uint64_t sum = mixed(row);
-    for (int k = begin_[row]; k < begin_[row + 1]; ++k) {
-      sum += mixed(neighbors_[k]);
+    for (int k = graph_.begin[row]; k < graph_.begin[row + 1]; ++k) {
+      sum += mixed(graph_.rows[k]);
     }
     return sum;
   }
 
-  // Neighbors ascend; each has the other.
   bool AreAlike(int a, int b) const {
     if (NumNeighbors(a) != NumNeighbors(b)) {
       return false;
     }
-    int i = begin_[a], j = begin_[b];
-    while (i < begin_[a + 1] || j < begin_[b + 1]) {
-      if (i < begin_[a + 1] && neighbors_[i] == b) {
+    int i = graph_.begin[a], j = graph_.begin[b];
+    while (i < graph_.begin[a + 1] || j < graph_.begin[b + 1]) {
+      if (i < graph_.begin[a + 1] && graph_.rows[i] == b) {
         ++i;
-      } else if (j < begin_[b + 1] && neighbors_[j] == a) {
+      } else if (j < graph_.begin[b + 1] && graph_.rows[j] == a) {
         ++j;
-      } else if (i < begin_[a + 1] && j < begin_[b + 1] && neighbors_[i] == neighbors_[j]) {
+      } else if (i < graph_.begin[a + 1] && j < graph_.begin[b + 1] &&
+                 graph_.rows[i] == graph_.rows[j]) {
         ++i, ++j;
       } else {
         return false;
@@ -152,8 +138,8 @@ class PathFinder {
     for (int n = 0; n < found_.num_nodes(); ++n) {
       const int row = found_.blocks[found_.node_begin[n]];
       Near& near = near_[n];
-      for (int k = begin_[row]; k < begin_[row + 1] && near.count < 3; ++k) {
-        const int other = found_.node_of[neighbors_[k]];
+      for (int k = graph_.begin[row]; k < graph_.begin[row + 1] && near.count < 3; ++k) {
+        const int other = found_.node_of[graph_.rows[k]];
         if (other != n && !(near.count > 0 && near.node[0] == other) &&
             !(near.count > 1 && near.node[1] == other)) {
           if (near.count < 2) {
@@ -228,9 +214,9 @@ class PathFinder {
   };
 
   const BlockPattern& pattern_;
+  const BlockNeighbors<int> graph_;
   BlockPaths found_;
-  std::vector<int> begin_, neighbors_;  // per row, ascending
-  std::vector<Near> near_;              // per node
+  std::vector<Near> near_;  // per node
   std::vector<char> on_path_, is_taken_;
 };
 

@@ -229,7 +229,7 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
     const auto place =
         std::upper_bound(order_.offsets.begin(), order_.offsets.end(), first + failed) -
         order_.offsets.begin() - 1;
-    factored_ = NotPositiveDefinite(A.RowId(order_.blocks[place]));
+    factored_ = NotPositiveDefinite(A.RowId(order_.blocks[place]), &work_);
   }
   return factored_;
 }

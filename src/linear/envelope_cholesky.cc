@@ -4,7 +4,6 @@
 
 #include "base/growth_count.h"
 #include "linear/envelope_order.h"
-#include "linear/not_positive_definite.h"
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
@@ -81,8 +80,8 @@ bool IsHeld(const char* held, int row) {
 
 }  // namespace
 
-Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order,
-                                   const double* damping, int first_changed, const char* held) {
+bool EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order,
+                                 const double* damping, int first_changed, const char* held) {
   const int num_rows = order.num_places();
   // Rows that failed last time, or that no longer exist, are not to be built upon.
   const int first = std::min({first_changed, num_valid_rows_, num_rows});
@@ -97,11 +96,11 @@ Status EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& 
   for (int i = first; i < num_rows; ++i) {
     CopyRow(S, order, damping, held, i);
     if (!FactorRow(i)) {
-      return NotPositiveDefinite(order.row(i));
+      return false;
     }
     num_valid_rows_ = i + 1;
   }
-  return Status::Ok();
+  return true;
 }
 
 // For steps of part of the frames, whose size is bounded: once reserved, no step allocates.

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "inceres/status.h"
 #include "linear/block_rows.h"
 #include "linear/row_order.h"
 
@@ -28,10 +27,10 @@ class EnvelopeCholesky {
   /// rows < first_changed are as they were at the last call, in the same places, with the same
   /// damping and mask. `damping` has one entry a scalar row, ≥ 0; those of the rows before
   /// first_changed are not looked at. held[r] != 0 makes row r of S a row of the identity, coupled
-  /// to nothing; null: no row is held. kSingular names the row of S whose pivot is not positive and
-  /// finite; rows at places before it are then exact, num_valid_rows() tells how many.
-  Status Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping,
-                   int first_changed, const char* held = nullptr);
+  /// to nothing; null: no row is held. False if a pivot is not positive and finite: that of the row
+  /// at place num_valid_rows(); rows before it are exact.
+  bool Factorize(const SymmetricBlockRows& S, const RowOrder& order, const double* damping,
+                 int first_changed, const char* held = nullptr);
 
   /// Room for so many block rows of so many entries each and `size` scalars: no Factorize within it
   /// allocates.

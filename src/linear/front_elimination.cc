@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
 #include "linear/dense_panel.h"
 #include "simd/kernels.h"
@@ -44,62 +45,90 @@ void ForFrontStrips(const Front& front, const Executor& executor, int begin, int
   });
 }
 
-// The block of the child's rows `rows` and columns `columns`, of which the former come later there;
-// in the front they may come earlier, and then the block is turned.
-void AddUpdateBlock(const double* source, int source_stride, const FrontRun& columns,
+// Columns of the front from `column` on, which are as far apart as their kind, pivots or not.
+struct ColumnsOf {
+  ColumnsOf(const Front& front, double* L, double* U, int column)
+      : first(FrontColumn(front, L, U, column)),
+        stride(column < front.below() ? front.stride() : front.update_stride()) {}
+
+  double* first;
+  int stride;
+};
+
+// The block of the child's rows `rows` and `count` columns from source on, which in the front begin
+// with `column`. Rows come later than these in the child; in the front they may come earlier, and
+// then the block is turned.
+void AddUpdateBlock(const double* source, int source_stride, int column, int count,
                     const FrontRun& rows, const Front& front, double* L, double* U) {
-  if (rows.to > columns.to) {
-    for (int c = 0; c < columns.length; ++c, source += source_stride) {
-      // Column by column on either side: along memory.
-      double* target = FrontColumn(front, L, U, columns.to + c) + rows.to;
-      for (int r = 0; r < rows.length; ++r) {
-        target[r] += source[r];
-      }
-    }
-    return;
+  if (rows.to > column) {
+    // Column by column on either side: along memory.
+    const ColumnsOf target(front, L, U, column);
+    return BestSmallKernels().add_columns(rows.length, count, source, source_stride,
+                                          target.first + rows.to, target.stride);
   }
   for (int r = 0; r < rows.length; ++r, ++source) {
     // What is a row of the child is a column of the front: the read is strided.
-    double* target = FrontColumn(front, L, U, rows.to + r) + columns.to;
-    for (int c = 0; c < columns.length; ++c) {
+    double* target = FrontColumn(front, L, U, rows.to + r) + column;
+    for (int c = 0; c < count; ++c) {
       target[c] += source[static_cast<std::ptrdiff_t>(c) * source_stride];
     }
   }
 }
 
-}  // namespace
-
-// Of a column what is read of it: from the first row of its panel on.
-void ZeroFront(const Front& front, double* L, double* U) {
-  for (int j = 0; j < front.width; ++j) {
-    double* column = L + static_cast<std::ptrdiff_t>(j) * front.stride();
-    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.num_rows(), 0.0);
-  }
-  for (int j = 0; j < front.height; ++j) {
-    double* column = U + static_cast<std::ptrdiff_t>(j) * front.update_stride();
-    std::fill(column + j / kFrontPanel * kFrontPanel, column + front.update_stride(), 0.0);
+// A triangle on the diagonal, by strips of columns that begin there: up to three entries above it
+// go along, which mean nothing.
+void AddUpdateTriangle(const double* source, int source_stride, int size, int column,
+                       const Front& front, double* L, double* U) {
+  const ColumnsOf target(front, L, U, column);
+  double* diagonal = target.first + column;
+  for (int c = 0; c < size; c += kQuad) {
+    BestSmallKernels().add_columns(size - c, std::min(kQuad, size - c), source, source_stride,
+                                   diagonal, target.stride);
+    source += kQuad * (source_stride + std::ptrdiff_t{1});
+    diagonal += kQuad * (target.stride + std::ptrdiff_t{1});
   }
 }
 
+// Zeros in all that is read: of a column from the first row of its panel on. In the first panel
+// that is everything, at once.
+void ZeroColumns(int count, int num_rows, int stride, double* A) {
+  const SmallKernels& kernels = BestSmallKernels();
+  const int whole = std::min(count, kFrontPanel);
+  kernels.set_zero(std::int64_t{whole} * stride, A);
+  for (int j = whole; j < count; ++j) {
+    const int first = j / kFrontPanel * kFrontPanel;
+    kernels.set_zero(num_rows - first, A + static_cast<std::ptrdiff_t>(j) * stride + first);
+  }
+}
+
+}  // namespace
+
+void ZeroFront(const Front& front, double* L, double* U) {
+  ZeroColumns(front.width, front.num_rows(), front.stride(), L);
+  ZeroColumns(front.height, front.update_stride(), front.update_stride(), U);
+}
+
 // Run by run rather than entry by entry: between two runs the places are consecutive on both sides.
+// Only the columns of a run may lie apart, those of pivots and the others.
 void AddUpdateMatrix(const Front& child, const double* child_update, const FrontRun* runs,
                      int num_runs, const Front& front, double* L, double* U) {
   const int stride = child.update_stride();
   for (int run = 0; run < num_runs; ++run) {
     const FrontRun& columns = runs[run];
-    const double* source =
-        child_update + static_cast<std::ptrdiff_t>(columns.from) * stride + columns.from;
-    for (int c = 0; c < columns.length; ++c, source += stride) {
-      double* target = FrontColumn(front, L, U, columns.to + c) + columns.to;
-      // Within a run on the diagonal both are lower triangles.
-      for (int r = c; r < columns.length; ++r) {
-        target[r] += source[r];
+    for (int done = 0; done < columns.length;) {
+      const int from = columns.from + done, to = columns.to + done;
+      const int rest = columns.length - done;
+      const int count = to < front.below() ? std::min(rest, front.below() - to) : rest;
+      const double* const source = child_update + static_cast<std::ptrdiff_t>(from) * stride;
+      AddUpdateTriangle(source + from, stride, count, to, front, L, U);
+      if (count < rest) {
+        AddUpdateBlock(source + from + count, stride, to, count,
+                       {from + count, to + count, rest - count}, front, L, U);
       }
-    }
-    for (int other = run + 1; other < num_runs; ++other) {
-      AddUpdateBlock(
-          child_update + static_cast<std::ptrdiff_t>(columns.from) * stride + runs[other].from,
-          stride, columns, runs[other], front, L, U);
+      for (int other = run + 1; other < num_runs; ++other) {
+        AddUpdateBlock(source + runs[other].from, stride, to, count, runs[other], front, L, U);
+      }
+      done += count;
     }
   }
 }

@@ -35,6 +35,7 @@ Status LaggedPcg::Renew() {
   factored_ = status.ok();
   // The count is that of the factor: a new one has none against it.
   work_.iterations = 0;
+  work_.failed_row = factor_->work().failed_row;
   return status;
 }
 

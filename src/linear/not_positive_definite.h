@@ -1,30 +1,30 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>
 #include <string>
 
+#include "inceres/linear/reduced_solver.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {
 
-constexpr const char kTextAtFrame[] = "the reduced system is not positive definite at frame ";
-
 /// What all solvers of S say of a pivot that is not positive: kSingular, and the frame whose block
-/// row of S it is in.
-inline Status NotPositiveDefinite(int frame) {
-  return Status::Error(StatusCode::kSingular, kTextAtFrame + std::to_string(frame));
+/// row of S it is in, which goes into Work::failed_row.
+inline Status NotPositiveDefinite(int frame, ReducedSolver::Work* work) {
+  work->failed_row = frame;
+  return Status::Error(
+      StatusCode::kSingular,
+      "the reduced system is not positive definite at frame " + std::to_string(frame));
 }
 
-/// The same in words of the graph, which knows frames by id_of(frame); any other status as it is.
+/// What `solver` has returned from Factorize, in words of the graph where it knows the row: that
+/// knows frames by id_of(row).
 template <typename IdOf>
-Status NameVariable(Status status, const IdOf& id_of) {
-  constexpr std::size_t kLength = sizeof(kTextAtFrame) - 1;
-  if (status.code == StatusCode::kSingular &&
-      status.message.compare(0, kLength, kTextAtFrame) == 0) {
-    const int frame = std::atoi(status.message.c_str() + kLength);
+Status NameVariable(const ReducedSolver& solver, Status status, const IdOf& id_of) {
+  const int row = solver.work().failed_row;
+  if (status.code == StatusCode::kSingular && row >= 0) {
     status.message = "the reduced system is not positive definite at variable " +
-                     std::to_string(id_of(static_cast<std::size_t>(frame)));
+                     std::to_string(id_of(static_cast<std::size_t>(row)));
   }
   return status;
 }

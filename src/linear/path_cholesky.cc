@@ -176,9 +176,9 @@ Status PathCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) 
   ForPaths([&](int p) { failed_[p] = EliminatePath(p, A); });
   const bool is_definite =
       std::all_of(failed_.begin(), failed_.end(), [](int scalar) { return scalar < 0; });
-  factored_ = is_definite ? FactorizeRest(A) : NotPositiveDefinite(A.RowId(RowThatFails()));
+  factored_ = is_definite ? FactorizeRest(A) : NotPositiveDefinite(A.RowId(RowThatFails()), &work_);
   if (is_definite && factored_.code == StatusCode::kSingular) {
-    factored_ = NotPositiveDefinite(A.RowId(RowThatFails()));
+    factored_ = NotPositiveDefinite(A.RowId(RowThatFails()), &work_);
   }
   return factored_;
 }

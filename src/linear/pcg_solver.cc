@@ -4,6 +4,8 @@
 #include <numeric>
 #include <sstream>
 
+#include "linear/not_positive_definite.h"
+
 namespace inceres::internal {
 
 // The incremental PCG (docs/algorithms.md, "Reduced linear systems", when PCG ends; ICE-BA). Kept
@@ -30,8 +32,9 @@ constexpr double kWindowShare = 0.25;
 Status PcgSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   // The values are read where S has them; of a factorization there is only the preconditioner.
   S_ = A.rows();
-  factored_ = preconditioner_.Update(A, changed);
+  const int failed = preconditioner_.Update(A, changed);
   work_ = Work();
+  factored_ = failed == BlockJacobi::kNone ? Status::Ok() : NotPositiveDefinite(failed, &work_);
   work_.factored_rows = preconditioner_.num_inverted();
   return factored_;
 }

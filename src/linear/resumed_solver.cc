@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "linear/group_order.h"
+#include "linear/not_positive_definite.h"
 
 namespace inceres::internal {
 
@@ -155,10 +156,12 @@ Status ResumedSolver::FactorizeAsPlanned(const ReducedMatrix& A) {
               damping_.begin() + offset);
     offset += packing_[row + 1] - packing_[row];
   }
-  factored_ = cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
+  const bool is_definite =
+      cholesky_.Factorize(*A.rows(), order_, damping_.data(), num_exact_, A.constant());
   work_.factored_rows = cholesky_.num_valid_rows() - num_exact_;
   // After a failure the rows before the bad pivot are right, and the next call begins there.
   num_exact_ = cholesky_.num_valid_rows();
+  factored_ = is_definite ? Status::Ok() : NotPositiveDefinite(order_.row(num_exact_), &work_);
   return factored_;
 }
 

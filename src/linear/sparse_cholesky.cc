@@ -80,7 +80,7 @@ Status SparseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/
 // `failed`: the block of S at which there is no factor; or none. `row`: what it is called.
 Status SparseCholesky::End(int failed, int row) {
   failed_at_ = failed;
-  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(row);
+  factored_ = failed == FrontTree::kNone ? Status::Ok() : NotPositiveDefinite(row, &work_);
   return factored_;
 }
 
@@ -139,23 +139,27 @@ void SparseCholesky::Open(int f, const ReducedMatrix& A) {
 // then the diagonal.
 void SparseCholesky::Assemble(int f, const ReducedMatrix& A) {
   const Front& front = tree_.fronts[f];
-  ZeroFront(front, Column(f, 0), Update(f));
+  const BlockPattern& pattern = *pattern_;
+  double* const L = Column(f, 0);
+  // Once for all blocks, which are small.
+  const int stride = front.stride();
+  ZeroFront(front, L, Update(f));
   for (int k = front.piece_begin; k < front.piece_end; ++k) {
     const FrontPiece& piece = tree_.pieces[k];
     // Null: the block is left out, and its place keeps its zeros.
     if (const double* block = A.Block(piece.i, piece.block)) {
-      const int j = pattern_->columns[piece.block];
-      PlaceBlock(block, pattern_->row_stride(j), pattern_->block_size(piece.i),
-                 pattern_->block_size(j), piece.row, piece.column, Column(f, 0), front.stride());
+      const int j = pattern.columns[piece.block];
+      PlaceBlock(block, pattern.row_stride(j), pattern.block_size(piece.i), pattern.block_size(j),
+                 piece.row, piece.column, L, stride);
     }
   }
   // Pivots of a front are blocks one behind the other.
-  double* pivot = Column(f, 0);
+  double* pivot = L;
   const double* const diagonal = A.diagonal();
   for (int at = front.position_begin; at < front.position_end; ++at) {
     const int block = tree_.order[at];
-    const int end = pattern_->offsets[block + 1];
-    for (int row = pattern_->offsets[block]; row < end; ++row, pivot += front.stride() + 1) {
+    const int end = pattern.offsets[block + 1];
+    for (int row = pattern.offsets[block]; row < end; ++row, pivot += stride + 1) {
       *pivot += diagonal[row];
     }
   }

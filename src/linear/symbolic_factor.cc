@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/counting_sort.h"
+#include "linear/block_neighbors.h"
 #include "linear/group_order.h"
 #include "simd/kernels.h"
 
@@ -60,33 +61,8 @@ constexpr double kSmallBlock = 6.0;
 constexpr double kPriceOfFront = 2000.0;
 constexpr double kPriceOfEntry = 4.0;
 
-// The graph of S: per block its neighbors, in one array.
 // Both directions of each edge, without loops, which is what METIS takes.
-struct Graph {
-  Graph() = default;
-  explicit Graph(const BlockPattern& pattern) {
-    const auto for_each_neighbor = [&pattern](const auto& add) {
-      ForEachEdge(pattern, [&add](int i, int j) {
-        add(i, j);
-        add(j, i);
-      });
-    };
-    CountingSort(pattern.num_blocks(), for_each_neighbor, &begin, &neighbors);
-  }
-
-  template <typename Visit>
-  static void ForEachEdge(const BlockPattern& pattern, const Visit& visit) {
-    // Of the lower triangle; blocks of a row come before its diagonal one, which ends the loop.
-    for (int i = 0; i < pattern.num_blocks(); ++i) {
-      for (int k = pattern.row_begin[i]; pattern.columns[k] < i; ++k) {
-        visit(i, pattern.columns[k]);
-      }
-    }
-  }
-
-  std::vector<idx_t> begin;
-  std::vector<idx_t> neighbors;
-};
+using Graph = BlockNeighbors<idx_t>;
 
 // Per block 0 or 1, its half, or 2, the separator. Empty where METIS finds none. METIS draws lots:
 // on a sphere of 2,500 poses it cuts so that the factor takes 1.0, 1.11 or 1.14 times the flops of
@@ -102,7 +78,7 @@ std::vector<idx_t> CutInHalves(Graph graph) {
   // the lots are those of rand(), which all threads share, begun anew with each call
   static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
-  const int result = METIS_ComputeVertexSeparator(&n, graph.begin.data(), graph.neighbors.data(),
+  const int result = METIS_ComputeVertexSeparator(&n, graph.begin.data(), graph.rows.data(),
                                                   nullptr, options, &separator_size, part.data());
   return result == METIS_OK ? part : std::vector<idx_t>();
 }
@@ -159,11 +135,11 @@ class Dissection {
     part.begin.push_back(0);
     for (const int block : blocks) {
       for (idx_t n = graph_.begin[block]; n < graph_.begin[block + 1]; ++n) {
-        if (const int place = place_[graph_.neighbors[n]]; place >= 0) {
-          part.neighbors.push_back(place);
+        if (const int place = place_[graph_.rows[n]]; place >= 0) {
+          part.rows.push_back(place);
         }
       }
-      part.begin.push_back(static_cast<idx_t>(part.neighbors.size()));
+      part.begin.push_back(static_cast<idx_t>(part.rows.size()));
     }
     for (const int block : blocks) {
       place_[block] = -1;
@@ -250,7 +226,7 @@ class EliminationTree {
       position[order_[at]] = at;
     }
     const auto for_each_pair = [&](const auto& add) {
-      Graph::ForEachEdge(pattern_, [&](int i, int j) {
+      ForEachCoupling(pattern_, [&](int i, int j) {
         const auto [first, second] = std::minmax(position[i], position[j]);
         add(second, first);
       });

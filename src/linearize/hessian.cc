@@ -140,12 +140,21 @@ void Hessian::PlanSmallBlocks() {
   for (const Source& source : sources_) {
     small_sources_.push_back({source.products.a, source.products.b, residuals_[source.family]});
   }
-  small_begin_.push_back(0);
-  for (std::size_t block = 0; block < plans_.block_row.size(); ++block) {
-    if (IsSmall(block)) {
-      AddSmallTerms(block);
+  small_blocks_.resize(plans_.block_row.size());
+  for (std::size_t block = 0; block < small_blocks_.size(); ++block) {
+    if (!IsSmall(block)) {
+      continue;
     }
-    small_begin_.push_back(static_cast<std::int32_t>(small_terms_.size()));
+    const int row = plans_.block_row[block];
+    SmallBlock* const small = &small_blocks_[block];
+    small->C = C_begin_[block];
+    small->first_term = static_cast<std::int32_t>(small_terms_.size());
+    AddSmallTerms(block);
+    small->num_terms = static_cast<std::int32_t>(small_terms_.size()) - small->first_term;
+    small->y = plans_.pattern.columns[block] == row ? plans_.pattern.offsets[row] : -1;
+  }
+  if (small_terms_.empty()) {
+    small_blocks_ = {};  // there may be as many as pairs of cameras
   }
 }
 
@@ -228,13 +237,10 @@ void Hessian::Accumulate() {
 void Hessian::AccumulateFrameBlocks(int begin, int end) {
   const BlockPattern& pattern = plans_.pattern;
   BlockScratch scratch;
-  for (int block = begin; block < end; ++block) {
+  for (int block = SumSmallBlocks(begin, end); block < end;
+       block = SumSmallBlocks(block + 1, end)) {
     const auto k = static_cast<std::size_t>(block);
     if (C_begin_[k] < 0) {
-      continue;
-    }
-    if (small_begin_[k + 1] > small_begin_[k]) {
-      SumSmallBlock(k);
       continue;
     }
     const int rows = pattern.block_size(plans_.block_row[k]);
@@ -257,19 +263,18 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
   }
 }
 
-void Hessian::SumSmallBlock(std::size_t block) {
-  const BlockPattern& pattern = plans_.pattern;
-  const int row = plans_.block_row[block];
-  double* const C = C_.data() + C_begin_[block];
-  const bool is_diagonal = pattern.columns[block] == row;
-  double* const gradient = is_diagonal ? gradient_.data() + pattern.offsets[row] : nullptr;
-  small_kernels_.sum_products_of_three(
-      {small_sources_.data(), small_terms_.data() + small_begin_[block],
-       small_begin_[block + 1] - small_begin_[block], small_depth_},
-      C, gradient);
-  for (int k = 0; k < 3 && is_diagonal; ++k) {
-    diagonal_[pattern.offsets[row] + k] = C[k * 3 + k];
+// Those from `begin` on; returns the first block that is not one of them, or `end`.
+int Hessian::SumSmallBlocks(int begin, int end) {
+  if (small_terms_.empty() || begin == end || small_blocks_[begin].num_terms == 0) {
+    return begin;
   }
+  const SmallBlock* const first = small_blocks_.data() + begin;
+  const auto last = std::find_if(first, first + (end - begin),
+                                 [](const SmallBlock& block) { return block.num_terms == 0; });
+  const int count = static_cast<int>(last - first);
+  small_kernels_.sum_products_of_three({small_sources_.data(), small_terms_.data(), small_depth_},
+                                       first, count, C_.data(), gradient_.data(), diagonal_.data());
+  return begin + count;
 }
 
 // A kept product is summed apart, whether it is formed now or was before: the bits are the same.

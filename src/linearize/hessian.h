@@ -53,7 +53,7 @@ class Hessian {
   void PlanSmallBlocks();
   bool IsSmall(std::size_t block);
   void AddSmallTerms(std::size_t block);
-  void SumSmallBlock(std::size_t block);
+  int SumSmallBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
   void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
@@ -91,8 +91,8 @@ class Hessian {
   std::vector<Source> sources_;             // of the plan
   std::vector<SmallSource> small_sources_;  // the same, for blocks of 3 × 3
   std::vector<SmallTerm> small_terms_;
-  std::vector<std::int32_t> small_begin_;  // per block, one more; none: it is summed otherwise
-  int small_depth_ = 0;                    // of all of them; 0: there are none
+  std::vector<SmallBlock> small_blocks_;  // per block; without terms: it is summed otherwise
+  int small_depth_ = 0;                   // of all of them; 0: there are none
   std::vector<VectorTerm> gradient_terms_;
   std::vector<GradientSegment> gradient_segments_;
   std::vector<int> gradient_segments_begin_;  // per frame, one more

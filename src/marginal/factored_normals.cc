@@ -104,7 +104,7 @@ Status FactoredNormals::Factorize() {
   const ReducedMatrix S(pattern(), elimination_.S(), no_damping.data());
   status = factor_.Analyze(S);
   if (status.ok()) {
-    status = NameVariable(factor_.Factorize(S, {}),
+    status = NameVariable(factor_, factor_.Factorize(S, {}),
                           [this](std::size_t frame) { return layout_.variables[frame]; });
   }
   // A pivot that is not positive: the same as a gauge that the probe finds free, only plainer.

@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "linear/front_qr.h"
+#include "linear/not_positive_definite.h"
 #include "marginal/factored_normals.h"
 
 namespace inceres::internal {
@@ -115,7 +116,9 @@ Status FactoredNormals::FactorizeRows() {
   }
   // Front by front, children first, each written in place of what a Cholesky factorization would
   // have written.
-  status = factor_.FactorizeBy([&qr](int f, double* L) { return qr.Eliminate(f, L); });
+  status = NameVariable(factor_,
+                        factor_.FactorizeBy([&qr](int f, double* L) { return qr.Eliminate(f, L); }),
+                        [this](std::size_t frame) { return layout_.variables[frame]; });
   return status.ok() ? CheckGauge()
                      : Status::Error(status.code,
                                      "there is no covariance: the gauge is free, or a variable is "

@@ -122,6 +122,7 @@ enum class Taking {
   kNothing,  // nobody wrote it
   kCopy,
   kPose,  // a position and a quaternion
+  kQuaternion,
   kOneByOne,
 };
 
@@ -132,9 +133,14 @@ Taking TakingOf(const TangentMap& map) {
   if (map.copies()) {
     return Taking::kCopy;
   }
-  return map.kind == TangentMap::Kind::kDense && map.ambient_size == 7 && map.tangent_size == 6 &&
-                 map.num_identity_columns == 3
-             ? Taking::kPose
+  if (map.kind != TangentMap::Kind::kDense) {
+    return Taking::kOneByOne;
+  }
+  if (map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3) {
+    return Taking::kPose;
+  }
+  return map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0
+             ? Taking::kQuaternion
              : Taking::kOneByOne;
 }
 
@@ -145,13 +151,15 @@ bool TakeTogether(Taking taking, const internal::AmbientSlot& slot, const Tangen
     return slot.take != nullptr && slot.take(count, slot.values, slot.num_rows, slot.J_tangent,
                                              slot.factor_stride, slot.row_stride);
   }
-  if (taking == Taking::kPose) {
+  if (taking == Taking::kPose || taking == Taking::kQuaternion) {
     const double* M[internal::kMostTaken];
     for (int n = 0; n < count; ++n) {
       M[n] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
     }
-    return internal::BestKernels().take_poses(M, count, slot.values, slot.num_rows, slot.J_tangent,
-                                              slot.factor_stride, slot.row_stride);
+    const internal::Kernels& kernels = internal::BestKernels();
+    const auto take = taking == Taking::kPose ? kernels.take_poses : kernels.take_quaternions;
+    return take(M, count, slot.values, slot.num_rows, slot.J_tangent, slot.factor_stride,
+                slot.row_stride);
   }
   return taking == Taking::kNothing;
 }

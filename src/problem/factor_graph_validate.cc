@@ -222,18 +222,14 @@ class FactorGlance {
       return false;
     }
     const VariableRecord& variable = records_[id];
+    const internal::Sight sight = {&variable, variable.constant,
+                                   variable.removed ? Fault::kRemoved : Fault::kNone};
     const std::uint32_t bit = std::uint32_t{1} << s;
-    landmarks_ &= ~bit;
-    if (variable.removed || variable.ambient_size != slots_[s].ambient_size) {
-      return false;
-    }
-    if (variable.constant || variable.tangent_size == 0) {
-      return true;
-    }
-    landmarks_ |= variable.role == Role::kLandmark ? bit : 0;
-    return variable.tangent_size == slots_[s].tangent_size &&
-           (variable.manifold == nullptr || takes_any_manifold_[s] ||
-            accepted_.Accepts(family_, s, *variable.manifold));
+    const bool is_landmark = variable.role == Role::kLandmark && internal::Moves(sight);
+    landmarks_ = is_landmark ? landmarks_ | bit : landmarks_ & ~bit;
+    return internal::FaultAtSlot(slots_[s], sight, [this, s](const Manifold& manifold) {
+             return takes_any_manifold_[s] || accepted_.Accepts(family_, s, manifold);
+           }) == Fault::kNone;
   }
 
   bool IsAmongOthers(const VariableId* ids, int s) const {

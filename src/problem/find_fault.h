@@ -110,6 +110,32 @@ class AcceptedManifolds {
   const Manifold* accepted_[kKeptSlots] = {};
 };
 
+/// Whether the factor moves what it finds.
+inline bool Moves(const Sight& sight) {
+  return !sight.constant && sight.record->tangent_size != 0;
+}
+
+/// The rules of a slot, whatever the factor's others are. accepts(manifold): the family's.
+template <typename AcceptsManifold>
+Fault FaultAtSlot(const FactorFamily::Slot& slot, const Sight& sight,
+                  const AcceptsManifold& accepts) {
+  if (sight.fault != Fault::kNone) {
+    return sight.fault;
+  }
+  const VariableRecord& variable = *sight.record;
+  if (variable.ambient_size != slot.ambient_size) {
+    return Fault::kAmbientSize;
+  }
+  if (!Moves(sight)) {
+    return Fault::kNone;
+  }
+  if (variable.tangent_size != slot.tangent_size) {
+    return Fault::kTangentSize;
+  }
+  const bool is_right = variable.manifold == nullptr || accepts(*variable.manifold);
+  return is_right ? Fault::kNone : Fault::kManifold;
+}
+
 /// The rules of a factor, whether it is there already or comes with an edit: see(id) is the
 /// variable as the factor finds it. `accepted` is for factors of this family.
 template <typename SeeVariable>
@@ -117,28 +143,17 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
                       AcceptedManifolds* accepted) {
   int num_landmarks = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
-    const FactorFamily::Slot& slot = family.slot(s);
     const Sight sight = see(ids[s]);
-    if (sight.fault != Fault::kNone) {
-      return {sight.fault, s};
-    }
-    if (IsAmong(ids[s], ids, s)) {
+    if (sight.fault == Fault::kNone && IsAmong(ids[s], ids, s)) {
       return {Fault::kRepeated, s};
     }
-    const VariableRecord& variable = *sight.record;
-    if (variable.ambient_size != slot.ambient_size) {
-      return {Fault::kAmbientSize, s};
+    const Fault fault = FaultAtSlot(family.slot(s), sight, [&](const Manifold& manifold) {
+      return accepted->Accepts(family, s, manifold);
+    });
+    if (fault != Fault::kNone) {
+      return {fault, s};
     }
-    if (sight.constant || variable.tangent_size == 0) {
-      continue;
-    }
-    if (variable.tangent_size != slot.tangent_size) {
-      return {Fault::kTangentSize, s};
-    }
-    if (variable.manifold != nullptr && !accepted->Accepts(family, s, *variable.manifold)) {
-      return {Fault::kManifold, s};
-    }
-    if (variable.role == Role::kLandmark && ++num_landmarks > 1) {
+    if (Moves(sight) && sight.record->role == Role::kLandmark && ++num_landmarks > 1) {
       return {Fault::kTwoLandmarks, s};
     }
   }

@@ -193,6 +193,9 @@ struct Kernels {
   /// upwards, each term rounded, as in a plain loop.
   bool (*take_poses)(const double* const* M, int count, const double* J, int rows, double* out,
                      std::ptrdiff_t factor_stride, int row_stride);
+  /// The same with 4 columns, of a quaternion: M_n is 4 × 3.
+  bool (*take_quaternions)(const double* const* M, int count, const double* J, int rows,
+                           double* out, std::ptrdiff_t factor_stride, int row_stride);
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
   /// infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);

@@ -36,12 +36,17 @@ struct SmallTerm {
   bool ends_segment;
 };
 
-/// C = Σ_p B_pᵀA_p, and y = Σ_p A_pᵀv_p, with A_p and B_p of `depth` rows, 3 or 6, and 3 columns,
-/// padded to quads.
+/// C = Σ_p B_pᵀA_p over the terms of a block, and of one on the diagonal y = Σ_p A_pᵀv_p, with A_p
+/// and B_p of `depth` rows, 3 or 6, and 3 columns, padded to quads.
+struct SmallBlock {
+  std::int64_t C = 0;  ///< where it begins
+  std::int32_t first_term = 0;
+  std::int32_t num_terms = 0;  ///< 0: it is not one of these
+  std::int32_t y = -1;         ///< where its three entries begin; -1: it is not on the diagonal
+};
 struct SmallProducts {
   const SmallSource* sources = nullptr;
   const SmallTerm* terms = nullptr;
-  int count = 0;
   int depth = 0;
 };
 
@@ -56,13 +61,19 @@ struct SmallKernels {
   /// above it may be anything afterwards.
   void (*subtract_lower_outer)(int rows, int cols, int depth, const double* A, int lda, double* C,
                                int ldc);
+  /// Zeros, of whole quads.
+  void (*set_zero)(std::int64_t count, double* A);
+  /// C += A, both column-major: nothing between the columns is written.
+  void (*add_columns)(int rows, int cols, const double* A, int lda, double* C, int ldc);
   /// What a factor adds: add_outer and add_squares with the sign, add_transposed with the other
   /// one. In one pass where all blocks are those of poses, 3 × 3 or 6 × 6.
   void (*add_contribution)(const Contribution& contribution, double sign,
                            const ContributionSums& sums);
-  /// C, 3 × 3 without padding, and the three entries of y unless that is null, written and not
-  /// added to: what accumulate_products and accumulate_vectors would make of zeros.
-  void (*sum_products_of_three)(const SmallProducts& products, double* C, double* y);
+  /// Blocks one after the other, C without padding, written and not added to: what
+  /// accumulate_products and accumulate_vectors would make of zeros; and the diagonal of C, where y
+  /// goes.
+  void (*sum_products_of_three)(const SmallProducts& products, const SmallBlock* blocks, int count,
+                                double* C, double* y, double* diagonal);
 
   /// L Lᵀ of a path of blocks of `size` ≤ kMostTileScalars, each coupled to the next one and, once
   /// those before it are eliminated, to one more, the anchor. A tile has the columns of a block: a

@@ -71,9 +71,9 @@ Status PlainModel::SolveReduced(const double* S, const double* b, const double* 
     return Status::Ok();
   }
   // All rows count as changed.
-  Status solved =
-      NameVariable(reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {}),
-                   [this](std::size_t frame) { return evaluator_.layout().variables[frame]; });
+  Status solved = NameVariable(
+      *reduced_solver_, reduced_solver_->Factorize(ReducedMatrix(plans_.pattern, S, damping), {}),
+      [this](std::size_t frame) { return evaluator_.layout().variables[frame]; });
   if (solved.ok()) {
     solved = reduced_solver_->Solve(b, {}, {}, step);
   }

@@ -116,7 +116,7 @@ TEST(EnvelopeCholesky, SolvesLikeTheDenseOracle) {
     }
     const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.size(), 0.25);
     EnvelopeCholesky cholesky;
-    ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
+    ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0));
     ExpectSolves(cholesky, system, damping);
   }
 }
@@ -130,10 +130,9 @@ TEST(EnvelopeCholesky, ResumedIsBitwiseTheSameAsFromScratch) {
     const int changed = static_cast<int>(engine() % static_cast<unsigned>(system.S().num_rows()));
     system.Perturb(changed);
     const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.size(), 1e-3);
-    ASSERT_TRUE(
-        resumed.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), changed).ok());
+    ASSERT_TRUE(resumed.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), changed));
     EnvelopeCholesky scratch;
-    ASSERT_TRUE(scratch.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
+    ASSERT_TRUE(scratch.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0));
     const Eigen::VectorXd b = system.RandomVector();
     Eigen::VectorXd x(b.size());
     Eigen::VectorXd y(b.size());
@@ -154,10 +153,10 @@ TEST(EnvelopeCholesky, ALoopLengthensOnlyItsOwnRow) {
   EnvelopeCholesky chain_factor;
   EnvelopeCholesky loop_factor;
   const std::vector<double> damping(600, 0.0);
-  ASSERT_TRUE(chain_factor.Factorize(chain.S(), ArrivalOrder(chain.S()), damping.data(), 0).ok());
+  ASSERT_TRUE(chain_factor.Factorize(chain.S(), ArrivalOrder(chain.S()), damping.data(), 0));
   double* block = loop.S().values(loop.S().FindOrAdd(60, 0));
   block[0] = 0.1;
-  ASSERT_TRUE(loop_factor.Factorize(loop.S(), ArrivalOrder(loop.S()), damping.data(), 0).ok());
+  ASSERT_TRUE(loop_factor.Factorize(loop.S(), ArrivalOrder(loop.S()), damping.data(), 0));
   EXPECT_EQ(loop_factor.NumEntries() - chain_factor.NumEntries(), 6 * (58 * 6));
 }
 
@@ -171,12 +170,10 @@ TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {
   double& pivot = system.S().values(system.S().FindOrAdd(8, 8))[0];
   const double good = pivot;
   pivot = -1.0;
-  const Status failed = cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0);
-  EXPECT_EQ(failed.code, StatusCode::kSingular);
-  EXPECT_NE(failed.message.find("frame 8"), std::string::npos) << failed.message;
+  EXPECT_FALSE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0));
   EXPECT_EQ(cholesky.num_valid_rows(), 8);
   pivot = good;
-  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 8).ok());
+  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 8));
   ExpectSolves(cholesky, system, Eigen::VectorXd::Zero(36));
 }
 
@@ -188,7 +185,7 @@ TEST(EnvelopeCholesky, SkipsRemovedRows) {
   system.S().RemoveRow(6);
   const Eigen::VectorXd damping = Eigen::VectorXd::Zero(system.size());
   EnvelopeCholesky cholesky;
-  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0).ok());
+  ASSERT_TRUE(cholesky.Factorize(system.S(), ArrivalOrder(system.S()), damping.data(), 0));
   ExpectSolves(cholesky, system, damping);
 }
 

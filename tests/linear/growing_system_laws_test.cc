@@ -125,6 +125,7 @@ TEST_P(GrowingSystemLaws, TheRowThatIsNotPositiveDefiniteIsNamedAsItWas) {
   EXPECT_EQ(failed.code, StatusCode::kSingular);
   if (IsBuiltIn()) {
     EXPECT_EQ(failed.message, "the reduced system is not positive definite at frame 10");
+    EXPECT_EQ(solver_->work().failed_row, 10);
   }
 }
 

@@ -424,6 +424,33 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
   }
 }
 
+TEST_P(ProductKernels, SetZeroTakesWholeQuadsAndNoMore) {
+  for (int count = 0; count <= 40; count += kQuad) {
+    std::vector<double> A(static_cast<std::size_t>(count + 1), 77.0);
+    small_kernels().set_zero(count, A.data());
+    EXPECT_EQ(std::count(A.begin(), A.end(), 0.0), count);
+    EXPECT_EQ(A.back(), 77.0) << count;
+  }
+}
+
+// Every remainder of a vector; what lies between the columns stays as it is.
+TEST_P(ProductKernels, AddColumnsAddsEachEntryAlone) {
+  constexpr int kColumns = 3;
+  for (int rows = 0; rows <= 13; ++rows) {
+    const int lda = rows + 1, ldc = rows + 2;
+    const std::vector<double> A = random_.Vector(static_cast<std::size_t>(lda * kColumns));
+    std::vector<double> C = random_.Vector(static_cast<std::size_t>(ldc * kColumns));
+    std::vector<double> expected = C;
+    for (int c = 0; c < kColumns; ++c) {
+      for (int r = 0; r < rows; ++r) {
+        expected[static_cast<std::size_t>(c * ldc + r)] += A[static_cast<std::size_t>(c * lda + r)];
+      }
+    }
+    small_kernels().add_columns(rows, kColumns, A.data(), lda, C.data(), ldc);
+    EXPECT_EQ(C, expected) << rows << " rows";
+  }
+}
+
 // Two segments of two sources, of two terms and one: C without padding, and y, as by the kernels
 // that sum a segment into zeros.
 TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
@@ -444,16 +471,28 @@ TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
       kernels().accumulate_vectors({sources[s].a, v.data(), vectors + first, count, depth, 3}, 1.0,
                                    y_parts.data());
     }
-    double C[9], y[3], C_alone[9];
-    small_kernels().sum_products_of_three({sources, terms, 3, depth}, C, y);
-    small_kernels().sum_products_of_three({sources, terms, 3, depth}, C_alone, nullptr);
+    // On the diagonal, not on it, and behind a gap that is not written.
+    const SmallBlock blocks[] = {{0, 0, 3, 4}, {9, 0, 3, -1}, {20, 0, 3, 0}};
+    double C[30], y[8], diagonal[8];
+    std::fill_n(C, 30, 77.0);
+    std::fill_n(y, 8, 77.0);
+    small_kernels().sum_products_of_three({sources, terms, depth}, blocks, 3, C, y, diagonal);
     for (int c = 0; c < 3; ++c) {
       for (int r = 0; r < 3; ++r) {
-        EXPECT_EQ(C[3 * c + r], C_parts[static_cast<std::size_t>(c * kQuad + r)]) << depth;
-        EXPECT_EQ(C_alone[3 * c + r], C[3 * c + r]) << depth;
+        for (const SmallBlock& block : blocks) {
+          EXPECT_EQ(C[block.C + 3 * c + r], C_parts[static_cast<std::size_t>(c * kQuad + r)])
+              << depth;
+        }
       }
-      EXPECT_EQ(y[c], y_parts[static_cast<std::size_t>(c)]) << depth;
+      for (const int at : {4, 0}) {
+        EXPECT_EQ(y[at + c], y_parts[static_cast<std::size_t>(c)]) << depth;
+        EXPECT_EQ(diagonal[at + c], C[4 * c]) << depth;
+      }
     }
+    EXPECT_EQ(C[18], 77.0);
+    EXPECT_EQ(C[29], 77.0);
+    EXPECT_EQ(y[3], 77.0);
+    EXPECT_EQ(y[7], 77.0);
   }
 }
 

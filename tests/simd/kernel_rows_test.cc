@@ -195,38 +195,42 @@ TEST_P(RowKernels, TakeColumns) {
   EXPECT_NE(kernels().find_take(2, 7, 6), nullptr);
 }
 
-// To the bit the product by a plain loop over the rows of M.
-TEST_P(RowKernels, TakePosesAsAPlainProduct) {
-  for (const int rows : {1, 2, 3, 15}) {
-    for (const int blocks : {0, 1, 2, 5}) {
-      std::vector<std::vector<double>> M;
-      std::vector<const double*> pointers;
-      for (int n = 0; n < blocks; ++n) {
-        M.push_back(random_.Vector(42));
-        for (int k = 0; k < 42; ++k) {
-          if (k < 18 || k % 6 < 3) {
-            M.back()[static_cast<std::size_t>(k)] = k / 6 == k % 6 ? 1.0 : 0.0;
+// To the bit the product by a plain loop over the rows of M: of a position and a quaternion, whose
+// first rows and columns are those of the identity, and of a quaternion alone.
+TEST_P(RowKernels, TakePosesAndQuaternionsAsAPlainProduct) {
+  for (const int copied : {3, 0}) {
+    const int ambient = copied + 4, tangent = copied + 3;
+    const auto take = copied > 0 ? kernels().take_poses : kernels().take_quaternions;
+    for (const int rows : {1, 2, 3, 6, 15}) {
+      for (const int blocks : {0, 1, 2, 5}) {
+        std::vector<std::vector<double>> M;
+        std::vector<const double*> pointers;
+        for (int n = 0; n < blocks; ++n) {
+          M.push_back(random_.Vector(static_cast<std::size_t>(ambient * tangent)));
+          for (int k = 0; k < ambient * tangent; ++k) {
+            if (k < copied * tangent || k % tangent < copied) {
+              M.back()[static_cast<std::size_t>(k)] = k / tangent == k % tangent ? 1.0 : 0.0;
+            }
           }
         }
+        for (const std::vector<double>& matrix : M) {
+          pointers.push_back(matrix.data());
+        }
+        ExpectTake(
+            blocks, rows, ambient, tangent,
+            [&](const double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
+              return take(pointers.data(), blocks, J, rows, out, factor_stride, row_stride);
+            },
+            [&](const double* row, int block, int column) {
+              double sum = 0.0;
+              for (int k = 0; k < ambient; ++k) {
+                const volatile double term =
+                    row[k] * pointers[static_cast<std::size_t>(block)][tangent * k + column];
+                sum += term;
+              }
+              return sum;
+            });
       }
-      for (const std::vector<double>& matrix : M) {
-        pointers.push_back(matrix.data());
-      }
-      ExpectTake(
-          blocks, rows, 7, 6,
-          [&](const double* J, double* out, std::ptrdiff_t factor_stride, int row_stride) {
-            return kernels().take_poses(pointers.data(), blocks, J, rows, out, factor_stride,
-                                        row_stride);
-          },
-          [&](const double* row, int block, int column) {
-            double sum = 0.0;
-            for (int k = 0; k < 7; ++k) {
-              const volatile double term =
-                  row[k] * pointers[static_cast<std::size_t>(block)][6 * k + column];
-              sum += term;
-            }
-            return sum;
-          });
     }
   }
 }

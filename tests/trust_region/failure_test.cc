@@ -230,9 +230,12 @@ TEST(InvalidSteps, EndTheSolveAndRestoreTheState) {
 // Refuses every other factorization.
 class FlakySolver final : public ReducedSolver {
  public:
+  explicit FlakySolver(const char* refusal, int failed_row = -1) : refusal_(refusal) {
+    work_.failed_row = failed_row;
+  }
   const char* Name() const override { return "flaky"; }
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
-    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, "not this time")
+    return num_calls_++ % 2 == 0 ? Status::Error(StatusCode::kSingular, refusal_)
                                  : solver_.Factorize(A, changed);
   }
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
@@ -241,6 +244,7 @@ class FlakySolver final : public ReducedSolver {
   }
 
  private:
+  const char* const refusal_;
   int num_calls_ = 0;
   EigenLdltSolver solver_;
 };
@@ -250,12 +254,30 @@ TEST(InvalidSteps, OnlyThoseInARowCount) {
   test::MakeCurveFit(&graph);
   SolverOptions options;
   options.max_num_consecutive_invalid_steps = 2;
-  options.reduced_solver_factory = [] { return std::make_unique<FlakySolver>(); };
+  options.reduced_solver_factory = [] { return std::make_unique<FlakySolver>("not this time"); };
   const Summary summary = Solve(options, &graph);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_GE(summary.num_unsuccessful_steps, 3);
   EXPECT_EQ(summary.detail, "not this time");
   EXPECT_NEAR(graph.state()[0], 0.3, 0.02);
+}
+
+// The row that a solver gives by number is named as a variable; its text is its own.
+TEST(InvalidSteps, NameTheVariableByTheRowAndNotByTheText) {
+  const auto detail_of = [](int failed_row) {
+    FactorGraph graph;
+    const double unused = 0.0;
+    graph.AddVariable(&unused, 1, Role::kFrame);
+    test::MakeCurveFit(&graph);
+    SolverOptions options;
+    options.reduced_solver_factory = [failed_row] {
+      return std::make_unique<FlakySolver>("the reduced system is not positive definite at frame 7",
+                                           failed_row);
+    };
+    return Solve(options, &graph).detail;
+  };
+  EXPECT_EQ(detail_of(-1), "the reduced system is not positive definite at frame 7");
+  EXPECT_EQ(detail_of(1), "the reduced system is not positive definite at variable 2");
 }
 
 TEST(InvalidSteps, NoGradientIsConvergence) {

@@ -52,6 +52,9 @@ class INCERES_EXPORT ReducedSolver {
     /// the iteration's tolerance was reached; if not, x is still a step downhill
     bool converged = true;
     double factor_flops = 0.0;  ///< of Factorize, as predicted from the pattern; 0: not known
+    /// where Factorize has returned kSingular: the row (ReducedMatrix::RowId) at which A is not
+    /// positive definite, for messages; −1: not known
+    int failed_row = -1;
   };
 
   virtual ~ReducedSolver() = default;
