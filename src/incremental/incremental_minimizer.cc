@@ -20,7 +20,10 @@ bool IsPlain(const IncrementalSystem& system) {
 
 Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning) {
   Tuning::Stop rules = tuning.stop;
-  rules.share = IsPlain(system) ? rules.plain_share : rules.share;
+  if (IsPlain(system)) {
+    rules.share = rules.plain_share;
+    rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
+  }
   return rules;
 }
 
@@ -243,7 +246,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.
-  context_.row().refreshed = context_.relinearization.RefreshAged(context_.Tolerance());
+  context_.row().refreshed =
+      context_.relinearization.RefreshAged(context_.stop.ErrorAllowed(context_.system.cost()));
   if (context_.row().refreshed || context_.control.RelaxOnce()) {
     return Verdict::kGoOn;
   }
@@ -306,7 +310,8 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
     tolerances_.NoteStep(
         shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
   }
-  context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
+  context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
+                          context_.row().cost_change, gain_ratio);
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();
@@ -321,6 +326,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
+  context_.stop.StepRefused();
   // Where S had no factor there was no step, and what is left is that of another damping.
   const bool tried = row.step == UpdateStep::kFrames;
   // it could not be evaluated
