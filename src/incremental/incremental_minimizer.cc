@@ -50,6 +50,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   words_.Forget();
   landmarks_.Begin();
   linearization_.ForgetFreed();
+  linearization_.NoteDampedSquare(0.0);
   tolerances_.NoteStep(-1.0);
   earlier_factor_.End(Run());
 }
@@ -219,6 +220,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
+    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
     attempts_.Accept();
     NoteStep(gain_ratio);
     return Verdict::kGoOn;
@@ -252,6 +254,10 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     return Verdict::kGoOn;
   }
   if (!context_.control.IsDampedHard()) {
+    // What the last step tells is cheap, and what the next one does, more to the point.
+    if (linearization_.MayHide()) {
+      LookAtStep();
+    }
     switch (linearization_.FreeHeldLandmarks()) {
       case UpdateLinearization::Freed::kSome:
         return Verdict::kGoOn;
@@ -276,6 +282,19 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     default:
       return Verdict::kGoOn;
   }
+}
+
+// The whole step that a claim speaks of, of which nothing is taken.
+void IncrementalMinimizer::LookAtStep() {
+  if (!frame_solve_.Solve().ok()) {
+    return;
+  }
+  const FrameStep& step = frame_solve_.step();
+  context_.active.Select(step.values(), step.reduced(), step.work().solved,
+                         {-1.0, frame_solve_.Wildfire(), context_.summary->remaining_decrease},
+                         &context_.system);
+  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+  context_.system.step().Reject();
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step

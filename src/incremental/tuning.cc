@@ -95,6 +95,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("landmarks.share", &tuning->landmarks.share);
   real("landmarks.dominance", &tuning->landmarks.dominance);
   real("landmarks.min_damping", &tuning->landmarks.min_damping);
+  real("landmarks.least_seen", &tuning->landmarks.least_seen);
   real("landmarks.outdated_damping", &tuning->landmarks.outdated_damping);
   real("landmarks.max_stretch", &tuning->landmarks.max_stretch);
   real("earlier_factor.kept", &tuning->earlier_factor.kept);

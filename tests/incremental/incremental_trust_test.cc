@@ -410,5 +410,31 @@ TEST(IncrementalTrust, OneStepThatWasAboutOtherThingsShowsNoMinimum) {
   EXPECT_NEAR(found[1], std::sqrt(0.5), 1e-2) << summary.FullReport();
 }
 
+// The landmark is held well where the frame is, and the two together hardly at all: along that
+// direction the cost is a hundredth as stiff as the landmark's least damping. The last residual is
+// the rest of the cost.
+TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesOfAFrameIsSeenBeforeAClaim) {
+  const auto function = [](int, const double* const* p, double* f, double** J) {
+    f[0] = 100.0 * (p[0][0] - 1.0);
+    f[1] = p[1][0] - p[0][1];
+    f[2] = 1e-4 * (p[0][1] - 26.0);
+    f[3] = 1.0;
+    if (J != nullptr && J[0] != nullptr) {
+      const double rows[8] = {100.0, 0.0, 0.0, -1.0, 0.0, 1e-4, 0.0, 0.0};
+      std::copy_n(rows, 8, J[0]);
+    }
+    if (J != nullptr && J[1] != nullptr) {
+      const double rows[4] = {0.0, 1.0, 0.0, 0.0};
+      std::copy_n(rows, 4, J[1]);
+    }
+    return true;
+  };
+  const double frame[2] = {0.9, 0.0}, landmark = 0.0;
+  double found[2];
+  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
+}
+
 }  // namespace
 }  // namespace inceres
