@@ -86,8 +86,8 @@ class StoppingRule {
     last_gain_ratio_ = gain_ratio;
     claim_ = Claim();
   }
-  /// There was nothing to be had by it.
-  void StepRefused() { last_gain_ = last_gain_ratio_ = 0.0; }
+  /// What refusals prove is StepControl's to say.
+  void StepRefused() { has_refused_ = true; }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
   void LandmarksGained(double gain, double promise) {
     landmark_creep_ = std::max(1.0, gain / promise);
@@ -123,6 +123,7 @@ class StoppingRule {
   double stagnated_gain_ = -1.0;
   bool rests_on_nothing_ = false;  // there is nothing left, as far as the model alone tells
   bool has_stepped_ = false;
+  bool has_refused_ = false;
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
   double last_gain_ = 0.0;

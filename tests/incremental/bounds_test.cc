@@ -173,7 +173,6 @@ class BoundedEdits : public testing::TestWithParam<unsigned> {};
 TEST_P(BoundedEdits, WhateverIsEditedTheUpdateEndsAtTheOptimum) {
   IncrementalOptions options;
   options.batch_share = 2.0;
-  options.max_num_iterations = 100;  // some for each coordinate that comes to its bound, or leaves
   IncrementalBundle bundle(options, GetParam());
   bundle.Grow(6, 16, 3);
   BoundSome(bundle.frames(), 2, &bundle);
