@@ -36,6 +36,21 @@ double ActiveVariables::Norm() const {
   return std::sqrt(squared);
 }
 
+double ActiveVariables::DampedSquareOfLandmarks() const {
+  double sum = 0.0;
+  landmarks_.ForEach([&](std::int32_t l) {
+    const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
+    const double* P = schur_.blocks().P(l);
+    const double* moved = step(landmark.quad);
+    double squared = 0.0;
+    for (int k = 0; k < landmark.size; ++k) {
+      squared += P[k * kQuad + k] * moved[k] * moved[k];
+    }
+    sum += schur_.blocks().lambda(l) * schur_.blocks().lambda(l) * squared;
+  });
+  return sum;
+}
+
 void ActiveVariables::LeaveOut(std::int32_t landmark) {
   landmarks_.Remove(landmark);
   std::fill_n(step(schur_.landmarks()[landmark].quad), schur_.landmarks()[landmark].size, 0.0);

@@ -57,6 +57,8 @@ class ActiveVariables {
   /// ‖Dδ‖, D² = diag H; and ‖δ‖.
   double ScaledNorm() const;
   double Norm() const;
+  /// Σ ‖λ_l D_l δ_l‖² of the landmarks that move, D² = diag P and λ their damping.
+  double DampedSquareOfLandmarks() const;
   /// The landmark stays where it is after all.
   void LeaveOut(std::int32_t landmark);
   /// Nothing moves.

@@ -74,6 +74,17 @@ bool DirtySubgraph::MarkHidden(double lambda, double gain) {
   return true;
 }
 
+bool DirtySubgraph::MarkDampedMore(double lambda) {
+  bool any = false;
+  for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
+    if (schur_.IsInS(l) && schur_.blocks().lambda(l) > lambda) {
+      MarkLandmark(l);
+      any = true;
+    }
+  }
+  return any;
+}
+
 void DirtySubgraph::Recenter(const IncrementalFamily& family,
                              const std::vector<std::int32_t>& factors) {
   if (!family.family().Recenters()) {

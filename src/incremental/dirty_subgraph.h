@@ -71,6 +71,9 @@ class DirtySubgraph {
   /// would: all of them together. True if there are any. Cost: that of landmarks with a pivot that
   /// is mostly damping.
   bool MarkHidden(double lambda, double gain);
+  /// All landmarks that were eliminated with more damping than this; true if there are any. Cost: a
+  /// look at each.
+  bool MarkDampedMore(double lambda);
 
   /// They are gone, or part of nothing.
   void DropFactor(FactorRef ref) {

@@ -20,7 +20,10 @@ bool IsPlain(const IncrementalSystem& system) {
 
 Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning) {
   Tuning::Stop rules = tuning.stop;
-  rules.share = IsPlain(system) ? rules.plain_share : rules.share;
+  if (IsPlain(system)) {
+    rules.share = rules.plain_share;
+    rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
+  }
   return rules;
 }
 
@@ -47,6 +50,7 @@ void IncrementalMinimizer::Minimize(bool mostly_new, const std::atomic<bool>& st
   words_.Forget();
   landmarks_.Begin();
   linearization_.ForgetFreed();
+  linearization_.NoteDampedSquare(0.0);
   tolerances_.NoteStep(-1.0);
   earlier_factor_.End(Run());
 }
@@ -216,6 +220,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
+    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
     attempts_.Accept();
     NoteStep(gain_ratio);
     return Verdict::kGoOn;
@@ -243,11 +248,16 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.
-  context_.row().refreshed = context_.relinearization.RefreshAged(context_.Tolerance());
+  context_.row().refreshed =
+      context_.relinearization.RefreshAged(context_.stop.ErrorAllowed(context_.system.cost()));
   if (context_.row().refreshed || context_.control.RelaxOnce()) {
     return Verdict::kGoOn;
   }
   if (!context_.control.IsDampedHard()) {
+    // What the last step tells is cheap, and what the next one does, more to the point.
+    if (linearization_.MayHide()) {
+      LookAtStep();
+    }
     switch (linearization_.FreeHeldLandmarks()) {
       case UpdateLinearization::Freed::kSome:
         return Verdict::kGoOn;
@@ -272,6 +282,19 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     default:
       return Verdict::kGoOn;
   }
+}
+
+// The whole step that a claim speaks of, of which nothing is taken.
+void IncrementalMinimizer::LookAtStep() {
+  if (!frame_solve_.Solve().ok()) {
+    return;
+  }
+  const FrameStep& step = frame_solve_.step();
+  context_.active.Select(step.values(), step.reduced(), step.work().solved,
+                         {-1.0, frame_solve_.Wildfire(), context_.summary->remaining_decrease},
+                         &context_.system);
+  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+  context_.system.step().Reject();
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
@@ -306,7 +329,8 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
     tolerances_.NoteStep(
         shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
   }
-  context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease, gain_ratio);
+  context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
+                          context_.row().cost_change, gain_ratio);
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();
@@ -321,6 +345,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   if (refreshed) {
     return Verdict::kGoOn;
   }
+  context_.stop.StepRefused();
   // Where S had no factor there was no step, and what is left is that of another damping.
   const bool tried = row.step == UpdateStep::kFrames;
   // it could not be evaluated

@@ -56,6 +56,7 @@ class IncrementalMinimizer {
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
   Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
+  void LookAtStep();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);

@@ -82,6 +82,8 @@ class IncrementalSystem {
   }
   /// DirtySubgraph::MarkHidden.
   bool RedampHidden(double lambda, double gain) { return dirty_.MarkHidden(lambda, gain); }
+  /// DirtySubgraph::MarkDampedMore.
+  bool RedampAll(double lambda) { return dirty_.MarkDampedMore(lambda); }
 
   /// Gives the factors that were marked for it their new weights, and S and b what that makes of
   /// their contributions; no factor is evaluated. Those are listed that are not to be linearized

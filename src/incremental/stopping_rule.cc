@@ -12,9 +12,12 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   // From the test that needs no history to the one that needs most. An Update that is mostly new
   // has no steps yet that tell of the next, but it may stagnate.
   stagnated_gain_ = -1.0;
-  if (Rest(remaining, landmark_gain) <= Allowed(cost) ||
-      (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
-                       HasBeenClaimed(remaining, landmark_gain, cost)))) {
+  const bool is_borne_out = IsBorneOut(remaining, cost);
+  rests_on_nothing_ = !is_borne_out && remaining <= tuning_.nothing_share * Tolerance(cost);
+  const bool small =
+      Rest(remaining, landmark_gain) <= Allowed(cost) && (is_borne_out || rests_on_nothing_);
+  if (small || (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
+                                HasBeenClaimed(remaining, landmark_gain, cost)))) {
     return true;
   }
   const bool stagnates = HasStagnated(cost, iteration) && remaining <= Tolerance(cost);
@@ -35,13 +38,28 @@ bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, d
   // R / (1 − φ) times what the last step gained over its promise. Of a negative result, φ ≥ 1, no
   // use is made: the test of φ fails first.
   const double series = std::max(1.0, last_gain_ratio_) / (1.0 - factor);
-  const bool little = factor < tuning_.steady_factor &&
+  const bool little = factor < tuning_.steady_factor && IsBorneOut(remaining, cost) &&
                       series * remaining + landmarks <= tuning_.rest_share * Tolerance(cost);
   if (little) {
     // Remembered for the next Update, and forgotten with the next step.
     claim_ = {remaining, series};
   }
   return little;
+}
+
+// What is left falls by φ = Σ r_i² R_i / Σ R_i, where the model's curvature in direction i is off
+// by a share of r_i; so φ rises, towards the largest r_i², as far as steps are a linear iteration.
+// A first step tells of the directions in which there was most to gain. Where another one is a
+// saddle, r_i > 1, and little was left of it, that comes to light when φ jumps.
+bool StoppingRule::IsBorneOut(double remaining, double cost) const {
+  if (!has_stepped_ || has_refused_ || std::isinf(tuning_.factor_growth)) {
+    return true;
+  }
+  const bool falls_steadily =
+      previous_factor_ > 0.0 && remaining < last_remaining_ &&
+      remaining <= tuning_.factor_growth * previous_factor_ * last_remaining_;
+  return last_gain_ratio_ <= kCurvesDown &&
+         (falls_steadily || last_gain_ <= tuning_.rest_share * Tolerance(cost));
 }
 
 // Of the old rest it is known what steps make of it; what has come since is held against what may

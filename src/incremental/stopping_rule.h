@@ -61,6 +61,11 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
+  /// What old Jacobians may err by where that rests on them: T, or a little of it where no step
+  /// bears out what they say.
+  double ErrorAllowed(double cost) const {
+    return (rests_on_nothing_ ? tuning_.nothing_share : 1.0) * Tolerance(cost);
+  }
   /// What the iterations that have stagnated have gained, if nothing else says that little is left;
   /// otherwise -1.
   double stagnated_gain() const { return stagnated_gain_; }
@@ -72,12 +77,17 @@ class StoppingRule {
   }
 
   /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken),
-  /// with this gain ratio.
-  void StepTaken(double remaining, double gain_ratio) {
+  /// with this gain and gain ratio.
+  void StepTaken(double remaining, double gain, double gain_ratio) {
+    has_stepped_ = true;
+    previous_factor_ = remaining > 0.0 && last_remaining_ > 0.0 ? remaining / last_remaining_ : 0.0;
     last_remaining_ = remaining;
+    last_gain_ = gain;
     last_gain_ratio_ = gain_ratio;
     claim_ = Claim();
   }
+  /// What refusals prove is StepControl's to say.
+  void StepRefused() { has_refused_ = true; }
   /// Landmarks gained `gain` by themselves where `promise` was seen.
   void LandmarksGained(double gain, double promise) {
     landmark_creep_ = std::max(1.0, gain / promise);
@@ -92,12 +102,16 @@ class StoppingRule {
   };
 
   double OfFunction(double cost) const { return function_tolerance_ * (cost - fixed_cost_); }
+  bool IsBorneOut(double remaining, double cost) const;
   bool NextStepsGainLittle(double remaining, double landmark_gain, double cost);
   bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
 
   // Of the cost: a change that is rounding, some half of its last bits.
   static constexpr double kUnmoved = 1e-15;
+  // Gain ratio of a step along which the cost is straight: of what its slope promises, the model's
+  // curvature takes half. Above that the cost curves downwards.
+  static constexpr double kCurvesDown = 2.0;
 
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;
@@ -107,7 +121,12 @@ class StoppingRule {
   int checked_iteration_ = 0;  // from which on HasStagnated counts
   double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;
-  double last_remaining_ = 0.0;
+  bool rests_on_nothing_ = false;  // there is nothing left, as far as the model alone tells
+  bool has_stepped_ = false;
+  bool has_refused_ = false;
+  double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
+  double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
+  double last_gain_ = 0.0;
   double last_gain_ratio_ = 1.0;
   double landmark_creep_ = 1.0;  // c
   Claim claim_;

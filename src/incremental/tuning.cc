@@ -74,6 +74,8 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.plain_share", &tuning->stop.plain_share);
   real("stop.rest_share", &tuning->stop.rest_share);
   real("stop.steady_factor", &tuning->stop.steady_factor);
+  real("stop.factor_growth", &tuning->stop.factor_growth);
+  real("stop.nothing_share", &tuning->stop.nothing_share);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
   count("stop.stagnation", &tuning->stop.stagnation);
   real("stop.near_floor", &tuning->stop.near_floor);
@@ -93,6 +95,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("landmarks.share", &tuning->landmarks.share);
   real("landmarks.dominance", &tuning->landmarks.dominance);
   real("landmarks.min_damping", &tuning->landmarks.min_damping);
+  real("landmarks.least_seen", &tuning->landmarks.least_seen);
   real("landmarks.outdated_damping", &tuning->landmarks.outdated_damping);
   real("landmarks.max_stretch", &tuning->landmarks.max_stretch);
   real("earlier_factor.kept", &tuning->earlier_factor.kept);

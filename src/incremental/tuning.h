@@ -24,6 +24,11 @@ struct Tuning {
     /// What the model promises has to fall by more than this factor from one step to the next for
     /// that.
     double steady_factor = 0.5;
+    /// From one step to the next that factor may grow so much: if it does by more, a direction
+    /// shows in which the model is worse than in those that have been gone.
+    double factor_growth = 10.0;
+    /// Of the tolerance: no more than this needs no steps that tell how what is left falls.
+    double nothing_share = 1e-3;
     /// Times: landmarks that creep gain more than they promise, and are counted so often there.
     double creeping_landmarks = 4.0;
     /// Iterations that bring less than the tolerance together end an Update.
@@ -75,6 +80,8 @@ struct Tuning {
     /// Relative damping, at least: without it a far point, which parallax hardly holds, runs away
     /// along its ray for good.
     double min_damping = 1e-6;
+    /// Times that: directions that are less stiff are not looked for behind it.
+    double least_seen = 0.01;
     /// Times today's damping: a landmark damped by more is eliminated anew.
     double outdated_damping = 100.0;
     /// Times the step that its model says: under a robust loss the model of an outlier is too

@@ -64,10 +64,26 @@ bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& wor
   return status.ok();
 }
 
+// Along a direction with a gradient g, in which H is as stiff as s, there is ½ g² / (s + μ) to gain
+// with a damping of μ. With λ in its place the step is δ = g / (s + λ): where s is small beside λ,
+// g is λδ, and ½ (λδ)² / μ the most that is hidden.
+bool UpdateLinearization::MayHide() const {
+  const Tuning::Landmarks& landmarks = context_.tuning.landmarks;
+  const double least =
+      std::max(context_.control.mu(), landmarks.least_seen * landmarks.min_damping);
+  return 0.5 * damped_square_ > least * context_.tuning.stop.rest_share * context_.Tolerance();
+}
+
+// All of them, or those that would go by themselves.
+bool UpdateLinearization::MarkHeldLandmarks() {
+  const double mu = context_.control.mu();
+  return MayHide()
+             ? context_.system.RedampAll(mu)
+             : context_.system.RedampHidden(mu, context_.stop.Allowed(context_.system.cost()));
+}
+
 UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks() {
-  if (landmarks_freed_ ||
-      !context_.system.RedampHidden(context_.control.mu(),
-                                    context_.stop.Allowed(context_.system.cost()))) {
+  if (landmarks_freed_ || !MarkHeldLandmarks()) {
     return Freed::kNone;
   }
   const StageTimer timer(&context_.summary->linearize_seconds);

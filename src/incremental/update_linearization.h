@@ -27,6 +27,11 @@ class UpdateLinearization {
   /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
   /// may be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
+  /// TrialStep::DampedSquareOfLandmarks of a step of the frames; 0: there was none.
+  void NoteDampedSquare(double damped_square) { damped_square_ = damped_square; }
+  /// Whether landmarks damped by more than the frames may hide more to gain than may be left undone
+  /// along a direction that the step noted last has gone.
+  bool MayHide() const;
 
   /// Where the batch solver was the last to move: linearizes everything, with the least damping of
   /// landmarks. Between Updates; counted nowhere.
@@ -35,10 +40,12 @@ class UpdateLinearization {
   double LandmarkDamping() const;
 
  private:
+  bool MarkHeldLandmarks();
   bool Count(const Status& status, const RelinearizeWork& work);
 
   UpdateContext& context_;
   bool landmarks_freed_ = false;  // since the last step
+  double damped_square_ = 0.0;    // of that
 };
 
 }  // namespace inceres::internal

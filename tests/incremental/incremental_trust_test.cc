@@ -363,5 +363,78 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesIsSeenBeforeAClaim) {
   EXPECT_LE(summary.final_cost - 0.5, options.function_tolerance);
 }
 
+// A frame and a landmark with one factor, whose residual is a function of both; solved once by the
+// incremental solver from beginning to end.
+UpdateSummary SolveTwo(const FunctionFamily::Function& function, const double* frame,
+                       const double* landmark, double* found) {
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  options.max_num_iterations = 100;
+  options.initial_damping = options.min_damping;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      4, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, function));
+  GraphEdit edit(solver.graph());
+  const VariableId id = edit.AddVariable(frame, 2, Role::kFrame);
+  edit.AddFactor(family, 0, {id, edit.AddVariable(landmark, 1, Role::kLandmark)});
+  EXPECT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  std::copy_n(solver.Values(id), 2, found);
+  return summary;
+}
+
+// Along y a saddle at 0, and minima at ±√½: the model has a curvature of one there, and the cost of
+// minus one. The first step is all about x and keeps its promise; the model then sees 0.04
+// tolerances left.
+TEST(IncrementalTrust, OneStepThatWasAboutOtherThingsShowsNoMinimum) {
+  const auto function = [](int, const double* const* p, double* f, double** J) {
+    const double y = p[0][1];
+    f[0] = 100.0 * (p[0][0] - 1.0);
+    f[1] = 1.0 - y * y;
+    f[2] = y;
+    f[3] = p[1][0];
+    if (J != nullptr && J[0] != nullptr) {
+      const double rows[8] = {100.0, 0.0, 0.0, -2.0 * y, 0.0, 1.0, 0.0, 0.0};
+      std::copy_n(rows, 8, J[0]);
+    }
+    if (J != nullptr && J[1] != nullptr) {
+      const double rows[4] = {0.0, 0.0, 0.0, 1.0};
+      std::copy_n(rows, 4, J[1]);
+    }
+    return true;
+  };
+  const double frame[2] = {0.9, 1e-4}, landmark = 0.0;
+  double found[2];
+  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_NEAR(found[1], std::sqrt(0.5), 1e-2) << summary.FullReport();
+}
+
+// The landmark is held well where the frame is, and the two together hardly at all: along that
+// direction the cost is a hundredth as stiff as the landmark's least damping. The last residual is
+// the rest of the cost.
+TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesOfAFrameIsSeenBeforeAClaim) {
+  const auto function = [](int, const double* const* p, double* f, double** J) {
+    f[0] = 100.0 * (p[0][0] - 1.0);
+    f[1] = p[1][0] - p[0][1];
+    f[2] = 1e-4 * (p[0][1] - 26.0);
+    f[3] = 1.0;
+    if (J != nullptr && J[0] != nullptr) {
+      const double rows[8] = {100.0, 0.0, 0.0, -1.0, 0.0, 1e-4, 0.0, 0.0};
+      std::copy_n(rows, 8, J[0]);
+    }
+    if (J != nullptr && J[1] != nullptr) {
+      const double rows[4] = {0.0, 1.0, 0.0, 0.0};
+      std::copy_n(rows, 4, J[1]);
+    }
+    return true;
+  };
+  const double frame[2] = {0.9, 0.0}, landmark = 0.0;
+  double found[2];
+  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
+}
+
 }  // namespace
 }  // namespace inceres
