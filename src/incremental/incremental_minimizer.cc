@@ -164,13 +164,22 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   ++context_.summary->num_iterations;
   const EarlierFactor::Verdict earlier = earlier_factor_.Ask();
   // Ask comes first, since it is only asked after a step, and LittleHasCome only before.
-  if (earlier == EarlierFactor::Verdict::kLittleLeft || earlier_factor_.LittleHasCome()) {
-    return ClaimConvergence();
-  }
-  const double landmark_gain = landmarks_.Gain();
-  const Verdict found = FindStep(earlier, landmark_gain);
+  const bool is_early =
+      earlier == EarlierFactor::Verdict::kLittleLeft || earlier_factor_.LittleHasCome();
+  double landmark_gain = is_early ? 0.0 : landmarks_.Gain();
+  Verdict found = is_early ? Verdict::kConverged : FindStep(earlier, landmark_gain);
   if (found == Verdict::kConverged) {
-    return ClaimConvergence();
+    found = ClaimConvergence();
+    if (found != Verdict::kConverged || context_.control.IsDampedHard() ||
+        !context_.stop.WaitForStep()) {
+      return found;
+    }
+    // The model is as good as it gets, and its step tells whether it is right.
+    landmark_gain = landmarks_.Gain();
+    found = FindStep(EarlierFactor::Verdict::kSaysNothing, landmark_gain);
+    if (found == Verdict::kConverged) {
+      return ClaimConvergence();
+    }
   }
   if (found != Verdict::kGoOn) {
     return found == Verdict::kStuck ? Retreat(false) : found;

@@ -14,15 +14,17 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   stagnated_gain_ = -1.0;
   const bool is_borne_out = IsBorneOut(remaining, cost);
   rests_on_nothing_ = !is_borne_out && remaining <= tuning_.nothing_share * Tolerance(cost);
-  const bool small =
-      Rest(remaining, landmark_gain) <= Allowed(cost) && (is_borne_out || rests_on_nothing_);
-  if (small || (!mostly_new && (NextStepsGainLittle(remaining, landmark_gain, cost) ||
-                                HasBeenClaimed(remaining, landmark_gain, cost)))) {
+  const bool is_small = Rest(remaining, landmark_gain) <= Allowed(cost);
+  const bool falls = !mostly_new && NextStepsGainLittle(remaining, landmark_gain, cost);
+  claims_by_model_ = false;
+  if (((is_small || falls) && is_borne_out) || (is_small && rests_on_nothing_) ||
+      (!mostly_new && HasBeenClaimed(remaining, landmark_gain, cost))) {
     return true;
   }
   const bool stagnates = HasStagnated(cost, iteration) && remaining <= Tolerance(cost);
   stagnated_gain_ = stagnates ? checked_cost_ - cost : -1.0;
-  return stagnates;
+  claims_by_model_ = !stagnates && !waits_for_step_ && (is_small || falls);
+  return stagnates || claims_by_model_;
 }
 
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it
@@ -38,9 +40,9 @@ bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, d
   // R / (1 − φ) times what the last step gained over its promise. Of a negative result, φ ≥ 1, no
   // use is made: the test of φ fails first.
   const double series = std::max(1.0, last_gain_ratio_) / (1.0 - factor);
-  const bool little = factor < tuning_.steady_factor && IsBorneOut(remaining, cost) &&
+  const bool little = factor < tuning_.steady_factor &&
                       series * remaining + landmarks <= tuning_.rest_share * Tolerance(cost);
-  if (little) {
+  if (little && IsBorneOut(remaining, cost)) {
     // Remembered for the next Update, and forgotten with the next step.
     claim_ = {remaining, series};
   }

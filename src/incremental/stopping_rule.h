@@ -61,6 +61,12 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
+  /// After a claim that has passed all trust rules: true if no step bears it out. The next claim
+  /// then needs that, or a step.
+  bool WaitForStep() {
+    waits_for_step_ = waits_for_step_ || claims_by_model_;
+    return claims_by_model_;
+  }
   /// What old Jacobians may err by where that rests on them: T, or a little of it where no step
   /// bears out what they say.
   double ErrorAllowed(double cost) const {
@@ -84,6 +90,7 @@ class StoppingRule {
     last_remaining_ = remaining;
     last_gain_ = gain;
     last_gain_ratio_ = gain_ratio;
+    waits_for_step_ = false;
     claim_ = Claim();
   }
   /// What refusals prove is StepControl's to say.
@@ -122,6 +129,8 @@ class StoppingRule {
   double checked_cost_ = 0.0;  // then
   double stagnated_gain_ = -1.0;
   bool rests_on_nothing_ = false;  // there is nothing left, as far as the model alone tells
+  bool claims_by_model_ = false;   // alone: no step bears it out
+  bool waits_for_step_ = false;    // to bear out what has been claimed
   bool has_stepped_ = false;
   bool has_refused_ = false;
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
