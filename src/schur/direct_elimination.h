@@ -75,8 +75,8 @@ class DirectElimination {
   std::vector<const Linearization*> owners_;       // per entry of incidences_.factors
   std::vector<std::vector<std::int32_t>> others_;  // per family: factors without a landmark
   std::vector<Source> sources_;
-  std::vector<std::size_t> first_source_;   // per family
-  std::vector<ProductLists> of_sizes_;  // products of Y, by the size of their landmarks less one
+  std::vector<std::size_t> first_source_;  // per family
+  std::vector<ProductLists> of_sizes_;     // products of Y, by the size of their landmarks less one
   ZeroedArray U_inv_;
   ZeroedArray Y_;  // of a chunk
   ZeroedArray S_;
