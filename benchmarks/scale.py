@@ -34,7 +34,7 @@ from solve_once import LANDMARKS_FIRST, SOLVERS, generate, solve
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 TOLERANCE = 1e-6  # relative, between costs
 SPEED_UP = 1.7    # at least
-COLoRS = {"ours, built-in factors": "#0b6e4f", "ours, exact, AutoDiff": "#3a86c8", "stock, SPARSE_SCHUR": "#c1440e",
+COLORS = {"ours, built-in factors": "#0b6e4f", "ours, exact, AutoDiff": "#3a86c8", "stock, SPARSE_SCHUR": "#c1440e",
            "stock, ITERATIVE_SCHUR": "#8d6e63", "stock, DENSE_SCHUR": "#999999"}
 
 
@@ -144,9 +144,9 @@ def panel(rows, field, unit, scale, left):
         line = " ".join(f"{x(size):.1f},{y(value):.1f}" for size, value in points)
         slope = exponent(points)
         text = name + ("" if slope is None else f" ~ n^{slope:.2f}")
-        parts.append(f'<polyline points="{line}" fill="none" stroke="{COLoRS[name]}" stroke-width="2"/>')
-        parts += [f'<circle cx="{x(size):.1f}" cy="{y(value):.1f}" r="3" fill="{COLoRS[name]}"/>' for size, value in points]
-        parts.append(f'<text x="{left + 66}" y="{306 + 16 * row}" fill="{COLoRS[name]}">{text}</text>')
+        parts.append(f'<polyline points="{line}" fill="none" stroke="{COLORS[name]}" stroke-width="2"/>')
+        parts += [f'<circle cx="{x(size):.1f}" cy="{y(value):.1f}" r="3" fill="{COLORS[name]}"/>' for size, value in points]
+        parts.append(f'<text x="{left + 66}" y="{306 + 16 * row}" fill="{COLORS[name]}">{text}</text>')
     return parts
 
 
