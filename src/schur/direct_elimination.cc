@@ -17,8 +17,8 @@ namespace inceres::internal {
 
 namespace {
 
-constexpr int kLandmarkGrain = 64;
-constexpr int kBlockGrain = 4;
+constexpr int kLandmarksATask = 64;
+constexpr int kBlocksATask = 4;
 
 // Variances are held against 1 / P_ii, those with all else known: units cancel. NaN is open.
 bool IsDetermined(int size, const double* P, const double* U_inv, double max_inflation) {
@@ -240,7 +240,7 @@ void DirectElimination::AddLists() {
 // `kind`: what its products have in common. Those of Y are symmetric on the diagonal.
 void DirectElimination::AddProducts(const BlockProducts& kind, double sign, ProductLists* lists) {
   const std::vector<ProductLists::List>& sorted = lists->Sort();
-  evaluator_.executor().For(static_cast<int>(sorted.size()), kBlockGrain, [&](int begin, int end) {
+  evaluator_.executor().For(static_cast<int>(sorted.size()), kBlocksATask, [&](int begin, int end) {
     BlockProducts products = kind;
     for (int n = begin; n < end; ++n) {
       const ProductLists::List& list = sorted[static_cast<std::size_t>(n)];
@@ -265,7 +265,7 @@ std::vector<int> DirectElimination::Eliminate(double max_inflation) {
   std::vector<char> is_open(static_cast<std::size_t>(num_landmarks), 0);
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
     const int first = incidences_.chunk_begin[chunk], last = incidences_.chunk_begin[chunk + 1];
-    evaluator_.executor().For(last - first, kLandmarkGrain, [&](int begin, int end) {
+    evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
       // All factors first: one does not wait for another's roots and divisions.
       for (int l = first + begin; l < first + end; ++l) {
         is_open[l] = FactorizeLandmark(l, max_inflation) ? 0 : 1;
