@@ -123,7 +123,8 @@ TEST_P(JacobiansByFactor, HaveTheSumsOfJacobiansBySlot) {
   ExpectLinearSums(by_factor, by_slot, 1e-12);
 }
 
-// In the order of the factors all sums are those of padded rows, to the bit.
+// In the order of the factors all sums are those of padded rows, to the bit, but for what the model
+// promises.
 TEST_P(JacobiansByFactor, WithoutPaddingHaveTheBitsOfJacobiansBySlot) {
   const auto bundle = Bundle(GetParam());
   const Sums padded(bundle->graph(), JacobianStorage::kBySlot);
@@ -135,7 +136,8 @@ TEST_P(JacobiansByFactor, WithoutPaddingHaveTheBitsOfJacobiansBySlot) {
   EXPECT_EQ(packed.S, padded.S);
   EXPECT_EQ(packed.b, padded.b);
   EXPECT_EQ(packed.step, padded.step);
-  EXPECT_EQ(packed.decrease, padded.decrease);
+  // Each factor's share is summed by code that the compiler contracts as it likes.
+  EXPECT_LT(Distance(packed.decrease, padded.decrease), 1e-15);
   for (const Linearization& cache : packed.core.evaluator.families()) {
     EXPECT_TRUE(cache.records.empty());
   }
