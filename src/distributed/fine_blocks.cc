@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "linear/pattern_rows.h"
+
 namespace inceres::internal {
 
 // The fine part D of the two-level preconditioner, M⁻¹ = (I − Q A) D⁻¹ (I − A Q) + Q
@@ -109,13 +111,9 @@ FrameClusters FineBlocks::BuildOwned() {
   return whole;
 }
 
-// Columns ascend within a row. The block is there: the pattern was built from the same keys.
+// The block is there: the pattern was built from the same keys.
 int FineBlocks::FindOwned(int row, int column) const {
-  const int i = row_of_number_[row];
-  const auto first = owned_.columns.begin() + owned_.row_begin[i];
-  const auto last = owned_.columns.begin() + owned_.row_begin[i + 1];
-  return static_cast<int>(std::lower_bound(first, last, row_of_number_[column]) -
-                          owned_.columns.begin());
+  return FindBlock(owned_, row_of_number_[row], row_of_number_[column]);
 }
 
 // Values row-major by the numbers of the frames, as the owner adds them.

@@ -138,11 +138,9 @@ std::vector<int> BlockSums::NumbersOf(const std::vector<Place>& own) const {
   return numbers;
 }
 
-// Columns ascend within a row. Of a block that no rank has named the result means nothing.
+// Of a block that no rank has named the result means nothing.
 int BlockSums::Find(Place place) const {
-  const auto first = pattern_.columns.begin() + pattern_.row_begin[place.first];
-  const auto last = pattern_.columns.begin() + pattern_.row_begin[place.first + 1];
-  return static_cast<int>(std::lower_bound(first, last, place.second) - pattern_.columns.begin());
+  return FindBlock(pattern_, place.first, place.second);
 }
 
 std::vector<std::int64_t> SegmentBegins(const std::vector<int>& sizes, std::int64_t scale) {

@@ -15,7 +15,8 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   const bool is_borne_out = IsBorneOut(remaining, cost);
   rests_on_nothing_ = !is_borne_out && remaining <= tuning_.nothing_share * Tolerance(cost);
   const bool is_small = Rest(remaining, landmark_gain) <= Allowed(cost);
-  const bool falls = !mostly_new && NextStepsGainLittle(remaining, landmark_gain, cost);
+  const bool falls =
+      !mostly_new && NextStepsGainLittle(remaining, landmark_gain, cost, is_borne_out);
   claims_by_model_ = false;
   if (((is_small || falls) && is_borne_out) || (is_small && rests_on_nothing_) ||
       (!mostly_new && HasBeenClaimed(remaining, landmark_gain, cost))) {
@@ -30,7 +31,8 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it
 // promised, and what is promised has fallen by a factor since. Steps like that go on to gain the
 // sum of a geometric series. Landmarks that creep are counted more than once.
-bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, double cost) {
+bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, double cost,
+                                       bool is_borne_out) {
   // Zero: no step was taken in this Update, or it was shortened and promised something else.
   if (!(last_remaining_ > 0.0)) {
     return false;
@@ -42,7 +44,7 @@ bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, d
   const double series = std::max(1.0, last_gain_ratio_) / (1.0 - factor);
   const bool little = factor < tuning_.steady_factor &&
                       series * remaining + landmarks <= tuning_.rest_share * Tolerance(cost);
-  if (little && IsBorneOut(remaining, cost)) {
+  if (little && is_borne_out) {
     // Remembered for the next Update, and forgotten with the next step.
     claim_ = {remaining, series};
   }

@@ -110,7 +110,7 @@ class StoppingRule {
 
   double OfFunction(double cost) const { return function_tolerance_ * (cost - fixed_cost_); }
   bool IsBorneOut(double remaining, double cost) const;
-  bool NextStepsGainLittle(double remaining, double landmark_gain, double cost);
+  bool NextStepsGainLittle(double remaining, double landmark_gain, double cost, bool is_borne_out);
   bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -168,10 +169,7 @@ void CoarseColumns::FormColumn(int aggregate, const BlockPattern& pattern, doubl
       continue;
     }
     // The pattern has the block, as GalerkinPattern lists all that are reached.
-    const auto first = pattern.columns.begin() + pattern.row_begin[other];
-    const auto last = pattern.columns.begin() + pattern.row_begin[other + 1];
-    const auto block = std::lower_bound(first, last, aggregate) - pattern.columns.begin();
-    double* const out = values + pattern.value_begin[block];
+    double* const out = values + pattern.value_begin[FindBlock(pattern, other, aggregate)];
     const double* const av = AV(place);
     const double* const v = V(row);
     const int v_stride = stride(other), av_stride = stride(aggregate);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -29,6 +30,44 @@ inline void AppendRow(const std::vector<int>& columns, BlockPattern* pattern) {
                                        pattern->row_stride(column));
   }
   pattern->row_begin.push_back(static_cast<int>(pattern->columns.size()));
+}
+
+/// Columns of a block row below the diagonal, each once however often it is added.
+class RowColumns {
+ public:
+  explicit RowColumns(int num_rows) : last_row_(static_cast<std::size_t>(num_rows), -1) {}
+
+  /// The row has its diagonal block, and no other yet.
+  void Begin(int row) {
+    row_ = row;
+    columns_.assign(1, row);
+  }
+  /// Left out where it is not below the diagonal.
+  void Add(int column) {
+    if (column < row_ && last_row_[static_cast<std::size_t>(column)] != row_) {
+      last_row_[static_cast<std::size_t>(column)] = row_;
+      columns_.push_back(column);
+    }
+  }
+  /// Every column that there can be is there.
+  bool IsFull() const { return static_cast<int>(columns_.size()) > row_; }
+  /// As AppendRow takes them.
+  const std::vector<int>& Ascending() {
+    std::sort(columns_.begin(), columns_.end());
+    return columns_;
+  }
+
+ private:
+  int row_ = -1;
+  std::vector<int> columns_;
+  std::vector<int> last_row_;  // per column: the last one that it was added to
+};
+
+/// The block at (row, column), which is there: otherwise the result means nothing.
+inline int FindBlock(const BlockPattern& pattern, int row, int column) {
+  const auto first = pattern.columns.begin() + pattern.row_begin[row];
+  const auto last = pattern.columns.begin() + pattern.row_begin[row + 1];
+  return static_cast<int>(std::lower_bound(first, last, column) - pattern.columns.begin());
 }
 
 }  // namespace inceres::internal

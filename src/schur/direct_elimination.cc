@@ -92,25 +92,19 @@ void DirectElimination::FindPattern() {
   pattern_ = PatternWithoutBlocks(
       {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
   pattern_.padded = true;
-  std::vector<int> row, last_seen(static_cast<std::size_t>(layout.num_frames), -1);
+  RowColumns row(layout.num_frames);
   for (int i = 0; i < layout.num_frames; ++i) {
-    row.assign(1, i);
-    const auto add = [&](int j) {
-      if (j < i && last_seen[j] != i) {
-        last_seen[j] = i;
-        row.push_back(j);
-      }
-    };
+    row.Begin(i);
+    const auto add = [&row](int j) { row.Add(j); };
     std::for_each(coupled[i].begin(), coupled[i].end(), add);
-    for (int k = incidences_.frame_begin[i];
-         k < incidences_.frame_begin[i + 1] && static_cast<int>(row.size()) <= i; ++k) {
+    for (int k = incidences_.frame_begin[i]; k < incidences_.frame_begin[i + 1] && !row.IsFull();
+         ++k) {
       const int l = incidences_.landmarks[incidences_.frame_incidences[k]];
       std::for_each(incidences_.frames.begin() + incidences_.begin[l],
                     incidences_.frames.begin() + incidences_.begin[l + 1], add);
     }
-    std::sort(row.begin(), row.end());
-    AppendRow(row, &pattern_);
-    block_row_.insert(block_row_.end(), row.size(), i);
+    AppendRow(row.Ascending(), &pattern_);
+    block_row_.resize(pattern_.columns.size(), i);
   }
   IndexBlocks();
 }
@@ -131,12 +125,6 @@ void DirectElimination::IndexBlocks() {
           block;
     }
   }
-}
-
-int DirectElimination::FindBlock(int row, int column) const {
-  const auto begin = pattern_.columns.begin() + pattern_.row_begin[row];
-  const auto end = pattern_.columns.begin() + pattern_.row_begin[row + 1];
-  return static_cast<int>(std::lower_bound(begin, end, column) - pattern_.columns.begin());
 }
 
 // One for each two slots of each family.

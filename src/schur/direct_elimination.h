@@ -5,6 +5,7 @@
 
 #include "base/zeroed_array.h"
 #include "inceres/linear/reduced_matrix.h"
+#include "linear/pattern_rows.h"
 #include "linearize/evaluator.h"
 #include "linearize/incidences.h"
 #include "schur/product_lists.h"
@@ -59,10 +60,9 @@ class DirectElimination {
   void AddLists();
   void AddProducts(const BlockProducts& kind, double sign, ProductLists* lists);
   int BlockAt(int row, int column) const {
-    return block_of_.empty() ? FindBlock(row, column)
+    return block_of_.empty() ? FindBlock(pattern_, row, column)
                              : block_of_[static_cast<std::size_t>(row_place_[row] + column)];
   }
-  int FindBlock(int row, int column) const;
 
   const Evaluator& evaluator_;
   const LandmarkIncidences& incidences_;

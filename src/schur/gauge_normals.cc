@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "linear/pattern_rows.h"
 #include "linearize/widened.h"
 
 namespace inceres::internal {
@@ -162,11 +163,7 @@ void GaugeNormals::AddBlocks(const Source& source, int factor, int frame, const 
     if (other < 0 || other > frame) {
       continue;
     }
-    // Columns of a row ascend.
-    const auto first = pattern_.columns.begin() + pattern_.row_begin[frame];
-    const auto last = pattern_.columns.begin() + pattern_.row_begin[frame + 1];
-    const auto block = std::lower_bound(first, last, other) - pattern_.columns.begin();
-    double* const out = sums->C.data() + pattern_.value_begin[block];
+    double* const out = sums->C.data() + pattern_.value_begin[FindBlock(pattern_, frame, other)];
     const SlotJacobians& of_other = cache.slots[s];
     const double* const J_o = s == source.slot ? J_c
                                                : WidenedBlock(of_other, cache.Record(factor),

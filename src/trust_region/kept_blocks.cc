@@ -74,14 +74,13 @@ BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
         }
       },
       &seen_by_begin, &seen_by);
-  std::vector<int> row, last_row(num_kept, -1);
+  RowColumns row(static_cast<int>(num_kept));
   BlockPattern pattern = PatternWithoutBlocks(structure.offsets);
   for (int i = 0; i < static_cast<int>(num_kept); ++i) {
-    row.assign(1, i);
+    row.Begin(i);
     const auto add = [&](int j) {
-      if (j < i && last_row[j] != i && Keeps(i, j)) {
-        last_row[j] = i;
-        row.push_back(j);
+      if (Keeps(i, j)) {
+        row.Add(j);
       }
     };
     std::for_each(coupled.begin() + coupled_begin[i], coupled.begin() + coupled_begin[i + 1], add);
@@ -89,8 +88,7 @@ BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
       std::for_each(structure.seen.begin() + structure.seen_begin[seen_by[k]],
                     structure.seen.begin() + structure.seen_begin[seen_by[k] + 1], add);
     }
-    std::sort(row.begin(), row.end());
-    AppendRow(row, &pattern);
+    AppendRow(row.Ascending(), &pattern);
   }
   return pattern;
 }
@@ -100,12 +98,9 @@ void KeptBlocks::SetZero() {
 }
 
 void KeptBlocks::Add(int i, int j, const Eigen::MatrixXd& block) {
-  const auto begin = pattern_.columns.begin() + pattern_.row_begin[i];
-  const auto end = pattern_.columns.begin() + pattern_.row_begin[i + 1];
-  const auto at = std::lower_bound(begin, end, j) - pattern_.columns.begin();
+  double* const values = values_.data() + pattern_.value_begin[FindBlock(pattern_, i, j)];
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::Map<RowMajor>(values_.data() + pattern_.value_begin[at], block.rows(), block.cols()) +=
-      block;
+  Eigen::Map<RowMajor>(values, block.rows(), block.cols()) += block;
 }
 
 // Λ_c is in the blocks on the diagonal already.

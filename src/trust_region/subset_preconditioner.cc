@@ -110,11 +110,7 @@ void SubsetPreconditioner::AddTerm(const Term& term, int row) {
     if (column < 0 || column > row) {
       continue;
     }
-    const auto first = pattern_.columns.begin() + pattern_.row_begin[row];
-    const auto last = pattern_.columns.begin() + pattern_.row_begin[row + 1];
-    // Columns ascend within a row.
-    const auto block = std::lower_bound(first, last, column) - pattern_.columns.begin();
-    double* const out = values_.data() + pattern_.value_begin[block];
+    double* const out = values_.data() + pattern_.value_begin[FindBlock(pattern_, row, column)];
     const SlotJacobians& of_column = cache.slots[s];
     const double* const J_c = of_column.data + term.factor * of_column.factor_stride;
     // Residual by residual, an outer product of two rows of J.

@@ -99,6 +99,17 @@ void ExpectLinearSums(const Sums& actual, const Sums& expected, double tolerance
   EXPECT_LT(Distance(actual.decrease, expected.decrease), tolerance);
 }
 
+// All that a solve takes its step from.
+void ExpectTheBitsOfASolve(const Sums& actual, const Sums& expected) {
+  EXPECT_EQ(actual.core.cost, expected.core.cost);
+  EXPECT_EQ(actual.gradient, expected.gradient);
+  EXPECT_EQ(actual.C, expected.C);
+  EXPECT_EQ(actual.P, expected.P);
+  EXPECT_EQ(actual.S, expected.S);
+  EXPECT_EQ(actual.b, expected.b);
+  EXPECT_EQ(actual.step, expected.step);
+}
+
 class JacobiansByFactor : public ::testing::TestWithParam<Kind> {};
 
 TEST_P(JacobiansByFactor, InSingleHaveTheSumsOfDoublesToTheirRounding) {
@@ -129,13 +140,7 @@ TEST_P(JacobiansByFactor, WithoutPaddingHaveTheBitsOfJacobiansBySlot) {
   const auto bundle = Bundle(GetParam());
   const Sums padded(bundle->graph(), JacobianStorage::kBySlot);
   const Sums packed(bundle->graph(), JacobianStorage::kWithoutPadding);
-  EXPECT_EQ(packed.core.cost, padded.core.cost);
-  EXPECT_EQ(packed.gradient, padded.gradient);
-  EXPECT_EQ(packed.C, padded.C);
-  EXPECT_EQ(packed.P, padded.P);
-  EXPECT_EQ(packed.S, padded.S);
-  EXPECT_EQ(packed.b, padded.b);
-  EXPECT_EQ(packed.step, padded.step);
+  ExpectTheBitsOfASolve(packed, padded);
   // Each factor's share is summed by code that the compiler contracts as it likes.
   EXPECT_LT(Distance(packed.decrease, padded.decrease), 1e-15);
   for (const Linearization& cache : packed.core.evaluator.families()) {
@@ -223,14 +228,8 @@ TEST_P(JacobiansByFactor, HaveTheSameBitsForAnyNumberOfThreads) {
     const Sums one(bundle->graph(), storage);
     for (const int num_threads : {2, 4}) {
       const Sums many(bundle->graph(), storage, num_threads);
-      EXPECT_EQ(many.core.cost, one.core.cost);
-      EXPECT_EQ(many.gradient, one.gradient);
-      EXPECT_EQ(many.C, one.C);
-      EXPECT_EQ(many.P, one.P);
-      EXPECT_EQ(many.S, one.S);
-      EXPECT_EQ(many.b, one.b);
+      ExpectTheBitsOfASolve(many, one);
       EXPECT_EQ(many.coupled, one.coupled);
-      EXPECT_EQ(many.step, one.step);
       EXPECT_EQ(many.decrease, one.decrease);
     }
   }
