@@ -11,7 +11,7 @@ else on the machine disturbs the counts; but a mode that decides by the clock de
 in ceres::Solve over the whole run, the user's functions included; the modes take turns, and a figure is the median over the
 repetitions. Leave the machine alone meanwhile.
 
-The ratio is that of auto to the better of the other two in the same measure. Asked for: at most 1.03 in instructions and 1.05 in
+The ratio is that of auto to the better of the other two in the same measure; its limits are 1.03 in instructions and 1.05 in
 time. A bare run, stock Ceres, gives the costs to compare with: the excess over it of the sum of all final costs, which is to be at
 most 1e-3 for auto, and the worst of a single solve, to be seen, as each run goes on from where it got to. All on one thread, stock's
 CHOLMOD too (stock_environment.py).
