@@ -63,8 +63,8 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
-  /// Whether the step just taken, by the model of where it began, lets expect little of all to come,
-  /// and that is `rest`. On a graph without landmarks and losses; nothing behind the step need be
+  /// Whether the step just taken, by the model of where it began, lets expect little of all to
+  /// come: `rest`. On a graph without landmarks and losses; nothing behind the step need be
   /// linearized or solved for that.
   bool ForeseesLittle(double cost, double* rest) const;
   /// Whether it ever may: it is told the lengths of steps then.
