@@ -98,7 +98,7 @@ TEST(MemoryPrediction, RoomToKeepEvaluationsIsTakenWhereThereIsSome) {
 
 // Counted and taken is the same, up to what else an evaluator has.
 TEST(MemoryPrediction, CountsJacobiansInThePrecisionThatTheyAreKeptIn) {
-  constexpr int kNumPoints = 30000;
+  constexpr int kNumPoints = 60000;
   PointGraph points(kNumPoints);
   const Layout layout(points.graph(), true);
   const Executor executor(1);
