@@ -16,8 +16,8 @@ namespace inceres::internal {
 // judge, positions to resume from, factors that move their expansion points.
 //
 // Three points are kept apart. The evaluator has the current one, where the Jacobians are, and a
-// candidate; best_state_ is the cheapest of those that were accepted, and is what is returned. With
-// monotonic steps these are the same, rounding apart.
+// candidate; best_state() is the cheapest of those that were accepted, and is what is returned. With
+// monotonic steps that is the current one, rounding apart, and has no copy.
 //
 // cost_ is that of the current point and trial_.cost() that of the candidate, which is the largest
 // double where it could not be evaluated: such a step fails every test of its cost.
@@ -118,8 +118,8 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
   // since.
   model->TimeInto(&summary->seconds, &clock_);
   model->BeginSolve();
-  // What is returned if nothing at all is accepted.
-  best_state_ = evaluator->points().current();
+  // Where nothing at all is accepted the current point is returned. Memory is not touched yet.
+  best_state_.reserve(evaluator->points().current().size());
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
 }
 
@@ -290,7 +290,6 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
     iteration_.step_is_nonmonotonic = !(cost_ < best_cost_);
     if (!iteration_.step_is_nonmonotonic) {
       best_cost_ = cost_;
-      best_state_ = evaluator_.points().current();
     }
   } else {
     ++summary_.num_unsuccessful_steps;
@@ -319,7 +318,7 @@ bool TrustRegionMinimizer::CallbacksContinue() {
     return true;
   }
   const ObserverAction action = evaluation_.agreement().Ask(
-      [this] { return AskObservers(options_, iteration_, best_state_.data()); });
+      [this] { return AskObservers(options_, iteration_, best_state().data()); });
   // User code's time belongs to no stage.
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
@@ -364,9 +363,11 @@ bool TrustRegionMinimizer::AcceptStep() {
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   // The cost has been asked for there: evaluation callbacks are told so.
   if (!evaluation_.Jacobians(/*new_point=*/false, &cost_)) {
+    FollowBest(std::numeric_limits<double>::infinity());
     return !recentered && loop_.judge != nullptr && loop_.judge->TakesBack() ? TakeBack()
                                                                              : FailToLinearize();
   }
+  FollowBest(cost_);
   if (!UpdateModel()) {
     return false;
   }
@@ -380,6 +381,15 @@ bool TrustRegionMinimizer::AcceptStep() {
     quality_->StepAccepted(trial_.RefinesLandmarks() ? cost_ : trial_.cost(), trial_.promise());
   }
   return true;
+}
+
+// The current point is a new one, of this cost; the candidate still is the one before.
+void TrustRegionMinimizer::FollowBest(double cost) {
+  const bool is_best = cost < best_cost_;
+  if (best_is_current_ && !is_best) {
+    best_state_ = evaluator_.points().candidate();
+  }
+  best_is_current_ = is_best;
 }
 
 // After a step that was accepted.
@@ -404,6 +414,7 @@ void TrustRegionMinimizer::LeaveBorder() {
 // The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
   cost_ = trial_.cost();
+  FollowBest(cost_);
   // Ends in either case: by what ends a solve between iterations, or in the words of a user's
   // success.
   return FinalizeIterationAndContinue() &&
@@ -432,6 +443,7 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 // Where there are no Jacobians no solve goes on: the step has led beyond a border.
 bool TrustRegionMinimizer::TakeBack() {
   evaluator_.points().SetCurrent(best_state_);
+  best_is_current_ = true;
   state_norm_ = evaluation_.StateNorm();
   iteration_.step_is_successful = false;
   // The culprit has ended a step, not the solve.

@@ -51,7 +51,10 @@ class TrustRegionMinimizer {
   /// Runs to termination. On a usable solution best_state() is the result.
   void Minimize();
 
-  const std::vector<double>& best_state() const { return best_state_; }
+  /// Until the next iteration.
+  const std::vector<double>& best_state() const {
+    return best_is_current_ ? evaluator_.points().current() : best_state_;
+  }
 
   /// Costs of iterations before this one are of another function: factors have moved their
   /// expansion points since.
@@ -68,6 +71,7 @@ class TrustRegionMinimizer {
   bool IsWorthTrying();
   bool TolerancesReached();
   bool AcceptStep();
+  void FollowBest(double cost);
   bool FinishHere();
   bool TakeBack();
   void RejectStep(double cost);
@@ -93,7 +97,8 @@ class TrustRegionMinimizer {
   BoundedLineSearch line_search_;
 
   std::vector<double>& scale_;
-  std::vector<double>& best_state_;
+  std::vector<double>& best_state_;  // where it is not the current one
+  bool best_is_current_ = true;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;
   IterationSummary iteration_;
