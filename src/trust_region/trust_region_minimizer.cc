@@ -16,8 +16,8 @@ namespace inceres::internal {
 // judge, positions to resume from, factors that move their expansion points.
 //
 // Three points are kept apart. The evaluator has the current one, where the Jacobians are, and a
-// candidate; best_state() is the cheapest of those that were accepted, and is what is returned. With
-// monotonic steps that is the current one, rounding apart, and has no copy.
+// candidate; best_state_ is the cheapest of those that were accepted, and is what is returned. With
+// monotonic steps that is the current one, rounding apart.
 //
 // cost_ is that of the current point and trial_.cost() that of the candidate, which is the largest
 // double where it could not be evaluated: such a step fails every test of its cost.
@@ -111,15 +111,13 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       step_solve_(options, loop, &evaluation_, model, &memory->strategy, &trial_, summary),
       line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
       scale_(memory->scale),
-      best_state_(memory->best_state),
+      best_state_(evaluator->points(), &memory->best_state),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
   // From here on clock_ is read at the borders of stages, and each stage charges what went by
   // since.
   model->TimeInto(&summary->seconds, &clock_);
   model->BeginSolve();
-  // Where nothing at all is accepted the current point is returned. Memory is not touched yet.
-  best_state_.reserve(evaluator->points().current().size());
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
 }
 
@@ -363,11 +361,11 @@ bool TrustRegionMinimizer::AcceptStep() {
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   // The cost has been asked for there: evaluation callbacks are told so.
   if (!evaluation_.Jacobians(/*new_point=*/false, &cost_)) {
-    FollowBest(std::numeric_limits<double>::infinity());
+    best_state_.Follow(false);
     return !recentered && loop_.judge != nullptr && loop_.judge->TakesBack() ? TakeBack()
                                                                              : FailToLinearize();
   }
-  FollowBest(cost_);
+  best_state_.Follow(cost_ < best_cost_);
   if (!UpdateModel()) {
     return false;
   }
@@ -381,15 +379,6 @@ bool TrustRegionMinimizer::AcceptStep() {
     quality_->StepAccepted(trial_.RefinesLandmarks() ? cost_ : trial_.cost(), trial_.promise());
   }
   return true;
-}
-
-// The current point is a new one, of this cost; the candidate still is the one before.
-void TrustRegionMinimizer::FollowBest(double cost) {
-  const bool is_best = cost < best_cost_;
-  if (best_is_current_ && !is_best) {
-    best_state_ = evaluator_.points().candidate();
-  }
-  best_is_current_ = is_best;
 }
 
 // After a step that was accepted.
@@ -414,7 +403,7 @@ void TrustRegionMinimizer::LeaveBorder() {
 // The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
   cost_ = trial_.cost();
-  FollowBest(cost_);
+  best_state_.Follow(cost_ < best_cost_);
   // Ends in either case: by what ends a solve between iterations, or in the words of a user's
   // success.
   return FinalizeIterationAndContinue() &&
@@ -442,8 +431,8 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 
 // Where there are no Jacobians no solve goes on: the step has led beyond a border.
 bool TrustRegionMinimizer::TakeBack() {
-  evaluator_.points().SetCurrent(best_state_);
-  best_is_current_ = true;
+  evaluator_.points().SetCurrent(best_state_.get());
+  best_state_.Follow(true);
   state_norm_ = evaluation_.StateNorm();
   iteration_.step_is_successful = false;
   // The culprit has ended a step, not the solve.
