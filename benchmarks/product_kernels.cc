@@ -84,7 +84,7 @@ void BM_VectorProducts(benchmark::State& state) {
   const int quads = depth * PadToQuad(size) / kQuad;
   const AlignedVector<double> A = Random(std::int64_t{kFactors} * quads * kQuad);
   const AlignedVector<double> v = Random(std::int64_t{kFactors} * depth);
-  std::vector<VectorTerm> terms;
+  std::vector<ProductTerm> terms;
   for (int p = 0; p < kFactors; ++p) {
     terms.push_back({p * quads, p * depth});
   }

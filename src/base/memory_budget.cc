@@ -23,6 +23,16 @@ std::string FormatBytes(double bytes) {
   return text;
 }
 
+namespace {
+
+// Arrays as large begin at a huge page (base/aligned_vector.h): there is room to find one.
+std::int64_t WithAlignment(std::int64_t bytes) {
+  constexpr std::int64_t kHugePage = std::int64_t{1} << 21;
+  return bytes >= 2 * kHugePage ? bytes + kHugePage : bytes;
+}
+
+}  // namespace
+
 // Infinite until the system has been asked.
 MemoryBudget::MemoryBudget(std::int64_t limit, AvailableMemory available)
     : limit_(limit > 0 ? static_cast<double>(limit) : std::numeric_limits<double>::infinity()),
@@ -42,9 +52,9 @@ bool MemoryBudget::HasRoomFor(std::int64_t bytes) {
 }
 
 void MemoryBudget::Take(std::int64_t bytes, const char* what) {
-  const bool fits = HasRoomFor(bytes);
+  const bool fits = HasRoomFor(WithAlignment(bytes));
   // Counted before it throws, for the message says what it takes together.
-  taken_ += bytes;
+  taken_ += WithAlignment(bytes);
   if (!fits) {
     throw MemoryExceeded("The solve does not fit into memory: with " + std::string(what) + " (" +
                          FormatBytes(static_cast<double>(bytes)) + ") it takes " +

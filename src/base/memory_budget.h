@@ -25,7 +25,8 @@ class MemoryExceeded : public std::bad_alloc {
 };
 
 /// Counts what the parts of a solve are going to take, each before it does, while the solve is set
-/// up: one that does not fit ends there, and not when half of it is done.
+/// up: one that does not fit ends there, and not when half of it is done. What is given back on the
+/// way serves the parts that follow.
 class MemoryBudget {
  public:
   /// `limit` 0: what `available` says when more than kUnasked bytes are to be taken; asking takes
@@ -36,6 +37,8 @@ class MemoryBudget {
   bool HasRoomFor(std::int64_t bytes);
   /// Throws MemoryExceeded, with `what`, where they are.
   void Take(std::int64_t bytes, const char* what);
+  /// What was taken and is there no more.
+  void GiveBack(std::int64_t bytes) { taken_ -= bytes; }
   /// Throws it where a count that 32 bits hold is to be this, below `limit`.
   static void CheckCount(std::int64_t count, std::int64_t limit, const char* what);
 

@@ -200,7 +200,7 @@ void DistributedModel::Describe(WorkCounts* work) const {
   work->reduced_size = static_cast<int>(frames_.total_size(FramePlace::kTangent));
   work->num_landmarks = static_cast<int>(ranks_.Sum(incidences_.num_landmarks()));
   work->num_schur_products =
-      static_cast<std::int64_t>(ranks_.Sum(static_cast<double>(plans_.schur.terms.size())));
+      static_cast<std::int64_t>(ranks_.Sum(static_cast<double>(plans_.num_schur_products())));
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
                                                                   plans_.schur.terms.size()));

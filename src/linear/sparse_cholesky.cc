@@ -57,6 +57,7 @@ Status SparseCholesky::Analyze(const ReducedMatrix& A) {
 double* SparseCholesky::PlaceValues(BlockPattern* pattern) {
   PlaceValuesInFactor(&tree_, pattern);
   if (L_.size() < tree_.factor_size) {
+    L_ = ZeroedArray();  // first
     L_ = ZeroedArray(tree_.factor_size);
   }
   return L_.data();

@@ -86,6 +86,7 @@ class Evaluator {
       memory_budget_->Take(bytes, what);
     }
   }
+  void GiveBack(std::int64_t bytes) const { Take(-bytes, "what is given back"); }
   /// Whether he may still take so many.
   bool HasRoomFor(std::int64_t bytes) const {
     return memory_budget_ == nullptr || memory_budget_->HasRoomFor(bytes);

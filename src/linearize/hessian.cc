@@ -18,7 +18,8 @@ namespace inceres::internal {
 // threads.
 //
 // The gradient is taken in the same pass, and is Jᵀf, not −Jᵀf: gradient_ = −η. The diagonal of H,
-// which damping and scaling read, is copied out of C and P.
+// which damping and scaling read, is copied out of C. Of P it is the only copy, and so is the
+// gradient of η: of a large problem the landmarks' blocks are most of H.
 
 namespace {
 
@@ -26,7 +27,6 @@ namespace {
 constexpr int kBlockGrain = 8;
 constexpr int kLandmarkGrain = 64;
 
-// All P have room for the largest one, so that P of a landmark is found by multiplication.
 // Of a block on the diagonal the lower triangle counts; packed it has both.
 template <int kSize>
 void PackSymmetric(const double* padded, double* packed) {
@@ -51,22 +51,9 @@ void PackDiagonal(int size, double* padded, double* packed) {
   PackBlock(size, size, padded, packed);
 }
 
-// Where the residual of a factor lies whose Jacobian for a slot is at so many quads: that over the
-// quads of a block is the factor's number.
-std::int32_t ResidualAt(const Linearization& cache, int slot, std::int32_t offset) {
-  return offset / static_cast<std::int32_t>(cache.slots[slot].factor_stride / kQuad) *
-         cache.residual_size;
-}
-
 // 0 where rows are padded, or need not be.
 int UnpaddedStride(const SlotJacobians& slot) {
   return slot.row_stride % kQuad != 0 ? slot.row_stride : 0;
-}
-
-std::ptrdiff_t LargestSize(const LandmarkIncidences& incidences) {
-  return incidences.sizes.empty()
-             ? 0
-             : *std::max_element(incidences.sizes.begin(), incidences.sizes.end());
 }
 
 }  // namespace
@@ -78,18 +65,14 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
       plans_(plans),
       kernels_(BestKernels()),
       kept_(evaluator, plans),
-      landmark_stride_(LargestSize(incidences) * kQuad) {
-  const auto num_landmarks = static_cast<std::size_t>(incidences.num_landmarks());
+      below_stride_(incidences.largest_size * (incidences.largest_size - 1) / 2) {
   PlaceFrameBlocks();
-  P_ = ZeroedArray::Unwritten(num_landmarks * landmark_stride_);
-  landmark_eta_ = ZeroedArray::Unwritten(num_landmarks * kQuad);
+  const auto size = static_cast<std::int64_t>(incidences.sizes.size()) * below_stride_;
+  evaluator.Take(static_cast<std::int64_t>(sizeof(double)) * size, "the blocks of the landmarks");
+  below_diagonal_ = ZeroedArray::Unwritten(size);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
   BuildProducts();
-  BuildGradientTerms();
-  for (const Linearization& cache : evaluator.families()) {
-    residuals_.push_back(cache.keeps_singles() ? nullptr : cache.residuals.data());
-  }
   PlanSmallBlocks();
 }
 
@@ -106,6 +89,7 @@ void Hessian::PlaceFrameBlocks() {
       size += pattern.value_begin[k + 1] - pattern.value_begin[k];
     }
   }
+  evaluator_.Take(static_cast<std::int64_t>(sizeof(double)) * size, "the blocks of the frames");
   C_ = ZeroedArray::Unwritten(size);
 }
 
@@ -128,6 +112,7 @@ void Hessian::BuildProducts() {
     made.gradient.a_stride = made.products.b_stride;
     made.products.is_near = AreNear(static_cast<std::int64_t>(cache.jacobian_values.size()));
     made.gradient.a = cache.slots[source.row_slot].data;
+    made.gradient.v = cache.keeps_singles() ? nullptr : cache.residuals.data();
     made.gradient.depth = cache.residual_size;
     sources_.push_back(made);
   }
@@ -138,7 +123,7 @@ void Hessian::BuildProducts() {
 // the gradient of a diagonal one, from terms that say all.
 void Hessian::PlanSmallBlocks() {
   for (const Source& source : sources_) {
-    small_sources_.push_back({source.products.a, source.products.b, residuals_[source.family]});
+    small_sources_.push_back({source.products.a, source.products.b, source.gradient.v});
   }
   small_blocks_.resize(plans_.block_row.size());
   for (std::size_t block = 0; block < small_blocks_.size(); ++block) {
@@ -189,37 +174,13 @@ void Hessian::AddSmallTerms(std::size_t block) {
   for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
        ++s) {
     const ProductPlan::Segment& segment = plans_.hessian.segments[s];
-    const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-    const Linearization& cache = evaluator_.families()[source.family];
-    small_depth_ = cache.residual_size;
+    const BlockProducts& products = sources_[segment.source].products;
+    small_depth_ = products.depth;
     for (int n = 0; n < segment.count; ++n) {
-      const ProductTerm& term = plans_.hessian.terms[segment.first_term + n];
-      small_terms_.push_back({term.a, term.b, ResidualAt(cache, source.row_slot, term.b),
+      const auto [a, b] = plans_.hessian.terms[segment.first_term + n];
+      small_terms_.push_back({a, products.symmetric ? a : b, products.symmetric ? b : 0,
                               static_cast<std::int16_t>(segment.source), n + 1 == segment.count});
     }
-  }
-}
-
-void Hessian::BuildGradientTerms() {
-  // The diagonal blocks' terms are exactly the (factor, slot) pairs of each frame.
-  // Each comes once because no factor repeats a variable (FactorGraph::Validate).
-  const BlockPattern& pattern = plans_.pattern;
-  gradient_segments_begin_.push_back(0);
-  for (int frame = 0; frame < pattern.num_blocks(); ++frame) {
-    const auto block = static_cast<std::size_t>(pattern.row_begin[frame + 1]) - 1;
-    for (int k = plans_.hessian.segments_begin[block]; k < plans_.hessian.segments_begin[block + 1];
-         ++k) {
-      const ProductPlan::Segment& segment = plans_.hessian.segments[k];
-      const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
-      const Linearization& cache = evaluator_.families()[source.family];
-      gradient_segments_.push_back(
-          {segment.source, static_cast<int>(gradient_terms_.size()), segment.count});
-      for (int n = 0; n < segment.count; ++n) {
-        const std::int32_t offset = plans_.hessian.terms[segment.first_term + n].b;
-        gradient_terms_.push_back({offset, ResidualAt(cache, source.row_slot, offset)});
-      }
-    }
-    gradient_segments_begin_.push_back(static_cast<int>(gradient_segments_.size()));
   }
 }
 
@@ -318,48 +279,40 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto i = static_cast<std::size_t>(frame);
   const int size = pattern.block_size(frame);
+  const int block = pattern.row_begin[i + 1] - 1;  // on the diagonal: the last one of its row
   double* sum = scratch->Zeroed(1, size);
   if (const double* const g = evaluator_.strip_gradient(); g != nullptr) {
     std::copy_n(g + static_cast<std::ptrdiff_t>(evaluator_.layout().quad_offset[i]) * kQuad, size,
                 sum);
   }
-  AddTransposed(residuals_, frame, sum);
+  for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
+       ++s) {
+    const ProductPlan::Segment& segment = plans_.hessian.segments[s];
+    VectorProducts products = sources_[segment.source].gradient;
+    if (products.v == nullptr) {
+      continue;
+    }
+    products.terms = plans_.hessian.terms.data() + segment.first_term;
+    products.count = segment.count;
+    products.a_size = size;
+    kernels_.accumulate_vectors(products, 1.0, sum);
+  }
   std::copy(sum, sum + size, gradient_.data() + pattern.offsets[i]);
-  // The diagonal block is the last one of its row.
-  const double* C_ii = FrameBlock(pattern.row_begin[i + 1] - 1);
+  const double* C_ii = FrameBlock(block);
   for (int k = 0; k < size; ++k) {
     diagonal_[pattern.offsets[i] + k] = C_ii[k * size + k];
   }
 }
 
-// Also for right-hand sides other than f; a family whose r is zero is left out by a null pointer.
-void Hessian::AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const {
-  for (int s = gradient_segments_begin_[frame]; s < gradient_segments_begin_[frame + 1]; ++s) {
-    const GradientSegment& segment = gradient_segments_[s];
-    const Source& source = sources_[segment.source];
-    if (rows[source.family] == nullptr) {
-      continue;
-    }
-    VectorProducts products = source.gradient;
-    products.v = rows[source.family];
-    products.terms = gradient_terms_.data() + segment.first_term;
-    products.count = segment.count;
-    products.a_size = plans_.pattern.block_size(frame);
-    kernels_.accumulate_vectors(products, 1.0, sum);
-  }
-}
-
-// P and η_l of one landmark, from its factors alone, family after family. Rows of P are a quad
-// apart whatever its size; entries beyond it stay zero, as the padding of J is.
+// P and η_l of one landmark, from its factors alone, family after family.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
   for (int l = begin; l < end; ++l) {
     const auto i = static_cast<std::size_t>(l);
-    double* P = P_.data() + l * landmark_stride_;
-    double* eta = landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
-    std::fill(P, P + landmark_stride_, 0.0);
-    std::fill(eta, eta + kQuad, 0.0);
     const int size = incidences_.sizes[i];
+    alignas(64) double P[kQuad * kQuad];
+    alignas(64) double eta[kQuad] = {};
+    std::fill_n(P, size * kQuad, 0.0);
     for (int k = incidences_.factors_begin[i]; k < incidences_.factors_begin[i + 1]; ++k) {
       kernels_.landmark_gram(size, incidences_.FactorsAt(k), P, eta);
     }
@@ -368,13 +321,28 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
           g + static_cast<std::ptrdiff_t>(layout.quad_offset[layout.num_frames + l]) * kQuad;
       std::transform(eta, eta + size, of_landmark, eta, std::minus<>());  // η = −Jᵀf
     }
-    // Landmarks come behind the frames in packed vectors.
-    const int offset = layout.packed_offset[layout.num_frames + l];
-    for (int c = 0; c < size; ++c) {
-      gradient_[offset + c] = -eta[c];
-      diagonal_[offset + c] = P[c * kQuad + c];
+    const int offset = OffsetOf(l);
+    double* below = below_diagonal_.data() + l * below_stride_;
+    for (int r = 0; r < size; ++r) {
+      gradient_[offset + r] = -eta[r];
+      diagonal_[offset + r] = P[r * kQuad + r];
+      below = std::copy_n(P + r * kQuad, r, below);
     }
   }
+}
+
+void Hessian::GetP(int l, double* P) const {
+  const double* below = below_diagonal_.data() + l * below_stride_;
+  const double* const diagonal = diagonal_.data() + OffsetOf(l);
+  for (int r = 0; r < incidences_.sizes[l]; below += r++) {
+    std::copy_n(below, r, P + r * kQuad);
+    P[r * kQuad + r] = diagonal[r];
+  }
+}
+
+void Hessian::GetLandmarkEta(int l, double* eta) const {
+  const double* const gradient = gradient_.data() + OffsetOf(l);
+  std::transform(gradient, gradient + incidences_.sizes[l], eta, std::negate<>());
 }
 
 }  // namespace inceres::internal

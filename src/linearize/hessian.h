@@ -30,22 +30,14 @@ class Hessian {
   const double* FrameBlock(int block) const {
     return C_begin_[block] < 0 ? nullptr : C_.data() + C_begin_[block];
   }
-  /// P of landmark l: rows four apart.
-  const double* P(int l) const { return P_.data() + l * landmark_stride_; }
+  /// P of landmark l, its lower triangle: rows four apart.
+  void GetP(int l, double* P) const;
   /// η of landmark l.
-  const double* LandmarkEta(int l) const {
-    return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
-  }
-  /// sum += J_fᵀ r over the factors of a frame, padded. `rows`: r per family, as residuals; null
-  /// where r is zero.
-  void AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const;
+  void GetLandmarkEta(int l, double* eta) const;
   /// Jᵀf, packed: the gradient of the cost.
   const std::vector<double>& gradient() const { return gradient_; }
   /// diag(H), packed: the squared column norms of J.
   const std::vector<double>& diagonal() const { return diagonal_; }
-
-  /// Entries from one P to the next: as many rows of a quad as the largest landmark has.
-  std::ptrdiff_t landmark_stride() const { return landmark_stride_; }
 
  private:
   void PlaceFrameBlocks();
@@ -58,21 +50,20 @@ class Hessian {
   void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
   void AccumulateLandmarks(int begin, int end);
-  void BuildGradientTerms();
   void BuildProducts();
+  // Of a landmark, in packed vectors: landmarks come behind the frames.
+  int OffsetOf(int landmark) const {
+    const Layout& layout = evaluator_.layout();
+    return layout.packed_offset[layout.num_frames + landmark];
+  }
 
   // What the segments of one source have in common; terms, their number and the sizes of the block
   // are a segment's own.
   struct Source {
     BlockProducts products;
-    VectorProducts gradient;  // of its row slot; v is the caller's
+    VectorProducts gradient;  // of its row slot; without v it is the evaluator's strip_gradient
     int family = 0;
     bool keeps_singles = false;  // the family does
-  };
-  struct GradientSegment {
-    int source;
-    int first_term;
-    int count;
   };
 
   const Evaluator& evaluator_;
@@ -83,9 +74,9 @@ class Hessian {
   KeptProducts kept_;
   ZeroedArray C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
-  std::ptrdiff_t landmark_stride_;
-  ZeroedArray P_;
-  ZeroedArray landmark_eta_;
+  // Per landmark: P below the diagonal, which is in diagonal_. Each has room for the largest.
+  std::ptrdiff_t below_stride_;
+  ZeroedArray below_diagonal_;
   std::vector<double> gradient_;
   std::vector<double> diagonal_;
   std::vector<Source> sources_;             // of the plan
@@ -93,11 +84,6 @@ class Hessian {
   std::vector<SmallTerm> small_terms_;
   std::vector<SmallBlock> small_blocks_;  // per block; without terms: it is summed otherwise
   int small_depth_ = 0;                   // of all of them; 0: there are none
-  std::vector<VectorTerm> gradient_terms_;
-  std::vector<GradientSegment> gradient_segments_;
-  std::vector<int> gradient_segments_begin_;  // per frame, one more
-  // per family; null where Jᵀf is the evaluator's strip_gradient
-  std::vector<const double*> residuals_;
 };
 
 }  // namespace inceres::internal

@@ -43,6 +43,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   sizes.resize(num_landmarks);
   for (int l = 0; l < num_landmarks; ++l) {
     sizes[l] = static_cast<char>(layout.TangentSize(layout.num_frames + l));
+    largest_size = std::max<int>(largest_size, sizes[l]);
   }
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
@@ -267,6 +268,22 @@ void LandmarkIncidences::ForgetPlaces() {
   }
 }
 
+// But for what is there by frame.
+std::int64_t LandmarkIncidences::Bytes() const {
+  const std::size_t bytes = incidences.capacity() * sizeof(Incidence) +
+                            factors.capacity() * sizeof(LandmarkFactors) +
+                            few_numbers_.capacity() * sizeof(FewNumbers) + sizes.capacity();
+  std::size_t numbers = begin.capacity() + frames.capacity() + frame_incidences.capacity() +
+                        landmarks.capacity() + factors_begin.capacity();
+  for (const FactorList& list : factor_lists_) {
+    numbers += list.factors.capacity();
+  }
+  for (const auto& targets : y_targets_) {
+    numbers += targets.capacity();
+  }
+  return static_cast<std::int64_t>(bytes + numbers * sizeof(std::int32_t));
+}
+
 // Blocks of a frame lie together within a chunk, and within these by landmark size: the terms of a
 // block of S that are equally deep then follow each other (FramePlans::SchurSource).
 void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
@@ -276,13 +293,13 @@ void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
   }
   std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
   frame_incidences.resize(incidences.size());
-  const auto [smallest, largest] = std::minmax_element(sizes.begin(), sizes.end());
+  const auto smallest = std::min_element(sizes.begin(), sizes.end());
   // Counting sort once more: `next` is where the frame's next block goes.
   std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
   for (int chunk = 0; chunk < num_chunks(); ++chunk) {
     const int first = begin[chunk_begin[chunk]];
     const int last = begin[chunk_begin[chunk + 1]];
-    for (int size = last > first ? *smallest : 1; last > first && size <= *largest; ++size) {
+    for (int size = last > first ? *smallest : 1; last > first && size <= largest_size; ++size) {
       for (int q = first; q < last; ++q) {
         if (sizes[landmarks[q]] == size) {
           frame_incidences[next[frames[q]]++] = q;

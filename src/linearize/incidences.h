@@ -34,6 +34,7 @@ struct LandmarkIncidences {
   /// Gives back the columns by incidence that only planning reads, but for those of `incidences`
   /// where substitution needs them, and `factors`: for who has all plans, and asks for FactorsAt.
   void ForgetPlaces();
+  std::int64_t Bytes() const;
   /// Entry k of `factors`, wherever it is.
   LandmarkFactors FactorsAt(int k) const {
     if (few_numbers_.empty()) {
@@ -64,6 +65,7 @@ struct LandmarkIncidences {
   std::vector<LandmarkFactors> factors;
 
   std::vector<char> sizes;   // tangent size per landmark
+  int largest_size = 0;      // of them
   std::int64_t y_quads = 0;  // size of the largest chunk's Y in quads
   bool tail = false;         // blocks of Y have their last column apart
 

@@ -10,9 +10,10 @@ namespace inceres::internal {
 
 // What an evaluator will take, counted before anything is allocated, so that a solve too large for
 // memory is declined at once. Numbers follow the members of Linearization, PointPair and
-// LandmarkIncidences; an estimate to be held against a limit, not an exact count. Indices have 32
-// bits, and targets and places of blocks give one bit to a flag: more than that cannot be
-// numbered, whatever memory there is.
+// LandmarkIncidences; an estimate to be held against a limit, not an exact count: not below what is
+// taken, and little above it. Who gives something back tells the budget then. Indices have 32 bits,
+// and targets and places of blocks give one bit to a flag: more than that cannot be numbered,
+// whatever memory there is.
 
 namespace {
 
@@ -23,9 +24,11 @@ constexpr std::int64_t kDouble = sizeof(double);
 // Per connection: two pointers and a tangent offset.
 constexpr std::int64_t kConnection = 2 * sizeof(void*) + sizeof(std::int32_t);
 // Per factor of a landmark: its place in the lists, and one incidence, its frame, landmark and
-// places by frame and in b; per connection of such a factor a target in Y.
-constexpr std::int64_t kIncidence = 36;
+// place by frame; per connection of such a factor a target in Y.
+constexpr std::int64_t kIncidence = sizeof(Incidence) + 4 * sizeof(std::int32_t);
 constexpr std::int64_t kTarget = sizeof(std::int32_t);
+// Per landmark: its factors, where these and its incidences begin, its size.
+constexpr std::int64_t kLandmark = sizeof(LandmarkFactors) + 3 * sizeof(std::int32_t);
 // Per variable: the tangent map, and where it is in the layout.
 constexpr std::int64_t kVariable = 64;
 // Of a factor and of each of its connections, where records have an order of their own.
@@ -110,12 +113,11 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianS
                   MemoryBudget* budget) {
   const bool has_strips = storage == JacobianStorage::kByFactorInSingle && HasLargeFamilies(graph);
   // Borrowed values are counted, too.
-  std::int64_t values = 0, padded = 0;
-  bool has_landmarks = false;
+  std::int64_t values = 0, padded = 0, num_landmarks = 0;
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
     values += graph.HasVariable(id) ? graph.AmbientSize(id) : 0;
     padded += has_strips && graph.HasVariable(id) ? PadToQuad(graph.TangentSize(id)) : 0;
-    has_landmarks = has_landmarks || graph.role(id) == Role::kLandmark;
+    num_landmarks += graph.role(id) == Role::kLandmark ? 1 : 0;
   }
   budget->Take(kPoints * kDouble * values + kVariable * graph.num_variables() + kDouble * padded,
                "the variables");
@@ -127,16 +129,19 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianS
     counts.residual_size = family.residual_size();
     counts.largest_block_quads = QuadsOfBlock(family, storage);
     CheckCounts(counts);
-    // Residuals at both points, Jacobians at one.
-    budget->Take(BytesOfJacobians(graph, id, storage) +
-                     counts.num_factors *
-                         (kDouble * kPoints * counts.residual_size +
-                          kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),
-                 "the Jacobians");
-    if (eliminates_landmarks && has_landmarks && TouchesLandmarks(graph, id)) {
+    // Jacobians at one point, residuals at both.
+    budget->Take(BytesOfJacobians(graph, id, storage), "the Jacobians");
+    budget->Take(counts.num_factors *
+                     (kDouble * kPoints * counts.residual_size + kConnection * counts.num_slots +
+                      (graph.HasLosses(id) ? kLossValue : 0)),
+                 "the residuals");
+    if (eliminates_landmarks && num_landmarks > 0 && TouchesLandmarks(graph, id)) {
       budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),
                    "the incidences of landmarks");
     }
+  }
+  if (eliminates_landmarks) {
+    budget->Take(num_landmarks * kLandmark, "the landmarks");
   }
 }
 

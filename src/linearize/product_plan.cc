@@ -17,6 +17,9 @@ namespace {
 // call with fixed sizes does a segment. The order of terms is that of the plan, and a block is
 // summed by one task: so the sum has the same bits for any number of threads.
 //
+// A block on the diagonal takes products of its frame's own factors, and the gradient and b take
+// the same factors, in the same order: a term says where both are.
+//
 // Terms may outnumber everything else in a problem. They are therefore met twice, to be counted
 // and to be written, and are never stored in between; memory is asked for between the two passes.
 
@@ -172,6 +175,9 @@ class PlanBuilder {
 
  private:
   static constexpr int kTasks = 32;
+  // Bytes of a block: its row and column, where its values, those of C, and its segments in either
+  // plan begin, and its place in the first chunk.
+  static constexpr std::int64_t kBlock = 6 * sizeof(std::int32_t) + 2 * sizeof(std::int64_t);
 
   void CountRows(int begin, int end) {
     // One entry a column, reset by exchange as rows are finished: cleaning costs the row's blocks
@@ -205,26 +211,21 @@ class PlanBuilder {
   // Blocks and segments are numbered with 32 bits, terms are not.
   // Memory is counted from the exact numbers of the first pass, before the second takes it.
   void CheckSize() const {
-    std::int64_t blocks = 0, segments = 0, terms = 0, values = 0;
+    std::int64_t blocks = 0, segments = 0, terms = 0;
     for (int row = 0; row < layout_.num_frames; ++row) {
       blocks += static_cast<std::int64_t>(rows_[row].size());
       for (const CountedBlock& block : rows_[row]) {
         segments += block.hessian.num_segments + block.schur.num_segments;
-        // the terms of H are also, with one for each diagonal one, those of the gradient
-        // Hence twice for a diagonal block.
-        terms += (block.column == row ? 2 : 1) * block.hessian.num_terms + block.schur.num_terms;
-        values += std::int64_t{layout_.TangentSize(row)} * layout_.TangentSize(block.column);
+        terms += block.hessian.num_terms + block.schur.num_terms;
       }
     }
     constexpr std::int64_t kMostBlocks = std::int64_t{1} << 31;
     MemoryBudget::CheckCount(blocks, kMostBlocks, "blocks of the reduced system");
     MemoryBudget::CheckCount(segments, kMostBlocks, "runs of products");
     evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) +
-                        segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)),
+                        segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)) +
+                        blocks * kBlock,
                     "the plan of the products that form the reduced system");
-    // C and S.
-    evaluator_.Take(2 * values * static_cast<std::int64_t>(sizeof(double)),
-                    "the values of the reduced system");
   }
 
   // The pattern, and where in the plans each block begins.
@@ -308,7 +309,7 @@ class PlanBuilder {
     void Add(int column, int source, ProductTerm term) {
       Next& next = next_[column];
       if (next.source != source) {
-        plan_->segments[next.segment++] = {source, next.term, 0};
+        plan_->segments[next.segment++] = {next.term, 0, source};
         next.source = source;
       }
       plan_->terms[next.term++] = term;
@@ -380,7 +381,8 @@ class PlanBuilder {
               static_cast<std::int32_t>(cache.slots[column_slot].factor_stride / kQuad);
           const std::int32_t record = cache.Record(factor);
           visit(column, first_source_[cache.id] + slot * num_slots + column_slot,
-                ProductTerm{record * column_quads, record * row_quads});
+                ProductTerm{record * column_quads,
+                            record * (column_slot == slot ? cache.residual_size : row_quads)});
         }
       }
     }
@@ -395,13 +397,14 @@ class PlanBuilder {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, 0) + c;
     const auto row_quads = static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad);
     const auto column_quads = static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad);
+    const std::int32_t b_step = r == c ? cache.residual_size : row_quads;
     const int num_slots = cache.num_slots;
     const int source = first_source_[cache.id] + r * num_slots + c;
     for (const std::int32_t* i = begin; i < end; ++i) {
       const int column = layout_.FrameOf(ids[static_cast<std::ptrdiff_t>(*i) * num_slots]);
       if (column >= 0 && column <= row) {
         const std::int32_t record = cache.Record(*i);
-        visit(column, source, ProductTerm{record * column_quads, record * row_quads});
+        visit(column, source, ProductTerm{record * column_quads, record * b_step});
       }
     }
   }
@@ -410,19 +413,21 @@ class PlanBuilder {
   // landmarks of the square of the frames that see them.
   template <typename Visit>
   void ForEachSchurTerm(int row, const Visit& visit) const {
-    const int end = schur_blocks_ == SchurBlocks::kNone ? 0 : incidences_.frame_begin[row + 1];
+    // Without blocks b still takes those of the diagonal, if there is a Y of all landmarks.
+    const bool has_terms = plans_->forms_schur || incidences_.num_chunks() == 1;
+    const int end = has_terms ? incidences_.frame_begin[row + 1] : 0;
     for (int k = incidences_.frame_begin[row]; k < end; ++k) {
       const int q = incidences_.frame_incidences[k];
       const int l = incidences_.landmarks[q];
       const int source = source_of_landmark_[l];
+      visit(row, source, ProductTerm{incidences_.incidences[q].y, l * kQuad});
       // Block Jacobi preconditioners need no others.
-      if (schur_blocks_ == SchurBlocks::kDiagonal) {
-        visit(row, source, ProductTerm{incidences_.incidences[q].y, incidences_.incidences[q].y});
+      if (schur_blocks_ == SchurBlocks::kDiagonal || schur_blocks_ == SchurBlocks::kNone) {
         continue;
       }
       for (int other = incidences_.begin[l]; other < incidences_.begin[l + 1]; ++other) {
         const int column = incidences_.frames[other];
-        if (column <= row && (clusters_ == nullptr || clusters_->Keeps(row, column))) {
+        if (column < row && (clusters_ == nullptr || clusters_->Keeps(row, column))) {
           visit(column, source,
                 ProductTerm{incidences_.incidences[other].y, incidences_.incidences[q].y});
         }
@@ -449,7 +454,8 @@ class PlanBuilder {
 }  // namespace
 
 FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                       SchurBlocks blocks, const FrameClusters* clusters) {
+                       SchurBlocks blocks, const FrameClusters* clusters)
+    : forms_schur(blocks != SchurBlocks::kNone) {
   PlanBuilder(evaluator, incidences, blocks, clusters, this).Build();
 }
 

@@ -43,11 +43,9 @@ int FrameEntries(const Layout& layout) {
 
 }  // namespace
 
-CoupledProducts::CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                                 const Hessian& hessian)
+CoupledProducts::CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences)
     : evaluator_(evaluator),
       incidences_(incidences),
-      hessian_(hessian),
       kernels_(BestKernels()),
       frame_entries_(FrameEntries(evaluator.layout())),
       num_parts_(NumParts(evaluator, incidences.num_landmarks(), frame_entries_)) {
@@ -92,17 +90,18 @@ void CoupledProducts::Add(const double* v, const double* U_inv, double* y) {
   landmarks.factors = incidences_.factors.data();
   landmarks.sizes = incidences_.sizes.data();
   landmarks.U_inv = U_inv;
-  landmarks.U_inv_stride = hessian_.landmark_stride();
+  landmarks.U_inv_stride = std::ptrdiff_t{incidences_.largest_size} * kQuad;
   AddInParts(y, [&](int begin, int end, double* sum) {
     kernels_.add_coupled(landmarks, begin, end, v, sum);
   });
 }
 
 void CoupledProducts::Subtract(const double* z, const double* U_inv, double* y) {
+  const std::ptrdiff_t stride = std::ptrdiff_t{incidences_.largest_size} * kQuad;
   AddInParts(y, [&](int begin, int end, double* sum) {
     for (int l = begin; l < end; ++l) {
       double u[kQuad] = {};
-      MultiplyLowerTransposed(incidences_.sizes[l], U_inv + l * hessian_.landmark_stride(),
+      MultiplyLowerTransposed(incidences_.sizes[l], U_inv + l * stride,
                               z + static_cast<std::ptrdiff_t>(l) * kQuad, u);
       // The sign goes into u, since what follows adds.
       std::transform(u, u + kQuad, u, std::negate<>());

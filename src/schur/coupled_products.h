@@ -3,7 +3,8 @@
 #include <cstdint>
 
 #include "base/zeroed_array.h"
-#include "linearize/hessian.h"
+#include "linearize/evaluator.h"
+#include "linearize/incidences.h"
 
 namespace inceres::internal {
 
@@ -16,15 +17,19 @@ namespace inceres::internal {
 /// evaluator's; not by two at once. The same bits for any number of them.
 class CoupledProducts {
  public:
-  CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                  const Hessian& hessian);
+  CoupledProducts(const Evaluator& evaluator, const LandmarkIncidences& incidences);
 
-  /// y += W P̃⁻¹ Wᵀ v over the frames, padded. P̃⁻¹ = U_invᵀ U_inv: per landmark, rows four apart.
+  /// y += W P̃⁻¹ Wᵀ v over the frames, padded. P̃⁻¹ = U_invᵀ U_inv: per landmark, as many rows as
+  /// the largest has, four apart.
   void Add(const double* v, const double* U_inv, double* y);
   /// y −= W U_invᵀ z over the frames, padded; z has four entries a landmark.
   void Subtract(const double* z, const double* U_inv, double* y);
 
   std::int64_t Bytes() const;
+  /// From the first product on.
+  std::int64_t BytesOfParts() const {
+    return static_cast<std::int64_t>(sizeof(double)) * (num_parts_ - 1) * frame_entries_;
+  }
 
  private:
   /// y += Σ of what visit(begin, end, sum) adds to `sum` for the landmarks from begin to end.
@@ -34,7 +39,6 @@ class CoupledProducts {
 
   const Evaluator& evaluator_;
   const LandmarkIncidences& incidences_;
-  const Hessian& hessian_;
   const Kernels& kernels_;
   const int frame_entries_;  // of a padded vector of the frames
   const int num_parts_;

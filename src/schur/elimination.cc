@@ -55,11 +55,6 @@ void AddRows(int rows, int columns, const double* __restrict block, double* __re
   }
 }
 
-// Whose z the term meets: those are a quad apart.
-int LandmarkOf(const VectorTerm& term) {
-  return term.v / kQuad;
-}
-
 }  // namespace
 
 Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -69,20 +64,14 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       plans_(plans),
       hessian_(hessian),
       kernels_(BestKernels()),
-      coupled_(evaluator, incidences, hessian),
+      stride_(std::ptrdiff_t{incidences.largest_size} * kQuad),
+      coupled_(evaluator, incidences),
       // Whether Y is written: for blocks of S, or for b and the way back.
-      keeps_all_(!plans.schur.terms.empty() || incidences.num_chunks() == 1) {
+      keeps_all_(plans.forms_schur || incidences.num_chunks() == 1) {
   TakeMemory(memory);
   b_.resize(plans.pattern.size());
-  rhs_end_.resize(static_cast<std::size_t>(evaluator.layout().num_frames));
   const Layout& layout = evaluator.layout();
   padded_frame_step_.resize(layout.quad_offset[layout.num_frames] * kQuad);
-  // For b: of each frame its blocks of Y and the z they meet, in the order of the chunks.
-  rhs_terms_.reserve(incidences.frame_incidences.size());
-  for (const int q : incidences.frame_incidences) {
-    const auto k = static_cast<std::size_t>(q);
-    rhs_terms_.push_back({incidences.incidences[k].y, incidences.landmarks[k] * kQuad});
-  }
   CollectChunkBlocks();
 }
 
@@ -96,20 +85,19 @@ void Elimination::TakeMemory(const Memory& memory) {
     num_kept =
         std::max(num_kept, incidences_.chunk_begin[chunk + 1] - incidences_.chunk_begin[chunk]);
   }
-  const auto num_landmarks = static_cast<std::size_t>(incidences_.num_landmarks());
-  const auto stride = static_cast<std::size_t>(hessian_.landmark_stride());
-  // U_inv and z here, P and η in the Hessian.
-  evaluator_.Take(
-      static_cast<std::int64_t>(
-          sizeof(double) * (num_landmarks + static_cast<std::size_t>(num_kept)) * (stride + kQuad)),
-      "the blocks of the landmarks");
-  evaluator_.Take(incidences_.y_quads * kQuad * static_cast<std::int64_t>(sizeof(double)),
-                  "Y of the elimination");
-  U_inv_ = ZeroedArray(static_cast<std::size_t>(num_kept) * stride);
+  constexpr std::int64_t kDouble = sizeof(double);
+  evaluator_.Take(kDouble * num_kept * (stride_ + kQuad), "the factors of the landmarks' blocks");
+  evaluator_.Take(kDouble * kQuad * incidences_.y_quads, "Y of the elimination");
+  if (!memory.may_forget_landmarks) {  // else there are none
+    evaluator_.Take(coupled_.BytesOfParts(), "products with Jacobians");
+  }
+  U_inv_ = ZeroedArray(static_cast<std::size_t>(num_kept) * stride_);
   z_ = ZeroedArray(static_cast<std::size_t>(num_kept) * kQuad);
   Y_ = ZeroedArray::Unwritten(incidences_.y_quads * kQuad);
   // S has the values in the pattern of the frame system, also of blocks that no landmark reaches.
   if (memory.S == nullptr) {
+    evaluator_.Take(kDouble * plans_.pattern.value_begin.back(),
+                    "the values of the reduced system");
     S_memory_ = ZeroedArray::Unwritten(plans_.pattern.value_begin.back());
   }
   S_ = memory.S != nullptr ? memory.S : S_memory_.data();
@@ -143,9 +131,11 @@ int Elimination::DampingOffset(int landmark) const {
 }
 
 // The block alone: whether it has a factor is known before any of its Y is computed.
-bool Elimination::Factorize(int landmark, const double* damping) {
-  return InvertCholeskyFactor(incidences_.sizes[landmark], hessian_.P(landmark), damping,
-                              U_inv_.data() + Kept(landmark) * hessian_.landmark_stride());
+bool Elimination::Factorize(int landmark, double* U_inv) const {
+  double P[kQuad * kQuad];
+  hessian_.GetP(landmark, P);
+  return InvertCholeskyFactor(incidences_.sizes[landmark], P,
+                              landmark_damping_ + DampingOffset(landmark), U_inv);
 }
 
 // z = U_inv l, and the landmark's blocks of Y family by family: where two factors share a frame,
@@ -154,7 +144,8 @@ void Elimination::EliminateLandmark(int landmark) {
   const auto l = static_cast<std::size_t>(landmark);
   const int size = incidences_.sizes[l];
   const double* const U_inv = UInv(landmark);
-  const double* eta = hessian_.LandmarkEta(landmark);
+  double eta[kQuad];
+  hessian_.GetLandmarkEta(landmark, eta);
   double* z = z_.data() + Kept(landmark) * kQuad;
   std::fill_n(z, kQuad, 0.0);
   MultiplyLower(size, U_inv, eta, z);
@@ -179,7 +170,7 @@ Status Elimination::Eliminate(const double* landmark_damping) {
                    // All factors first: one does not wait for another's roots and divisions, as its
                    // own blocks of Y do.
                    for (int l = first + begin; l < first + end; ++l) {
-                     if (!Factorize(l, landmark_damping + DampingOffset(l))) {
+                     if (!Factorize(l, U_inv_.data() + Kept(l) * stride_)) {
                        singular.Note(l);
                        return;
                      }
@@ -215,9 +206,15 @@ void Elimination::FormBlocks(int chunk, int begin, int end) {
     FormBlock(chunk, place, &scratch);
     const int row = plans_.block_row[place.block];
     if (plans_.pattern.columns[place.block] == row) {
-      FormRightHandSide(chunk, row, &scratch);
+      FormRightHandSide(chunk, place, &scratch);
     }
   }
+}
+
+// Whether the block has this segment, and the landmarks of it are in the chunk.
+bool Elimination::IsOfChunk(int chunk, std::size_t block, int segment) const {
+  return segment < plans_.schur.segments_begin[block + 1] &&
+         plans_.schur_sources[plans_.schur.segments[segment].source].chunk == chunk;
 }
 
 // A block of S = C − W P⁻¹ Wᵀ: S_ij = C_ij − Σ_l Y_li Y_ljᵀ over the landmarks of this chunk that
@@ -230,11 +227,7 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   double* out = S_ + pattern.value_begin[k];
   // Null: no factor touches both frames, so the pair is there for its landmarks only.
   const double* const C_ij = chunk == 0 ? hessian_.FrameBlock(place.block) : nullptr;
-  const auto source_of = [&](int s) {
-    return plans_.schur_sources[plans_.schur.segments[s].source];
-  };
-  const int end = plans_.schur.segments_begin[k + 1];
-  const bool adds = place.first_segment < end && source_of(place.first_segment).chunk == chunk;
+  const bool adds = plans_.forms_schur && IsOfChunk(chunk, k, place.first_segment);
   if (!adds && C_ij != nullptr) {
     std::copy(C_ij, C_ij + rows * columns, out);
   } else if (chunk == 0 && C_ij == nullptr) {
@@ -247,14 +240,14 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   double* sum = scratch->Zeroed(rows, columns);
   const bool is_diagonal = pattern.columns[k] == plans_.block_row[k];
   // A segment for each landmark size: the kernel takes products of one depth.
-  for (int s = place.first_segment; s < end && source_of(s).chunk == chunk; ++s) {
+  for (int s = place.first_segment; IsOfChunk(chunk, k, s); ++s) {
     const ProductPlan::Segment& segment = plans_.schur.segments[s];
     BlockProducts products;
     products.a = Y_.data();
     products.b = Y_.data();
     products.terms = plans_.schur.terms.data() + segment.first_term;
     products.count = segment.count;
-    products.depth = source_of(s).landmark_size;
+    products.depth = plans_.schur_sources[segment.source].landmark_size;
     products.a_size = columns;
     products.b_size = rows;
     products.tail = incidences_.tail;
@@ -275,49 +268,30 @@ void Elimination::FormBlock(int chunk, const ChunkBlock& place, BlockScratch* sc
   }
 }
 
-void Elimination::FormRightHandSide(int chunk, int frame, BlockScratch* scratch) {
+// b_i = c_i − Σ_l Y_li z_l over the landmarks of this chunk, those of the diagonal block.
+void Elimination::FormRightHandSide(int chunk, const ChunkBlock& place, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
-  const auto i = static_cast<std::size_t>(frame);
-  const int size = pattern.block_size(frame);
+  const int row = plans_.block_row[place.block];
+  const int size = pattern.block_size(row);
   double* sum = scratch->Zeroed(1, size);
-  // A frame's incidences are sorted by chunk, and chunks follow each other: this one's begin where
-  // those of the chunk before have ended.
-  const int begin = chunk == 0 ? incidences_.frame_begin[i] : rhs_end_[i];
-  const int landmark_end = incidences_.chunk_begin[chunk + 1];
-  int& end = rhs_end_[i];
-  end = begin;
-  while (end < incidences_.frame_begin[i + 1] && LandmarkOf(rhs_terms_[end]) < landmark_end) {
-    ++end;
-  }
-  SubtractOfFrame(frame, begin, end, sum);
-  for (int k = 0; k < size; ++k) {
-    const int at = pattern.offsets[i] + k;
-    // c = −g of the frames, where b begins.
-    b_[at] = sum[k] + (chunk == 0 ? -hessian_.gradient()[at] : b_[at]);
-  }
-}
-
-// sum −= Σ Y_li z_l over a frame's incidences from begin to end.
-void Elimination::SubtractOfFrame(int frame, int begin, int end, double* sum) const {
-  const auto size_of = [&](int k) { return incidences_.sizes[LandmarkOf(rhs_terms_[k])]; };
-  while (begin < end) {
-    int last = begin;
-    // Within a chunk they are sorted by landmark size: runs of one depth, as the kernel wants them.
-    while (last < end && size_of(last) == size_of(begin)) {
-      ++last;
-    }
-    // In memory a block of Y has the landmark's rows, so its transpose times v_l is what the kernel
+  for (int s = place.first_segment; IsOfChunk(chunk, place.block, s); ++s) {
+    const ProductPlan::Segment& segment = plans_.schur.segments[s];
+    // In memory a block of Y has the landmark's rows, so its transpose times z_l is what the kernel
     // takes.
     VectorProducts products;
     products.a = Y_.data();
     products.v = AddressBefore(Kept(0) * -kQuad, z_.data());
-    products.terms = rhs_terms_.data() + begin;
-    products.count = last - begin;
-    products.depth = size_of(begin);
-    products.a_size = plans_.pattern.block_size(frame);
+    products.terms = plans_.schur.terms.data() + segment.first_term;
+    products.count = segment.count;
+    products.depth = plans_.schur_sources[segment.source].landmark_size;
+    products.a_size = size;
     products.tail = incidences_.tail;
     kernels_.accumulate_vectors(products, -1.0, sum);
-    begin = last;
+  }
+  for (int k = 0; k < size; ++k) {
+    const int at = pattern.offsets[row] + k;
+    // c = −g of the frames, where b begins.
+    b_[at] = sum[k] + (chunk == 0 ? -hessian_.gradient()[at] : b_[at]);
   }
 }
 
@@ -363,9 +337,10 @@ void Elimination::BackSubstituteLandmark(int landmark, double* landmark_step) co
     std::copy_n(z_.data() + Kept(landmark) * kQuad, kQuad, y);
   } else {
     // It had a factor before, and has the same one now.
-    InvertCholeskyFactor(size, hessian_.P(landmark), landmark_damping_ + DampingOffset(landmark),
-                         own_U_inv);
-    MultiplyLower(size, U_inv, hessian_.LandmarkEta(landmark), y);
+    Factorize(landmark, own_U_inv);
+    double eta[kQuad];
+    hessian_.GetLandmarkEta(landmark, eta);
+    MultiplyLower(size, U_inv, eta, y);
   }
   // Y of all landmarks is still there, in the layout that the kernel reads.
   if (incidences_.num_chunks() == 1 && !incidences_.tail) {

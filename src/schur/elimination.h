@@ -46,7 +46,7 @@ class Elimination {
   const double* S() const { return S_; }
   const double* b() const { return b_.data(); }
   /// U_inv of landmark l: rows four apart.
-  const double* UInv(int l) const { return U_inv_.data() + Kept(l) * hessian_.landmark_stride(); }
+  const double* UInv(int l) const { return U_inv_.data() + Kept(l) * stride_; }
   /// Rows of Y_li, where Y is whole: of one chunk, without a tail.
   const double* Y(const Incidence& incidence) const {
     return Y_.data() + std::ptrdiff_t{incidence.y} * kQuad;
@@ -72,12 +72,13 @@ class Elimination {
   std::ptrdiff_t Kept(int landmark) const { return landmark - first_kept_; }
   void TakeMemory(const Memory& memory);
   void CollectChunkBlocks();
-  bool Factorize(int landmark, const double* damping);  // U_inv; false if the block is singular
-  void EliminateLandmark(int landmark);                 // z and Y by it
+  bool IsOfChunk(int chunk, std::size_t block, int segment) const;
+  // U_inv; false if the block is singular
+  bool Factorize(int landmark, double* U_inv) const;
+  void EliminateLandmark(int landmark);  // z and Y by it
   void FormBlocks(int chunk, int begin, int end);
   void FormBlock(int chunk, const ChunkBlock& place, BlockScratch* scratch);
-  void FormRightHandSide(int chunk, int frame, BlockScratch* scratch);
-  void SubtractOfFrame(int frame, int begin, int end, double* sum) const;
+  void FormRightHandSide(int chunk, const ChunkBlock& place, BlockScratch* scratch);
   void BackSubstituteLandmark(int landmark, double* landmark_step) const;
   void TakeRightHandSideFromJacobians();
   int DampingOffset(int landmark) const;
@@ -87,7 +88,8 @@ class Elimination {
   const FramePlans& plans_;
   const Hessian& hessian_;
   const Kernels& kernels_;
-  ZeroedArray U_inv_;            // per landmark, as P: rows four apart
+  const std::ptrdiff_t stride_;  // from U_inv to U_inv: as many quads as the largest has rows
+  ZeroedArray U_inv_;            // per landmark: rows four apart
   ZeroedArray z_;                // per landmark: four entries
   bool keeps_landmarks_ = true;  // else both are of one chunk
   int first_kept_ = 0;
@@ -99,8 +101,6 @@ class Elimination {
   AlignedVector<double> padded_frame_step_;
   std::vector<ChunkBlock> chunk_blocks_;  // by chunk, then block
   std::vector<int> chunk_blocks_begin_;   // per chunk, and one more
-  std::vector<VectorTerm> rhs_terms_;     // per frame incidence, in the order of frame_incidences
-  std::vector<int> rhs_end_;              // per frame: behind those of the last chunk
   mutable CoupledProducts coupled_;
   const bool keeps_all_;  // not where all that is asked for comes from the Jacobians
 };

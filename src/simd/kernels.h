@@ -24,7 +24,9 @@ static constexpr int QuadsWithTail(int depth, int size) {
   return depth * (size / kQuad) + 1;
 }
 
-/// Where the two factors of a block product start, in quads from the two base pointers.
+/// Where the two factors of a product start, each from its base pointer: blocks in quads, a vector
+/// in doubles. A symmetric product of blocks has one factor, `a`, and does not read `b`: so what
+/// sums AᵀA over some terms and then Aᵀv has one list of them, with the places of v.
 struct ProductTerm {
   std::int32_t a;
   std::int32_t b;
@@ -36,8 +38,8 @@ struct ProductTerm {
 /// a_stride and b_stride apart, if these are not 0. C is b_size × a_size with rows padded to quads;
 /// what is added to its padding does not count.
 ///
-/// `symmetric`: every B_p is its A_p, so that C is symmetric. Then only its entries up to the
-/// diagonal count: those above it may have been added to or not.
+/// `symmetric`: every B_p is its A_p, whatever the terms say, so that C is symmetric. Then only its
+/// entries up to the diagonal count: those above it may have been added to or not.
 struct BlockProducts {
   const double* a = nullptr;
   const double* b = nullptr;
@@ -59,19 +61,13 @@ static constexpr bool AreNear(std::int64_t size) {
   return size <= std::int64_t{1} << 15;  // 256 KiB
 }
 
-/// One term of y += sign Σ_p A_pᵀ v_p: A_p at `a` quads, v_p at `v` doubles.
-struct VectorTerm {
-  std::int32_t a;
-  std::int32_t v;
-};
-
 /// y += sign Σ_p A_pᵀ v_p: gradients (A = J, v = f) and the right hand side b (A = Yᵀ, v = z). y
 /// has PadToQuad(a_size) entries. Where the last column of A is apart (`tail`), v_p is a quad, zero
 /// beyond depth.
 struct VectorProducts {
   const double* a = nullptr;
   const double* v = nullptr;
-  const VectorTerm* terms = nullptr;
+  const ProductTerm* terms = nullptr;
   int count = 0;
   int depth = 0;
   int a_size = 0;

@@ -104,6 +104,9 @@ IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinis
   if (status->ok() && product_.num_rows() > 0) {
     MakePreconditioner(status);
   }
+  evaluator.Take(product_.Bytes() + static_cast<std::int64_t>(iteration_.Bytes()) +
+                     (preconditioner_ != nullptr ? preconditioner_->Bytes() : 0),
+                 "conjugate gradients");
 }
 
 // Called among the initializers: after incidences_ and aggregates_, which it reads.
@@ -303,7 +306,7 @@ void IterativeModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();
   work->num_landmarks = incidences_.num_landmarks();
-  work->num_schur_products = static_cast<std::int64_t>(plans_.schur.terms.size());
+  work->num_schur_products = plans_.num_schur_products();
   work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
                  static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
                                                                   plans_.schur.terms.size()));

@@ -105,7 +105,14 @@ void PlainModel::Describe(WorkCounts* work) const {
 // A sparse factor reads each block of S once, and before it writes there.
 double* PlainModel::PlaceS() {
   auto* const sparse = dynamic_cast<SparseCholesky*>(reduced_solver_.get());
-  return sparse != nullptr ? sparse->PlaceValues(&plans_.pattern) : nullptr;
+  if (sparse == nullptr) {
+    return nullptr;
+  }
+  const auto before = static_cast<std::int64_t>(sparse->Bytes());
+  double* const S = sparse->PlaceValues(&plans_.pattern);
+  evaluator_.Take(static_cast<std::int64_t>(sparse->Bytes()) - before,  // not touched yet
+                  "the values of the reduced system");
+  return S;
 }
 
 // The base class has made the solver for S already: its pattern has the blocks that elimination
@@ -114,7 +121,9 @@ SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator,
     : PlainModel(options, evaluator, status),
       elimination_(evaluator, incidences_, plans_, hessian_,
                    {PlaceS(), /*may_forget_landmarks=*/true}) {
+  const std::int64_t before = incidences_.Bytes();
   incidences_.ForgetPlaces();
+  evaluator.GiveBack(before - incidences_.Bytes());
 }
 
 // The packed vectors have frames first, then landmarks; damping and step are cut there.
@@ -139,7 +148,7 @@ Status SchurModel::Solve(const double* damping, double* step) {
 void SchurModel::Describe(WorkCounts* work) const {
   PlainModel::Describe(work);
   work->num_landmarks = incidences_.num_landmarks();
-  work->num_schur_products = static_cast<std::int64_t>(plans_.schur.terms.size());
+  work->num_schur_products = plans_.num_schur_products();
   work->bytes += elimination_.Bytes();
 }
 

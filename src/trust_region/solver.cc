@@ -86,10 +86,15 @@ void CountWhatMoves(const FactorGraph& graph, const Layout& layout, ProblemSizes
   }
 }
 
-// Of the strategy and the loop: steps, gradients, diagonals and scales.
-std::int64_t VectorBytes(const Layout& layout) {
-  constexpr std::int64_t kVectors = 12;
-  return kVectors * static_cast<std::int64_t>(sizeof(double)) * layout.size();
+// Of the model, the strategy and the loop: gradient, diagonal, scale, the step and a shorter one,
+// with its damping and what that holds back, or what a Dog-Leg takes; the step for a pass over J;
+// and the best state.
+std::int64_t VectorBytes(const SolverOptions& options, const Layout& layout,
+                         const FactorGraph& graph) {
+  const std::int64_t num_vectors = IsDamped(options.strategy) ? 7 : 12;
+  return static_cast<std::int64_t>(sizeof(double)) *
+         (num_vectors * layout.size() + std::int64_t{layout.quad_offset.back()} * kQuad +
+          static_cast<std::int64_t>(graph.state().size()));
 }
 
 constexpr std::int64_t kMuchMemory = std::int64_t{1} << 26;  // 64 MiB
@@ -266,13 +271,18 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
   const StepWay way = ChooseStepWay(options, *workspace->evaluator);
   if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
     // Products with an S that is not formed. Nothing has been written to Jacobians yet.
+    workspace->evaluator.reset();
+    budget.GiveBack(budget.taken());
+    TakeForGraph(graph, /*eliminates_landmarks=*/true, JacobianStorage::kByFactor, &budget);
     workspace->evaluator.emplace(graph, workspace->layout, workspace->executor,
                                  JacobianStorage::kByFactor);
     workspace->evaluator->set_memory_budget(&budget);
   }
   if (way == StepWay::kFactor && !Workspace::NeedsTables(options, loop, graph) &&
       workspace->evaluator->storage() == JacobianStorage::kWithoutPadding) {
+    const std::int64_t before = workspace->evaluator->Bytes();
     workspace->SpareTables();
+    budget.GiveBack(before - workspace->evaluator->Bytes());
   }
   Status status;
   workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated, &status);
@@ -280,7 +290,8 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     summary->message = status.message;
     return nullptr;
   }
-  workspace->evaluator->Take(VectorBytes(workspace->layout), "the vectors of a step");
+  workspace->evaluator->Take(VectorBytes(options, workspace->layout, graph),
+                             "the vectors of a step");
   workspace->MakeRoomFor(loop);
   // What planning has freed would stay beside what the loop is about to fill.
   if (budget.taken() > kMuchMemory) {

@@ -17,7 +17,7 @@ namespace inceres::internal {
 //
 // Three points are kept apart. The evaluator has the current one, where the Jacobians are, and a
 // candidate; best_state_ is the cheapest of those that were accepted, and is what is returned. With
-// monotonic steps these are the same, rounding apart.
+// monotonic steps that is the current one, rounding apart.
 //
 // cost_ is that of the current point and trial_.cost() that of the candidate, which is the largest
 // double where it could not be evaluated: such a step fails every test of its cost.
@@ -111,15 +111,13 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       step_solve_(options, loop, &evaluation_, model, &memory->strategy, &trial_, summary),
       line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
       scale_(memory->scale),
-      best_state_(memory->best_state),
+      best_state_(evaluator->points(), &memory->best_state),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
   // From here on clock_ is read at the borders of stages, and each stage charges what went by
   // since.
   model->TimeInto(&summary->seconds, &clock_);
   model->BeginSolve();
-  // What is returned if nothing at all is accepted.
-  best_state_ = evaluator->points().current();
   trial_.step().assign(static_cast<std::size_t>(evaluator->layout().size()), 0.0);
 }
 
@@ -290,7 +288,6 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
     iteration_.step_is_nonmonotonic = !(cost_ < best_cost_);
     if (!iteration_.step_is_nonmonotonic) {
       best_cost_ = cost_;
-      best_state_ = evaluator_.points().current();
     }
   } else {
     ++summary_.num_unsuccessful_steps;
@@ -319,7 +316,7 @@ bool TrustRegionMinimizer::CallbacksContinue() {
     return true;
   }
   const ObserverAction action = evaluation_.agreement().Ask(
-      [this] { return AskObservers(options_, iteration_, best_state_.data()); });
+      [this] { return AskObservers(options_, iteration_, best_state().data()); });
   // User code's time belongs to no stage.
   clock_.Read();
   return GoesOn(action, &summary_.termination, &summary_.message);
@@ -364,9 +361,11 @@ bool TrustRegionMinimizer::AcceptStep() {
   evaluator_.set_loss_curvature(steady ? LossCurvature::kBoth : LossCurvature::kPositive);
   // The cost has been asked for there: evaluation callbacks are told so.
   if (!evaluation_.Jacobians(/*new_point=*/false, &cost_)) {
+    best_state_.Follow(false);
     return !recentered && loop_.judge != nullptr && loop_.judge->TakesBack() ? TakeBack()
                                                                              : FailToLinearize();
   }
+  best_state_.Follow(cost_ < best_cost_);
   if (!UpdateModel()) {
     return false;
   }
@@ -404,6 +403,7 @@ void TrustRegionMinimizer::LeaveBorder() {
 // The judge wants no more than the point just accepted: without Jacobians there. False.
 bool TrustRegionMinimizer::FinishHere() {
   cost_ = trial_.cost();
+  best_state_.Follow(cost_ < best_cost_);
   // Ends in either case: by what ends a solve between iterations, or in the words of a user's
   // success.
   return FinalizeIterationAndContinue() &&
@@ -431,7 +431,8 @@ StepQuality TrustRegionMinimizer::JudgeFromHere() const {
 
 // Where there are no Jacobians no solve goes on: the step has led beyond a border.
 bool TrustRegionMinimizer::TakeBack() {
-  evaluator_.points().SetCurrent(best_state_);
+  evaluator_.points().SetCurrent(best_state_.get());
+  best_state_.Follow(true);
   state_norm_ = evaluation_.StateNorm();
   iteration_.step_is_successful = false;
   // The culprit has ended a step, not the solve.

@@ -10,6 +10,7 @@
 #include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
+#include "trust_region/best_state.h"
 #include "trust_region/bounded_line_search.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_evaluation.h"
@@ -51,7 +52,7 @@ class TrustRegionMinimizer {
   /// Runs to termination. On a usable solution best_state() is the result.
   void Minimize();
 
-  const std::vector<double>& best_state() const { return best_state_; }
+  const std::vector<double>& best_state() const { return best_state_.get(); }
 
   /// Costs of iterations before this one are of another function: factors have moved their
   /// expansion points since.
@@ -93,7 +94,7 @@ class TrustRegionMinimizer {
   BoundedLineSearch line_search_;
 
   std::vector<double>& scale_;
-  std::vector<double>& best_state_;
+  BestState best_state_;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;
   IterationSummary iteration_;

@@ -42,13 +42,13 @@ void ExpectEqualsOracle(const FactorGraph& graph, bool eliminate_landmarks) {
     const int first =
         core.layout.packed_offset[static_cast<std::size_t>(core.layout.num_frames + l)];
     const int size = core.layout.TangentSize(core.layout.num_frames + l);
-    using Rows = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>;
-    EXPECT_LT(RelativeError(Rows(core.hessian.P(l)).topLeftCorner(size, size),
-                            oracle.H.block(first, first, size, size)),
-              kTolerance);
-    EXPECT_LT(RelativeError(Eigen::Map<const Eigen::VectorXd>(core.hessian.LandmarkEta(l), size),
-                            -oracle.g.segment(first, size)),
-              kTolerance);
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> P;
+    Eigen::Vector4d eta;
+    core.hessian.GetP(l, P.data());
+    core.hessian.GetLandmarkEta(l, eta.data());
+    const Eigen::MatrixXd whole = P.topLeftCorner(size, size).selfadjointView<Eigen::Lower>();
+    EXPECT_LT(RelativeError(whole, oracle.H.block(first, first, size, size)), kTolerance);
+    EXPECT_LT(RelativeError(eta.head(size), -oracle.g.segment(first, size)), kTolerance);
   }
 }
 

@@ -67,7 +67,9 @@ struct Sums {
     gradient = core.hessian.gradient();
     C = test::FrameHessian(core);
     for (int l = 0; l < layout.num_landmarks(); ++l) {
-      P.insert(P.end(), core.hessian.P(l), core.hessian.P(l) + core.hessian.landmark_stride());
+      double lower[kQuad * kQuad] = {};
+      core.hessian.GetP(l, lower);
+      P.insert(P.end(), lower, lower + kQuad * kQuad);
     }
     b.assign(elimination.b(), elimination.b() + layout.frame_size());
     S.assign(elimination.S(), elimination.S() + core.plans.pattern.value_begin.back());

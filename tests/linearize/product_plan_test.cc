@@ -127,13 +127,25 @@ TEST_P(Plans, TermsPointIntoTheirArrays) {
       const std::ptrdiff_t b_stride =
           cache.slots[static_cast<std::size_t>(source.row_slot)].factor_stride;
       EXPECT_EQ(term.a * kQuad % a_stride, 0);
-      EXPECT_EQ(term.a * kQuad / a_stride, term.b * kQuad / b_stride)
-          << "both operands are of the same factor";
-      EXPECT_LT(term.a * kQuad / a_stride, cache.num_factors);
+      const std::ptrdiff_t factor = term.a * kQuad / a_stride;
+      EXPECT_EQ(factor, source.row_slot == source.column_slot ? term.b / cache.residual_size
+                                                              : term.b * kQuad / b_stride)
+          << "both operands are of the same factor, or its residual goes with it";
+      EXPECT_LT(factor, cache.num_factors);
     }
   }
-  for (const ProductTerm& term : core_.plans.schur.terms) {
-    EXPECT_LT(std::max(term.a, term.b), core_.incidences.y_quads);
+  const ProductPlan& schur = core_.plans.schur;
+  for (std::size_t block = 0; block < core_.plans.block_row.size(); ++block) {
+    const bool is_diagonal = core_.plans.block_row[block] == core_.plans.pattern.columns[block];
+    for (int s = schur.segments_begin[block]; s < schur.segments_begin[block + 1]; ++s) {
+      const ProductPlan::Segment& segment = schur.segments[static_cast<std::size_t>(s)];
+      for (std::int64_t t = segment.first_term; t < segment.first_term + segment.count; ++t) {
+        const ProductTerm& term = schur.terms[static_cast<std::size_t>(t)];
+        EXPECT_LT(term.a, core_.incidences.y_quads);
+        EXPECT_LT(term.b, is_diagonal ? core_.incidences.num_landmarks() * kQuad
+                                      : core_.incidences.y_quads);
+      }
+    }
   }
 }
 

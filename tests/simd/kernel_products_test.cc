@@ -9,7 +9,8 @@ namespace inceres::internal {
 namespace {
 
 constexpr double kTolerance = 1e-13;
-constexpr int kNumStored = 9;  // blocks to choose terms from
+constexpr int kNumStored = 9;                 // blocks to choose terms from
+constexpr std::int32_t kElsewhere = 1 << 29;  // where nothing is to be read
 
 class ProductKernels : public KernelTest {
  protected:
@@ -94,7 +95,7 @@ TEST_P(ProductKernels, RowsWithoutPaddingGiveTheSame) {
       }
       const std::vector<double> v = random_.Vector(static_cast<std::size_t>(kNumStored * depth));
       std::vector<ProductTerm> terms, apart;
-      std::vector<VectorTerm> vector_terms, vector_apart;
+      std::vector<ProductTerm> vector_terms, vector_apart;
       for (int p = 0; p < 40; ++p) {
         const int a = random_.Below(kNumStored), b = random_.Below(kNumStored);
         const int quads = depth * PadToQuad(size) / kQuad;
@@ -105,8 +106,7 @@ TEST_P(ProductKernels, RowsWithoutPaddingGiveTheSame) {
       }
       for (const bool symmetric : {false, true}) {
         for (int p = 0; symmetric && p < 40; ++p) {
-          terms[static_cast<std::size_t>(p)].b = terms[static_cast<std::size_t>(p)].a;
-          apart[static_cast<std::size_t>(p)].b = apart[static_cast<std::size_t>(p)].a;
+          terms[static_cast<std::size_t>(p)].b = apart[static_cast<std::size_t>(p)].b = kElsewhere;
         }
         BlockProducts products{padded.data(), padded.data(), terms.data(), 40,       depth,
                                size,          size,          false,        symmetric};
@@ -203,6 +203,9 @@ TEST_P(ProductKernels, SymmetricProductsHaveTheSameBits) {
         AlignedVector<double> half = whole;
         kernels().accumulate_products(products, -1.0, whole.data());
         products.symmetric = true;
+        for (ProductTerm& term : terms) {
+          term.b = kElsewhere;
+        }
         kernels().accumulate_products(products, -1.0, half.data());
         for (int r = 0; r < size; ++r) {
           for (int c = 0; c <= r; ++c) {
@@ -232,7 +235,7 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
     for (int size = 1; size <= 30; ++size) {
       const AlignedVector<double> A = PaddedRows(kNumStored * depth, size);
       const std::vector<double> v = random_.Vector(static_cast<std::size_t>(kNumStored * depth));
-      std::vector<VectorTerm> terms;
+      std::vector<ProductTerm> terms;
       for (int p = 0; p < 7; ++p) {
         terms.push_back({random_.Below(kNumStored) * depth * PadToQuad(size) / kQuad,
                          random_.Below(kNumStored) * depth});
@@ -240,12 +243,12 @@ TEST_P(ProductKernels, VectorProductsEqualPlainLoops) {
       const VectorProducts products{A.data(), v.data(), terms.data(), 7, depth, size};
       const AlignedVector<double> start = PaddedRows(1, size);
       AlignedVector<double> expected = start;
-      for (const VectorTerm& term : terms) {
+      for (const ProductTerm& term : terms) {
         for (int k = 0; k < depth; ++k) {
           for (int c = 0; c < size; ++c) {
             expected[static_cast<std::size_t>(c)] -=
                 A[static_cast<std::size_t>(term.a * kQuad + k * PadToQuad(size) + c)] *
-                v[static_cast<std::size_t>(term.v + k)];
+                v[static_cast<std::size_t>(term.b + k)];
           }
         }
       }
@@ -266,8 +269,8 @@ TEST_P(ProductKernels, VectorProductsOfBlocksWithTheirLastColumnApart) {
       const AlignedVector<double> A = PaddedRows(kNumStored * depth, size);
       const AlignedVector<double> A_apart = WithTail(A, depth, size);
       const AlignedVector<double> v = PaddedRows(kNumStored, depth);
-      std::vector<VectorTerm> terms;
-      std::vector<VectorTerm> terms_apart;
+      std::vector<ProductTerm> terms;
+      std::vector<ProductTerm> terms_apart;
       for (int p = 0; p < 7; ++p) {
         const int block = random_.Below(kNumStored);
         const int vector = random_.Below(kNumStored);
@@ -463,7 +466,7 @@ TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
                                {depth, depth, 2 * depth, 1, true}};
     AlignedVector<double> C_parts(3 * kQuad, 0.0), y_parts(kQuad, 0.0);
     const ProductTerm products[] = {{0, depth}, {3 * depth, 2 * depth}, {depth, depth}};
-    const VectorTerm vectors[] = {{0, depth}, {3 * depth, 0}, {depth, 2 * depth}};
+    const ProductTerm vectors[] = {{0, depth}, {3 * depth, 0}, {depth, 2 * depth}};
     for (int s = 0; s < 2; ++s) {
       const int first = 2 * s, count = 2 - s;
       kernels().accumulate_products(

@@ -1,5 +1,7 @@
 #include "support/allocations.h"
 
+#include <malloc.h>
+
 #include <atomic>
 #include <cerrno>
 #include <cstddef>
@@ -13,6 +15,8 @@ namespace inceres::test {
 namespace {
 
 std::atomic<std::int64_t> num_allocations{0};
+std::atomic<std::int64_t> bytes_in_use{0};
+std::atomic<std::int64_t> peak_bytes{0};
 std::atomic<bool> trap{false};
 
 #ifdef INCERES_COUNTS_ALLOCATIONS
@@ -22,12 +26,38 @@ void Count() {
     std::abort();
   }
 }
+
+// What an allocation has returned, or null.
+void* Note(void* memory) {
+  const auto size = static_cast<std::int64_t>(malloc_usable_size(memory));
+  const std::int64_t bytes = bytes_in_use.fetch_add(size, std::memory_order_relaxed) + size;
+  std::int64_t peak = peak_bytes.load(std::memory_order_relaxed);
+  while (bytes > peak && !peak_bytes.compare_exchange_weak(peak, bytes)) {
+  }
+  return memory;
+}
+
+void NoteFreed(std::size_t size) {
+  bytes_in_use.fetch_sub(static_cast<std::int64_t>(size), std::memory_order_relaxed);
+}
 #endif
 
 }  // namespace
 
 std::int64_t NumAllocations() {
   return num_allocations.load();
+}
+
+std::int64_t BytesInUse() {
+  return bytes_in_use.load();
+}
+
+std::int64_t PeakBytes() {
+  return peak_bytes.load();
+}
+
+void StartPeak() {
+  peak_bytes = bytes_in_use.load();
 }
 
 AllocationTrap::AllocationTrap() {
@@ -56,31 +86,42 @@ void* __libc_calloc(std::size_t count, std::size_t size);  // NOLINT(bugprone-re
 void* __libc_realloc(void* memory, std::size_t size);      // NOLINT(bugprone-reserved-identifier)
 void* __libc_memalign(std::size_t alignment,
                       std::size_t size);  // NOLINT(bugprone-reserved-identifier)
+void __libc_free(void* memory);           // NOLINT(bugprone-reserved-identifier)
 
 void* malloc(std::size_t size) {
   inceres::test::Count();
-  return __libc_malloc(size);
+  return inceres::test::Note(__libc_malloc(size));
 }
 void* calloc(std::size_t count, std::size_t size) {
   inceres::test::Count();
-  return __libc_calloc(count, size);
+  return inceres::test::Note(__libc_calloc(count, size));
 }
 void* realloc(void* memory, std::size_t size) {
   inceres::test::Count();
-  return __libc_realloc(memory, size);
+  const std::size_t before = malloc_usable_size(memory);
+  void* const after = __libc_realloc(memory, size);
+  if (after != nullptr || size == 0) {
+    inceres::test::NoteFreed(before);
+    inceres::test::Note(after);
+  }
+  return after;
 }
 void* memalign(std::size_t alignment, std::size_t size) {
   inceres::test::Count();
-  return __libc_memalign(alignment, size);
+  return inceres::test::Note(__libc_memalign(alignment, size));
 }
 void* aligned_alloc(std::size_t alignment, std::size_t size) {
   inceres::test::Count();
-  return __libc_memalign(alignment, size);
+  return inceres::test::Note(__libc_memalign(alignment, size));
 }
 int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
   inceres::test::Count();
-  *memory = __libc_memalign(alignment, size);
+  *memory = inceres::test::Note(__libc_memalign(alignment, size));
   return *memory != nullptr ? 0 : ENOMEM;
+}
+void free(void* memory) {
+  inceres::test::NoteFreed(malloc_usable_size(memory));
+  __libc_free(memory);
 }
 }
 #endif

@@ -10,6 +10,11 @@ namespace inceres::test {
 /// show.
 std::int64_t NumAllocations();
 
+/// Bytes that are in use now, and the most that were since StartPeak.
+std::int64_t BytesInUse();
+std::int64_t PeakBytes();
+void StartPeak();
+
 /// False where nothing can be counted: a sanitizer has its own allocator, or the C library is not
 /// glibc.
 bool CanCountAllocations();
