@@ -21,6 +21,8 @@ constexpr std::int64_t kInts = std::int64_t{1} << 31;
 constexpr std::int64_t kFlaggedInts = std::int64_t{1} << 30;  // one bit is a flag
 
 constexpr std::int64_t kDouble = sizeof(double);
+// Per factor: its share of the sums of costs, and of the chunks that are evaluated.
+constexpr std::int64_t kSums = 1;
 // Per connection: two pointers and a tangent offset.
 constexpr std::int64_t kConnection = 2 * sizeof(void*) + sizeof(std::int32_t);
 // Per factor of a landmark: its place in the lists, and one incidence, its frame, landmark and
@@ -131,9 +133,10 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianS
     CheckCounts(counts);
     // Jacobians at one point, residuals at both.
     budget->Take(BytesOfJacobians(graph, id, storage), "the Jacobians");
-    budget->Take(counts.num_factors *
-                     (kDouble * kPoints * counts.residual_size + kConnection * counts.num_slots +
-                      (graph.HasLosses(id) ? kLossValue : 0)),
+    budget->Take(static_cast<std::int64_t>(sizeof(Linearization)) +
+                     counts.num_factors *
+                         (kDouble * kPoints * counts.residual_size + kSums +
+                          kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),
                  "the residuals");
     if (eliminates_landmarks && num_landmarks > 0 && TouchesLandmarks(graph, id)) {
       budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),

@@ -178,6 +178,10 @@ class PlanBuilder {
   // Bytes of a block: its row and column, where its values, those of C, and its segments in either
   // plan begin, and its place in the first chunk.
   static constexpr std::int64_t kBlock = 6 * sizeof(std::int32_t) + 2 * sizeof(std::int64_t);
+  // Of a segment, and the place of its block in a later chunk.
+  static constexpr std::int64_t kSegment = sizeof(ProductPlan::Segment) + 2 * sizeof(std::int32_t);
+  // Of a row: b, and vectors that solvers have.
+  static constexpr std::int64_t kRow = 4 * sizeof(double);
 
   void CountRows(int begin, int end) {
     // One entry a column, reset by exchange as rows are finished: cleaning costs the row's blocks
@@ -222,9 +226,8 @@ class PlanBuilder {
     constexpr std::int64_t kMostBlocks = std::int64_t{1} << 31;
     MemoryBudget::CheckCount(blocks, kMostBlocks, "blocks of the reduced system");
     MemoryBudget::CheckCount(segments, kMostBlocks, "runs of products");
-    evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) +
-                        segments * static_cast<std::int64_t>(sizeof(ProductPlan::Segment)) +
-                        blocks * kBlock,
+    evaluator_.Take(terms * static_cast<std::int64_t>(sizeof(ProductTerm)) + segments * kSegment +
+                        blocks * kBlock + layout_.frame_size() * kRow,
                     "the plan of the products that form the reduced system");
   }
 

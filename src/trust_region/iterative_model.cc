@@ -143,13 +143,16 @@ void IterativeModel::MakePreconditioner(Status* status) {
   } else if (kind != PreconditionerKind::kIdentity) {
     const BlockPattern& pattern = plans_.pattern;
     std::vector<const double*> diagonal_blocks;
+    std::int64_t entries = 0;  // of inverses, which are there from the first step on
     for (int i = 0; i < pattern.num_blocks(); ++i) {
       // The last block of a row is the one on the diagonal.
       const int k = pattern.row_begin[i + 1] - 1;
+      entries += std::int64_t{pattern.block_size(i)} * PadToQuad(pattern.block_size(i));
       diagonal_blocks.push_back(kind == PreconditionerKind::kSchurJacobi
                                     ? elimination_.S() + pattern.value_begin[k]
                                     : hessian_.FrameBlock(k));
     }
+    evaluator_.Take(static_cast<std::int64_t>(sizeof(double)) * entries, "the preconditioner");
     preconditioner_ = std::make_unique<BlockPreconditioner>(
         pattern.offsets, std::move(diagonal_blocks), evaluator_.executor());
   }

@@ -91,8 +91,13 @@ std::vector<Case> Cases() {
   cases.push_back(ByConjugateGradients("Explicit", PreconditionerKind::kSchurJacobi, true));
   cases.push_back(ByConjugateGradients("Floats", PreconditionerKind::kSchurJacobi));
   cases.back().options.conjugate_gradients.single_precision_jacobians = true;
-  cases.push_back(cases.back());
-  cases.back().name = "FloatsByFrame";
+  cases.push_back(Path("ManyFrames", 3000, 6000, 3));
+  cases.push_back(ByConjugateGradients("ImplicitOfManyFrames", PreconditionerKind::kSchurJacobi));
+  cases.back().bundle.num_frames = 3000;
+  cases.back().bundle.num_landmarks = 9000;
+  cases.back().bundle.num_views = 3;
+  cases.push_back(ByConjugateGradients("FloatsByFrame", PreconditionerKind::kSchurJacobi));
+  cases.back().options.conjugate_gradients.single_precision_jacobians = true;
   cases.back().bundle.by_frame = true;
   return cases;
 }
