@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/zeroed_array.h"
 #include "linearize/block_scratch.h"
+#include "linearize/chunk_sums.h"
 #include "linearize/kept_products.h"
 #include "linearize/product_plan.h"
 #include "simd/small_kernels.h"
@@ -21,7 +23,8 @@ class Hessian {
           const FramePlans& plans);
 
   /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry
-  /// is summed by one task in a fixed order.
+  /// is summed by one task in a fixed order. Of Jacobians that are not kept this is done while they
+  /// are evaluated.
   void Accumulate();
 
   /// The blocks of C one after the other, in the order of the pattern.
@@ -37,7 +40,7 @@ class Hessian {
     return landmark_eta_.data() + static_cast<std::ptrdiff_t>(l) * kQuad;
   }
   /// sum += J_fᵀ r over the factors of a frame, padded. `rows`: r per family, as residuals; null
-  /// where r is zero.
+  /// where r is zero. Not of Jacobians that are not kept.
   void AddTransposed(const std::vector<const double*>& rows, int frame, double* sum) const;
   /// Jᵀf, packed: the gradient of the cost.
   const std::vector<double>& gradient() const { return gradient_; }
@@ -55,6 +58,7 @@ class Hessian {
   void AddSmallTerms(std::size_t block);
   int SumSmallBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
+  void AccumulateChunk(int chunk);
   void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
   void AccumulateLandmarks(int begin, int end);
@@ -81,6 +85,7 @@ class Hessian {
   const Kernels& kernels_;
   const SmallKernels& small_kernels_ = BestSmallKernels();
   KeptProducts kept_;
+  std::unique_ptr<ChunkSums> chunk_sums_;  // null: Jacobians are kept
   ZeroedArray C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
   std::ptrdiff_t landmark_stride_;
