@@ -195,6 +195,7 @@ Table<SolverOptions> MakeSolverTable() {
       .Add("dynamic_sparsity", &O::dynamic_sparsity)
       .Add("num_threads", &O::num_threads)
       .Add("max_memory_bytes", &O::max_memory_bytes)
+      .Add("recompute_jacobians", &O::recompute_jacobians)
       .Add("max_num_iterations", &O::max_num_iterations)
       .Add("max_solver_time_in_seconds", &O::max_solver_time_in_seconds)
       .Add("function_tolerance", &O::function_tolerance)

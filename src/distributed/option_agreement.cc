@@ -35,8 +35,9 @@ Status DistributedOptions::Validate() const {
           ? "solver.linear_model: stays kAutomatic; linear_solver takes its place"
       : solver.reduced_solver != ReducedSolverKind::kAutomatic || solver.reduced_solver_factory
           ? "solver.reduced_solver: stays kAutomatic; linear_solver takes its place"
-      : solver.refine_landmarks ? "solver.refine_landmarks is for one process"
-      : solver.dynamic_sparsity ? "solver.dynamic_sparsity is for one process"
+      : solver.refine_landmarks    ? "solver.refine_landmarks is for one process"
+      : solver.dynamic_sparsity    ? "solver.dynamic_sparsity is for one process"
+      : solver.recompute_jacobians ? "solver.recompute_jacobians is for one process"
       : solver.use_nonmonotonic_steps && !checkpoint.path.empty()
           ? "solver.use_nonmonotonic_steps: a checkpoint does not remember the costs before"
       // kCholesky forms S in any case; kAutomatic may become either.

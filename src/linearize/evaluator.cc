@@ -54,6 +54,9 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
     BuildChunks(id);
   }
   CutStrips();
+  if (storage == JacobianStorage::kInChunks) {
+    jacobian_chunks_ = std::make_unique<JacobianChunks>(this);
+  }
 }
 
 // The chunks of a family that has strips, as many as fit into one; those of the others as they
@@ -130,20 +133,7 @@ void Evaluator::Rebind(const FactorGraph& graph) {
 
 void Evaluator::BuildFamily(FamilyId id) {
   Linearization& cache = families_.emplace_back(*graph_, id);
-  const int num_places = graph_->NumFactors(id);
-  if (storage_ == JacobianStorage::kWholeRows) {
-    cache.GrowTables(num_places);
-    PlaceWholeRows(layout_, &cache);
-  } else if (storage_ == JacobianStorage::kBySlot) {
-    PlaceBySlot(num_places, &cache);
-  } else {
-    cache.PlaceByFactor(num_places,
-                        storage_ == JacobianStorage::kByFactorInSingle &&
-                            Linearization::MayKeepSingles(*cache.family, num_places),
-                        storage_ == JacobianStorage::kWithoutPadding
-                            ? std::vector<std::int32_t>()
-                            : RecordsByLandmark(*graph_, layout_, id));
-  }
+  PlaceJacobians(layout_, storage_, &cache);
   const VariableId* ids = cache.parameters.empty() ? nullptr : graph_->Variables(id, 0);
   // Entries are independent of each other.
   executor_.For(static_cast<int>(cache.parameters.size()), kEntryGrain, [&](int begin, int end) {
@@ -230,8 +220,8 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
     double* sum = sums_.data() + chunk.first_sum;
     for (int begin = chunk.begin; begin < chunk.end && !failure.failed();) {
       const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk.end);
-      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, candidate_f, &cache,
-                        &failure);
+      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, candidate_f,
+                        cache.places(), &cache, &failure);
       begin = end;
     }
     if (jacobians && leaves_out_zero_blocks_) {
@@ -356,7 +346,9 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
       return status;
     }
   }
-  const Status status = EvaluateAll(/*jacobians=*/true, known_point, cost);
+  const Status status = jacobian_chunks_ != nullptr
+                            ? jacobian_chunks_->Linearize(known_point, cost)
+                            : EvaluateAll(/*jacobians=*/true, known_point, cost);
   // Nobody comes back to this point.
   KeepEvaluations(false, &families_);
   return status;
@@ -367,6 +359,7 @@ std::int64_t Evaluator::Bytes() const {
   for (const Linearization& cache : families_) {
     bytes += BytesOf(cache);
   }
+  bytes += jacobian_chunks_ != nullptr ? jacobian_chunks_->Bytes() : 0;
   return bytes + static_cast<std::int64_t>(sizeof(double) * gradient_.size()) + points_.Bytes();
 }
 

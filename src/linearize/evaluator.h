@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/executor.h"
 #include "base/memory_budget.h"
 #include "inceres/problem/factor_graph.h"
+#include "linearize/jacobian_chunks.h"
 #include "linearize/layout.h"
 #include "linearize/linearization.h"
 #include "linearize/point_pair.h"
@@ -40,6 +42,9 @@ class Evaluator {
   const Executor& executor() const { return executor_; }
   JacobianStorage storage() const { return storage_; }
 
+  /// Of Jacobians that are not kept; null where they are.
+  JacobianChunks* jacobian_chunks() const { return jacobian_chunks_.get(); }
+
   /// Room for KeepEvaluations of the families, where it is not too much.
   void MakeRoomToKeep();
 
@@ -68,12 +73,15 @@ class Evaluator {
 
   /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
   void set_loss_curvature(LossCurvature curvature) { loss_curvature_ = curvature; }
+  LossCurvature loss_curvature() const { return loss_curvature_; }
 
   /// Whether blocks of Jacobians that are all zeros count as not there, with a tangent offset of
   /// -1, until the next Jacobians. Not of whole rows. At first they do not.
   void set_leaves_out_zero_blocks(bool leaves_out) { leaves_out_zero_blocks_ = leaves_out; }
   bool leaves_out_zero_blocks() const { return leaves_out_zero_blocks_; }
 
+  /// What to say of a factor that failed, with the values at which it did.
+  Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure);
   /// At which factor the last pass that failed did so.
   FactorId failed_factor() const { return failed_factor_; }
 
@@ -117,7 +125,6 @@ class Evaluator {
   Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
   Status EvaluateStrips(bool known_point);
   Status Prepare(bool jacobians, FamilyId id);
-  Status DescribeFailure(bool jacobians, FamilyId id, const EvaluationFailure& failure);
 
   const FactorGraph* graph_;
   const Layout& layout_;
@@ -136,6 +143,7 @@ class Evaluator {
   std::vector<std::int32_t> announced_;  // scratch of Prepare
   std::vector<Strip> strips_;            // empty: no family has any
   AlignedVector<double> gradient_;       // padded; of families in single precision
+  std::unique_ptr<JacobianChunks> jacobian_chunks_;
 };
 
 }  // namespace inceres::internal

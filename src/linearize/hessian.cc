@@ -72,6 +72,12 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   below_diagonal_ = ZeroedArray::Unwritten(size);
   gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
   diagonal_.resize(gradient_.size());
+  if (JacobianChunks* const chunks = evaluator.jacobian_chunks()) {
+    chunks->Cut(incidences);
+    chunks->ReadBy([this](int chunk) { AccumulateChunk(chunk); });
+    chunk_sums_ = std::make_unique<ChunkSums>(evaluator, plans);
+    return;
+  }
   BuildProducts();
   PlanSmallBlocks();
 }
@@ -186,6 +192,9 @@ void Hessian::AddSmallTerms(std::size_t block) {
 
 // Frames and landmarks write to entries of their own, also of gradient_ and diagonal_.
 void Hessian::Accumulate() {
+  if (chunk_sums_ != nullptr) {
+    return;  // done as they came
+  }
   const Executor& executor = evaluator_.executor();
   kept_.Observe();
   executor.For(static_cast<int>(plans_.block_row.size()), kBlockGrain,
@@ -221,6 +230,17 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
     } else {
       PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
     }
+  }
+}
+
+// Blocks of C go on from chunk to chunk, landmarks have all of their factors in one.
+void Hessian::AccumulateChunk(int chunk) {
+  chunk_sums_->Add(chunk, C_begin_, C_.data(), gradient_.data(), diagonal_.data());
+  if (chunk < incidences_.num_chunks()) {
+    const int first = incidences_.chunk_begin[chunk];
+    evaluator_.executor().For(
+        incidences_.chunk_begin[chunk + 1] - first, kLandmarkGrain,
+        [&](int begin, int end) { AccumulateLandmarks(first + begin, first + end); });
   }
 }
 

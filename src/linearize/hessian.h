@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/zeroed_array.h"
 #include "linearize/block_scratch.h"
+#include "linearize/chunk_sums.h"
 #include "linearize/kept_products.h"
 #include "linearize/product_plan.h"
 #include "simd/small_kernels.h"
@@ -21,7 +23,8 @@ class Hessian {
           const FramePlans& plans);
 
   /// Sums H and η from the evaluator's current residuals and Jacobians. Every block and every entry
-  /// is summed by one task in a fixed order.
+  /// is summed by one task in a fixed order. Of Jacobians that are not kept this is done while they
+  /// are evaluated.
   void Accumulate();
 
   /// The blocks of C one after the other, in the order of the pattern.
@@ -47,6 +50,7 @@ class Hessian {
   void AddSmallTerms(std::size_t block);
   int SumSmallBlocks(int begin, int end);
   void AddSegment(int segment, int rows, int columns, double* sum);
+  void AccumulateChunk(int chunk);
   void AddWidened(int source, const BlockProducts& products, double* out) const;
   void AccumulateGradient(int frame, BlockScratch* scratch);
   void AccumulateLandmarks(int begin, int end);
@@ -72,6 +76,7 @@ class Hessian {
   const Kernels& kernels_;
   const SmallKernels& small_kernels_ = BestSmallKernels();
   KeptProducts kept_;
+  std::unique_ptr<ChunkSums> chunk_sums_;  // null: Jacobians are kept
   ZeroedArray C_;
   std::vector<std::int64_t> C_begin_;  // per block of the pattern; -1: C has none
   // Per landmark: P below the diagonal, which is in diagonal_. Each has room for the largest.

@@ -48,7 +48,7 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
   ChooseStorage(layout, may_have_tail);
-  CutIntoChunks(quads_per_chunk);
+  CutIntoChunks(quads_per_chunk, evaluator.storage() == JacobianStorage::kInChunks);
   PlaceBlocks(layout);
   SetTargets();
   NameRecords(evaluator);
@@ -204,21 +204,33 @@ int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
 }
 
-// Cut by the memory that Y takes. At least one chunk, even without landmarks.
-void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk) {
+std::int64_t LandmarkIncidences::QuadsOfJacobians(int landmark) const {
+  std::int64_t quads = 0;
+  for (int k = factors_begin[landmark]; k < factors_begin[landmark + 1]; ++k) {
+    quads += factors[k].count * (factors[k].jacobians[0].factor_stride / kQuad);
+  }
+  return quads;
+}
+
+// Cut by the memory that Y takes, or Jacobians, if they come in the same chunks. At least one
+// chunk, even without landmarks.
+void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk, bool of_jacobians) {
   chunk_begin.assign(1, 0);
-  std::int64_t chunk_quads = 0;
+  std::int64_t chunk_quads = 0, chunk_J = 0;
   for (int l = 0; l < num_landmarks(); ++l) {
     std::int64_t quads = 0;
     for (int q = begin[l]; q < begin[l + 1]; ++q) {
       quads += QuadsOfBlock(q);
     }
+    const std::int64_t J = of_jacobians ? QuadsOfJacobians(l) : 0;
     // A landmark that is larger than a chunk has one by itself.
-    if (chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) {
+    if ((chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) ||
+        (chunk_J > 0 && chunk_J + J > quads_per_chunk)) {
       chunk_begin.push_back(l);
-      chunk_quads = 0;
+      chunk_quads = chunk_J = 0;
     }
     chunk_quads += quads;
+    chunk_J += J;
     y_quads = std::max(y_quads, chunk_quads);
   }
   chunk_begin.push_back(num_landmarks());

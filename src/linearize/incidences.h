@@ -18,7 +18,8 @@ namespace inceres::internal {
 ///
 /// Landmarks are eliminated in chunks, one after the other, that all use the same memory for their
 /// Y: large problems would otherwise spend a quarter of theirs on it. A chunk is as long as its Y
-/// takes no more than quads_per_chunk, but at least one landmark.
+/// takes no more than quads_per_chunk, but at least one landmark; nor its Jacobians, where they are
+/// not kept either (JacobianStorage::kInChunks).
 struct LandmarkIncidences {
   static constexpr int kMaxLandmarkSize = 4;
   static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 16;  // 2 MiB
@@ -82,7 +83,8 @@ struct LandmarkIncidences {
   void CollectIncidences(const Evaluator& evaluator);
   void ChooseStorage(const Layout& layout, bool may_have_tail);
   int QuadsOfBlock(int incidence) const;
-  void CutIntoChunks(std::int64_t quads_per_chunk);
+  std::int64_t QuadsOfJacobians(int landmark) const;
+  void CutIntoChunks(std::int64_t quads_per_chunk, bool of_jacobians);
   void PlaceBlocks(const Layout& layout);
   void SetTargets();
   void NameRecords(const Evaluator& evaluator);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 
 #include "base/counting_sort.h"
 
@@ -54,6 +55,94 @@ VariableId FirstOf(const FactorGraph& graph, FamilyId id, int factor, const Is& 
   return first == end ? -1 : *first;
 }
 
+// Or -1.
+int LandmarkOfFactor(const FactorGraph& graph, const Layout& layout, FamilyId id, int factor) {
+  return layout.LandmarkOf(FirstOf(
+      graph, id, factor, [&](VariableId variable) { return layout.LandmarkOf(variable) >= 0; }));
+}
+
+// The factors of one landmark stay in the family's order, and with them the sums over them.
+std::vector<std::int32_t> SortByLandmark(const FactorGraph& graph, const Layout& layout,
+                                         FamilyId id) {
+  const int num_landmarks = layout.num_landmarks();
+  std::vector<std::int32_t> begin, order;
+  const auto for_each_factor = [&](const auto& add) {
+    for (std::int32_t i = 0; i < graph.NumFactors(id); ++i) {
+      const int landmark = LandmarkOfFactor(graph, layout, id, i);
+      add(landmark < 0 ? num_landmarks : landmark, i);
+    }
+  };
+  CountingSort(static_cast<std::size_t>(num_landmarks) + 1, for_each_factor, &begin, &order);
+  std::vector<std::int32_t> records(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    records[order[k]] = static_cast<std::int32_t>(k);
+  }
+  return records;
+}
+
+// And what else of the candidate Linearization::Grow would have made.
+void PlaceWholeRows(const Layout& layout, Linearization* cache) {
+  cache->storage = JacobianStorage::kWholeRows;
+  // Both points have residuals of their own.
+  cache->candidate_residuals = ZeroedArray(cache->residuals.size());
+  const int row_stride = PadToQuad(layout.size());
+  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
+  cache->jacobian_values =
+      ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
+  double* const J = cache->jacobian_values.data();
+  // One slot that is the whole row: passes over J need not know of blocks.
+  cache->slots = {{J, factor_stride, row_stride, layout.size()}};
+  cache->tangent_offsets = {0};
+  for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
+    // A constant has no columns, and nobody writes to its view.
+    const int position = layout.position[cache->graph->Variables(cache->id, 0)[s]];
+    cache->views[s] = {J + (position < 0 ? 0 : layout.packed_offset[position]), factor_stride,
+                       row_stride};
+  }
+}
+
+void PlaceBySlot(int num_places, Linearization* cache) {
+  const auto size = static_cast<std::size_t>(FactorSize(*cache) * num_places);
+  cache->jacobian_values = ComesUnwritten(size) ? ZeroedArray::Unwritten(size) : ZeroedArray(size);
+  cache->capacity = num_places;
+  double* next = cache->jacobian_values.data();
+  for (std::size_t s = 0; s < cache->slots.size(); ++s) {
+    SlotJacobians& slot = cache->slots[s];
+    slot.data = next;
+    next += slot.factor_stride * num_places;
+    cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+  }
+  cache->candidate_residuals =
+      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
+  cache->GrowTables(num_places);
+  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+}
+
+// Landmarks ascend, in families of any size; empty where they do so anyway.
+std::vector<std::int32_t> RecordsInChunks(const FactorGraph& graph, const Layout& layout,
+                                          FamilyId id) {
+  int last = -1;
+  for (int i = 0; i < graph.NumFactors(id); ++i) {
+    const int landmark = LandmarkOfFactor(graph, layout, id, i);
+    if (landmark >= 0 && landmark < last) {
+      return SortByLandmark(graph, layout, id);
+    }
+    last = std::max(last, landmark);
+  }
+  return {};
+}
+
+// All but the Jacobians themselves.
+void PlaceInChunks(int num_places, std::vector<std::int32_t> order, Linearization* cache) {
+  PackRows(cache);
+  cache->records = std::move(order);
+  cache->candidate_residuals =
+      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
+  cache->GrowTables(num_places);
+  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+  cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size(), -1);
+}
+
 }  // namespace
 
 // Small enough, nothing to eliminate, no free places, and all factors of a family alike.
@@ -88,26 +177,6 @@ bool IsPaddingDear(const FactorGraph& graph) {
   return padded > entries && padded * std::int64_t{sizeof(double)} > kMostPadded;
 }
 
-void PlaceWholeRows(const Layout& layout, Linearization* cache) {
-  cache->storage = JacobianStorage::kWholeRows;
-  // Both points have residuals of their own.
-  cache->candidate_residuals = ZeroedArray(cache->residuals.size());
-  const int row_stride = PadToQuad(layout.size());
-  const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
-  cache->jacobian_values =
-      ZeroedArray(static_cast<std::size_t>(cache->num_factors * factor_stride));
-  double* const J = cache->jacobian_values.data();
-  // One slot that is the whole row: passes over J need not know of blocks.
-  cache->slots = {{J, factor_stride, row_stride, layout.size()}};
-  cache->tangent_offsets = {0};
-  for (int s = 0; cache->num_factors > 0 && s < cache->num_slots; ++s) {
-    // A constant has no columns, and nobody writes to its view.
-    const int position = layout.position[cache->graph->Variables(cache->id, 0)[s]];
-    cache->views[s] = {J + (position < 0 ? 0 : layout.packed_offset[position]), factor_stride,
-                       row_stride};
-  }
-}
-
 bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id) {
   if (!Linearization::MayHaveStrips(graph.NumFactors(id))) {
     return false;
@@ -134,26 +203,9 @@ bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id) {
 
 std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
                                             FamilyId id) {
-  const int num_factors = graph.NumFactors(id);
-  const int num_landmarks = layout.num_landmarks();
-  if (num_landmarks == 0 || !HasRecordsByLandmark(graph, id)) {
-    return {};
-  }
-  // The factors of one landmark stay in the family's order, and with them the sums over them.
-  std::vector<std::int32_t> begin, order;
-  const auto for_each_factor = [&](const auto& add) {
-    for (std::int32_t i = 0; i < num_factors; ++i) {
-      const VariableId landmark = FirstOf(
-          graph, id, i, [&](VariableId variable) { return layout.LandmarkOf(variable) >= 0; });
-      add(landmark < 0 ? num_landmarks : layout.LandmarkOf(landmark), i);
-    }
-  };
-  CountingSort(static_cast<std::size_t>(num_landmarks) + 1, for_each_factor, &begin, &order);
-  std::vector<std::int32_t> records(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    records[order[k]] = static_cast<std::int32_t>(k);
-  }
-  return records;
+  return layout.num_landmarks() == 0 || !HasRecordsByLandmark(graph, id)
+             ? std::vector<std::int32_t>()
+             : SortByLandmark(graph, layout, id);
 }
 
 // By entry, so that tasks may share a family.
@@ -171,21 +223,28 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   }
 }
 
-void PlaceBySlot(int num_places, Linearization* cache) {
-  const auto size = static_cast<std::size_t>(FactorSize(*cache) * num_places);
-  cache->jacobian_values = ComesUnwritten(size) ? ZeroedArray::Unwritten(size) : ZeroedArray(size);
-  cache->capacity = num_places;
-  double* next = cache->jacobian_values.data();
-  for (std::size_t s = 0; s < cache->slots.size(); ++s) {
-    SlotJacobians& slot = cache->slots[s];
-    slot.data = next;
-    next += slot.factor_stride * num_places;
-    cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization* cache) {
+  const FactorGraph& graph = *cache->graph;
+  const int num_places = graph.NumFactors(cache->id);
+  switch (storage) {
+    case JacobianStorage::kWholeRows:
+      cache->GrowTables(num_places);
+      return PlaceWholeRows(layout, cache);
+    case JacobianStorage::kBySlot:
+      return PlaceBySlot(num_places, cache);
+    case JacobianStorage::kInChunks:
+      return PlaceInChunks(num_places, RecordsInChunks(graph, layout, cache->id), cache);
+    case JacobianStorage::kByFactor:
+    case JacobianStorage::kByFactorInSingle:
+    case JacobianStorage::kWithoutPadding:
+      break;
   }
-  cache->candidate_residuals =
-      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
-  cache->GrowTables(num_places);
-  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+  const bool in_singles = storage == JacobianStorage::kByFactorInSingle &&
+                          Linearization::MayKeepSingles(*cache->family, num_places);
+  cache->PlaceByFactor(num_places, in_singles,
+                       storage == JacobianStorage::kWithoutPadding
+                           ? std::vector<std::int32_t>()
+                           : RecordsByLandmark(graph, layout, cache->id));
 }
 
 void ClearUnwritten(Linearization* cache) {

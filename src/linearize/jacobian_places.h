@@ -20,12 +20,9 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout);
 /// instructions that products of padded rows take less: of Jacobians that no cache holds anyway.
 bool IsPaddingDear(const FactorGraph& graph);
 
-/// Memory for whole rows, and what else of the candidate Linearization::Grow would have made.
-void PlaceWholeRows(const Layout& layout, Linearization* cache);
-
-/// Memory by slot, once, instead of Linearization::Grow. Until ClearUnwritten anything may be in
-/// the Jacobians.
-void PlaceBySlot(int num_places, Linearization* cache);
+/// Memory for the Jacobians of a family as they are stored, once, instead of Linearization::Grow;
+/// none for those in chunks. By slot anything may be in them until ClearUnwritten.
+void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization* cache);
 
 /// Makes zeros of what no evaluation writes: blocks without a place in the tangent vector, as
 /// tangent_offsets now says, and the padding of the others.

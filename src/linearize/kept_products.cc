@@ -14,10 +14,11 @@ namespace {
 constexpr int kMinRows = 16;  // taller than measurements are, IMU factors included
 constexpr int kMaxFactors = 4;
 
-// By size and number alone: that a family's Jacobian is frozen is found out by comparison.
+// By size and number alone, of Jacobians that are kept: that a family's Jacobian is frozen is found
+// out by comparison.
 bool TakesPart(const Linearization& cache) {
   return cache.residual_size >= kMinRows && cache.num_factors > 0 &&
-         cache.num_factors <= kMaxFactors;
+         cache.num_factors <= kMaxFactors && cache.jacobian_values.size() > 0;
 }
 
 }  // namespace

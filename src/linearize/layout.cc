@@ -60,8 +60,8 @@ Layout::Layout(const FactorGraph& graph, bool eliminate_landmarks) {
 }
 
 // Padding is not written: the caller's zeros stay.
-void Layout::Pad(const double* packed, double* padded) const {
-  for (std::size_t i = 0; i < variables.size(); ++i) {
+void Layout::Pad(const double* packed, int begin, int end, double* padded) const {
+  for (int i = begin; i < end; ++i) {
     const double* from = packed + packed_offset[i];
     std::copy(from, packed + packed_offset[i + 1],
               padded + static_cast<std::int64_t>(quad_offset[i]) * kQuad);

@@ -22,7 +22,8 @@ struct Layout {
   std::vector<int> position;              // per VariableId: index into `variables`, or -1
   int num_frames = 0;
 
-  int num_landmarks() const { return static_cast<int>(variables.size()) - num_frames; }
+  int NumVariables() const { return static_cast<int>(variables.size()); }
+  int num_landmarks() const { return NumVariables() - num_frames; }
   int size() const { return packed_offset.back(); }
   int frame_size() const { return packed_offset[num_frames]; }
   int TangentSize(int index) const { return packed_offset[index + 1] - packed_offset[index]; }
@@ -40,7 +41,9 @@ struct Layout {
   }
 
   /// padded := packed, padding left zero. `padded` has 4 · quad_offset.back() entries.
-  void Pad(const double* packed, double* padded) const;
+  void Pad(const double* packed, double* padded) const { Pad(packed, 0, NumVariables(), padded); }
+  /// The same of the variables from begin to end.
+  void Pad(const double* packed, int begin, int end, double* padded) const;
 };
 
 }  // namespace inceres::internal

@@ -114,19 +114,11 @@ void Linearization::Grow(int num_places, int new_capacity) {
 // slots apart take 32. Whole quads, since offsets of blocks are counted in these.
 void Linearization::PlaceByFactor(int num_places, bool in_singles,
                                   std::vector<std::int32_t> order) {
-  int size = 0;
-  for (SlotJacobians& slot : slots) {
-    slot.row_stride = slot.columns;
-    size += residual_size * slot.columns;
-  }
-  const std::ptrdiff_t factor_stride = PadToQuad(size);
+  const std::ptrdiff_t factor_stride = PackRows(this);
   // A last row is read as a whole quad.
   const auto room = [&](int count) {
     return static_cast<std::size_t>(factor_stride * count + kQuad);
   };
-  for (SlotJacobians& slot : slots) {
-    slot.factor_stride = factor_stride;
-  }
   records = std::move(order);
   jacobian_values = ZeroedArray(in_singles ? room(num_places) / 2 : room(num_places));
   if (in_singles) {
@@ -156,6 +148,18 @@ void Linearization::PlaceSlots(double* first) {
     views[s] = {slot.data, slot.factor_stride, slot.row_stride};
     first += residual_size * slot.columns;
   }
+}
+
+std::ptrdiff_t PackRows(Linearization* factors) {
+  int size = 0;
+  for (SlotJacobians& slot : factors->slots) {
+    slot.row_stride = slot.columns;
+    size += factors->residual_size * slot.columns;
+  }
+  for (SlotJacobians& slot : factors->slots) {
+    slot.factor_stride = PadToQuad(size);
+  }
+  return PadToQuad(size);
 }
 
 std::ptrdiff_t FactorSize(const Linearization& factors) {
@@ -196,7 +200,7 @@ void Linearization::EndStrip() {
 
 // In the strip behind its Jacobians, where the order of records is another one.
 double* Linearization::WrittenResiduals() const {
-  if (records.empty()) {
+  if (records.empty() || !has_strips()) {
     return residuals.data();
   }
   double* const strip_end = strip_values.data() + strip_values.size();
@@ -297,8 +301,10 @@ FactorBatch Linearization::LinearizationBatch(int begin, int end) {
   return batch;
 }
 
-EvaluationFailure Linearization::Linearize(int begin, int end) {
+EvaluationFailure Linearization::Linearize(int begin, int end, const LinearizationPlaces& places) {
   FactorBatch batch = LinearizationBatch(begin, end);
+  batch.residuals = places.residuals;
+  batch.jacobians = places.views;
   batch.prepared = prepared_;
   // Families without a pin take one call.
   return pins.empty() ? EvaluateBatch(*this, batch) : LinearizePinned(batch);

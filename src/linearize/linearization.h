@@ -31,6 +31,16 @@ enum class JacobianStorage {
   /// as kByFactor, in the order of the factors, whatever landmarks they touch: where padding would
   /// take much memory
   kWithoutPadding,
+  /// as kWithoutPadding, landmark by landmark, and only those of some landmarks at a time:
+  /// evaluated anew for each pass (JacobianChunks)
+  kInChunks,
+};
+
+/// Where linearizing writes: what belongs to factor i is i strides behind these.
+struct LinearizationPlaces {
+  const SlotJacobians* slots;
+  const JacobianView* views;  ///< the same, as the public interface calls them
+  double* residuals;
 };
 
 /// The factors of one family, linearized: where their variables are, residuals and tangent
@@ -88,7 +98,10 @@ struct Linearization {
   /// The residual of factor i goes to f + i · residual_size.
   EvaluationFailure EvaluateCandidate(int begin, int end, double* f);
   /// Residuals and Jacobians.
-  EvaluationFailure Linearize(int begin, int end);
+  EvaluationFailure Linearize(int begin, int end) { return Linearize(begin, end, places()); }
+  EvaluationFailure Linearize(int begin, int end, const LinearizationPlaces& places);
+  /// As these factors are written without anything else being said.
+  LinearizationPlaces places() const { return {slots.data(), views.data(), WrittenResiduals()}; }
   /// Tells a family that wants to know it (FactorFamily::Prepares) which factors the calls of
   /// EvaluateCandidate, or of Linearize, that follow ask for: an ascending list.
   EvaluationFailure Prepare(bool jacobians, const std::vector<std::int32_t>& factors);
@@ -173,6 +186,10 @@ struct Linearization {
   std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
   std::vector<EvaluationFailure> failures_;         // per task of ForRuns
 };
+
+/// Strides of blocks that follow each other factor by factor, rows without padding; returns that
+/// from factor to factor.
+std::ptrdiff_t PackRows(Linearization* factors);
 
 /// Entries of J of one factor that a pass over J reads.
 std::ptrdiff_t FactorSize(const Linearization& factors);

@@ -59,11 +59,15 @@ bool HasLargeFamilies(const FactorGraph& graph) {
 
 bool IsByFactor(JacobianStorage storage) {
   return storage == JacobianStorage::kByFactor || storage == JacobianStorage::kByFactorInSingle ||
-         storage == JacobianStorage::kWithoutPadding;
+         storage == JacobianStorage::kWithoutPadding || storage == JacobianStorage::kInChunks;
 }
 
 // As they are kept, with what it takes to know where; and of a strip of them as they are written.
+// Those of chunks count themselves (JacobianChunks::Cut).
 std::int64_t BytesOfJacobians(const FactorGraph& graph, FamilyId id, JacobianStorage storage) {
+  if (storage == JacobianStorage::kInChunks) {
+    return 0;
+  }
   const FactorFamily& family = graph.family(id);
   const std::int64_t num_places = graph.NumFactors(id);
   std::int64_t entries = 0;  // of a factor

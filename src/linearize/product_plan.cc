@@ -454,12 +454,34 @@ class PlanBuilder {
   Places schur_;
 };
 
+// Jacobians that come in the order of their records are met in that order. Where factors have
+// another one the terms of a segment ascend by these.
+void SortByRecord(const Evaluator& evaluator, FramePlans* plans) {
+  constexpr int kSegmentGrain = 64;
+  ProductPlan& plan = plans->hessian;
+  const auto sort = [&](const ProductPlan::Segment& segment) {
+    const int family = plans->hessian_sources[segment.source].family;
+    if (!evaluator.families()[family].records.empty()) {
+      ProductTerm* const first = plan.terms.data() + segment.first_term;
+      std::sort(first, first + segment.count,
+                [](const ProductTerm& a, const ProductTerm& b) { return a.b < b.b; });
+    }
+  };
+  evaluator.executor().For(
+      static_cast<int>(plan.segments.size()), kSegmentGrain, [&](int begin, int end) {
+        std::for_each(plan.segments.begin() + begin, plan.segments.begin() + end, sort);
+      });
+}
+
 }  // namespace
 
 FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
                        SchurBlocks blocks, const FrameClusters* clusters)
     : forms_schur(blocks != SchurBlocks::kNone) {
   PlanBuilder(evaluator, incidences, blocks, clusters, this).Build();
+  if (evaluator.storage() == JacobianStorage::kInChunks) {
+    SortByRecord(evaluator, this);
+  }
 }
 
 }  // namespace inceres::internal

@@ -37,10 +37,11 @@ double SumCandidateCosts(int begin, int end, const double* candidate_f, Lineariz
 // Those of the point that was linearized; a loss is not asked again where its value is known.
 template <typename Size>
 double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, int begin, int end,
-                          Linearization* family, GroupScales* scales, EvaluationFailure* failure) {
+                          const double* residuals, Linearization* family, GroupScales* scales,
+                          EvaluationFailure* failure) {
   const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id) + begin;
   LossValue* const values = family->loss_values.data() + begin;
-  const double* f = family->WrittenResiduals() + std::ptrdiff_t{begin} * rows;
+  const double* f = residuals + std::ptrdiff_t{begin} * rows;
   const bool takes_negative =
       curvature == LossCurvature::kNegative || curvature == LossCurvature::kBoth;
   double cost = 0.0;
@@ -74,12 +75,12 @@ double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, 
 
 // J first, for it needs f as it was evaluated.
 void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int end,
-             Linearization* family) {
+             const LinearizationPlaces& places, Linearization* family) {
   const auto num_slots = static_cast<int>(family->slots.size());
-  double* const f = family->WrittenResiduals() + std::ptrdiff_t{begin} * family->residual_size;
+  double* const f = places.residuals + std::ptrdiff_t{begin} * family->residual_size;
   // Whole rows have one slot with offset 0 for all factors.
   if (!family->has_whole_rows() && scales.are_finite) {
-    BestKernels().correct_factors(family->slots.data(), num_slots, begin, end - begin,
+    BestKernels().correct_factors(places.slots, num_slots, begin, end - begin,
                                   family->tangent_offsets.data() + family->Entry(begin), f,
                                   family->residual_size, scales.of_jacobian);
   } else {
@@ -87,7 +88,7 @@ void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int 
     for (int i = begin; i < end; ++i) {
       RobustScale(family->loss_values[i], curvature)
           .Apply(f + std::ptrdiff_t{i - begin} * family->residual_size, family->residual_size,
-                 num_slots, family->slots.data(), i,
+                 num_slots, places.slots, i,
                  family->tangent_offsets.data() + (whole_rows ? 0 : family->Entry(i)));
     }
   }
@@ -106,10 +107,11 @@ void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int 
 }  // namespace
 
 double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
-                const double* candidate_f, Linearization* family, EvaluationFailure* failure) {
+                const double* candidate_f, const LinearizationPlaces& places, Linearization* family,
+                EvaluationFailure* failure) {
   // One pass over the residuals, as the sum of squares needs no loss.
   if (!family->graph->HasLosses(family->id)) {
-    const double* const f = linearized ? family->WrittenResiduals() : candidate_f;
+    const double* const f = linearized ? places.residuals : candidate_f;
     return PlainCost(f + std::ptrdiff_t{begin} * family->residual_size,
                      std::ptrdiff_t{end - begin} * family->residual_size);
   }
@@ -118,10 +120,11 @@ double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int 
   }
   GroupScales scales;
   const double cost = WithConstantSize(family->residual_size, [&](auto rows) {
-    return SumLinearizedCosts(rows, known_point, curvature, begin, end, family, &scales, failure);
+    return SumLinearizedCosts(rows, known_point, curvature, begin, end, places.residuals, family,
+                              &scales, failure);
   });
   if (!failure->failed()) {
-    Correct(scales, curvature, begin, end, family);
+    Correct(scales, curvature, begin, end, places, family);
   }
   return cost;
 }

@@ -16,7 +16,9 @@ constexpr int kSumSize = 16;
 /// Linearization::loss_values wherever the residual has the same norm to the bit.
 ///
 /// candidate_f: the residual of factor i at the candidate is at candidate_f + i · residual_size.
+/// `places`: where they were linearized.
 double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
-                const double* candidate_f, Linearization* family, EvaluationFailure* failure);
+                const double* candidate_f, const LinearizationPlaces& places, Linearization* family,
+                EvaluationFailure* failure);
 
 }  // namespace inceres::internal

@@ -1,6 +1,10 @@
 #include "linearize/row_products.h"
 
 #include <algorithm>
+#include <limits>
+
+#include "linearize/incidences.h"
+#include "linearize/jacobian_chunks.h"
 
 namespace inceres::internal {
 
@@ -10,7 +14,8 @@ namespace inceres::internal {
 // and these in their order: the bits are those of one thread.
 
 RowProducts JacobianProduct::Multiply(const double* v) {
-  constexpr int kChunkSize = 1024;
+  RowProducts total;
+  JacobianChunks* const chunks = evaluator_.jacobian_chunks();
   // zeros, where Pad leaves them
   padded_.resize(static_cast<std::size_t>(evaluator_.layout().quad_offset.back()) * kQuad);
   // Whole rows are packed themselves.
@@ -19,25 +24,59 @@ RowProducts JacobianProduct::Multiply(const double* v) {
   } else {
     evaluator_.layout().Pad(v, padded_.data());
   }
-  const Kernels& kernels = BestKernels();
-  RowProducts total;
+  for (int chunk = 0; chunks != nullptr && chunk < chunks->num_chunks(); ++chunk) {
+    if (!chunks->Bring(chunk).ok()) {
+      constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+      return {kNone, kNone};
+    }
+    AddChunk(chunk, &total);
+  }
   for (const Linearization& cache : evaluator_.families()) {
-    const int num_chunks = (cache.num_blocks() + kChunkSize - 1) / kChunkSize;
-    partial_.resize(num_chunks);
-    evaluator_.executor().For(num_chunks, 1, [&](int begin, int end) {
-      for (int chunk = begin; chunk < end; ++chunk) {
-        const int first = chunk * kChunkSize;
-        partial_[chunk] = kernels.row_products(
-            cache.Rows(first, std::min(first + kChunkSize, cache.num_blocks())), padded_.data());
-      }
-    });
-    // In the order of the chunks, not of the tasks.
-    for (const RowProducts& chunk : partial_) {
-      total.model_decrease += chunk.model_decrease;
-      total.squared_norm += chunk.squared_norm;
+    if (chunks == nullptr) {
+      AddRows(cache, 0, cache.num_blocks(), &total);
     }
   }
   return total;
+}
+
+void JacobianProduct::AddChunk(int chunk, RowProducts* total) {
+  const JacobianChunks& chunks = *evaluator_.jacobian_chunks();
+  for (const Linearization& cache : evaluator_.families()) {
+    AddRows(cache, chunks.Begin(chunk, cache.id), chunks.End(chunk, cache.id), total);
+  }
+}
+
+void JacobianProduct::AddChunk(int chunk, const LandmarkIncidences& incidences, const double* v,
+                               RowProducts* total) {
+  const Layout& layout = evaluator_.layout();
+  padded_.resize(static_cast<std::size_t>(layout.quad_offset.back()) * kQuad);
+  if (chunk == 0) {
+    layout.Pad(v, 0, layout.num_frames, padded_.data());
+  }
+  if (chunk < incidences.num_chunks()) {
+    layout.Pad(v, layout.num_frames + incidences.chunk_begin[chunk],
+               layout.num_frames + incidences.chunk_begin[chunk + 1], padded_.data());
+  }
+  AddChunk(chunk, total);
+}
+
+void JacobianProduct::AddRows(const Linearization& cache, int begin, int end, RowProducts* total) {
+  constexpr int kChunkSize = 1024;
+  const Kernels& kernels = BestKernels();
+  const int num_chunks = (end - begin + kChunkSize - 1) / kChunkSize;
+  partial_.resize(num_chunks);
+  evaluator_.executor().For(num_chunks, 1, [&](int first_chunk, int end_chunk) {
+    for (int chunk = first_chunk; chunk < end_chunk; ++chunk) {
+      const int first = begin + chunk * kChunkSize;
+      partial_[chunk] = kernels.row_products(cache.Rows(first, std::min(first + kChunkSize, end)),
+                                             padded_.data());
+    }
+  });
+  // In the order of the chunks, not of the tasks.
+  for (const RowProducts& chunk : partial_) {
+    total->model_decrease += chunk.model_decrease;
+    total->squared_norm += chunk.squared_norm;
+  }
 }
 
 }  // namespace inceres::internal

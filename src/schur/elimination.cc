@@ -67,7 +67,8 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
       stride_(std::ptrdiff_t{incidences.largest_size} * kQuad),
       coupled_(evaluator, incidences),
       // Whether Y is written: for blocks of S, or for b and the way back.
-      keeps_all_(plans.forms_schur || incidences.num_chunks() == 1) {
+      keeps_all_(plans.forms_schur || incidences.num_chunks() == 1 ||
+                 evaluator.jacobian_chunks() != nullptr) {
   TakeMemory(memory);
   b_.resize(plans.pattern.size());
   const Layout& layout = evaluator.layout();
@@ -162,6 +163,10 @@ Status Elimination::Eliminate(const double* landmark_damping) {
   landmark_damping_ = landmark_damping;
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
     first_kept_ = keeps_landmarks_ ? 0 : incidences_.chunk_begin[chunk];
+    Status brought = BringJacobians(evaluator_, chunk);
+    if (!brought.ok()) {
+      return brought;
+    }
     // Of several landmarks that fail the first is named, whichever task met it.
     LowestIndex singular(num_landmarks);
     const int first = incidences_.chunk_begin[chunk];
@@ -311,16 +316,14 @@ void Elimination::TakeRightHandSideFromJacobians() {
 }
 
 // δ_l = U_invᵀ (z − Yᵀ δ_c), landmark by landmark, each independent of the others.
-void Elimination::BackSubstitute(const double* frame_step, double* landmark_step) {
-  const Layout& layout = evaluator_.layout();
-  for (int i = 0; i < layout.num_frames; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    std::copy(
-        frame_step + layout.packed_offset[k], frame_step + layout.packed_offset[k + 1],
-        padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[k]) * kQuad);
+void Elimination::BackSubstitute(int first, int last, const double* frame_step,
+                                 double* landmark_step) {
+  if (first == 0) {
+    evaluator_.layout().Pad(frame_step, 0, evaluator_.layout().num_frames,
+                            padded_frame_step_.data());
   }
-  evaluator_.executor().For(incidences_.num_landmarks(), kLandmarkGrain, [&](int begin, int end) {
-    for (int landmark = begin; landmark < end; ++landmark) {
+  evaluator_.executor().For(last - first, kLandmarkGrain, [&](int begin, int end) {
+    for (int landmark = first + begin; landmark < first + end; ++landmark) {
       BackSubstituteLandmark(landmark, landmark_step);
     }
   });

@@ -19,8 +19,8 @@ namespace inceres::internal {
 /// Λ_c is left to the factorization of S. Each block of S is accumulated in registers over all
 /// landmarks of a chunk that its two frames share: where all landmarks are one chunk, S is written
 /// once and never read back. Y is kept for one chunk at a time; where there are more, the way back
-/// takes Wᵀδ_c from the Jacobians, and so does b where no block of S is formed. Source: Triggs et
-/// al. 1999, section 6.1.
+/// takes Wᵀδ_c from the Jacobians, and so does b where no block of S is formed. Jacobians that are
+/// not kept are brought chunk by chunk. Source: Triggs et al. 1999, section 6.1.
 class Elimination {
  public:
   /// How much memory it may do without.
@@ -54,7 +54,12 @@ class Elimination {
 
   /// δ_l (packed, landmarks only) from δ_c (packed). The Jacobians must still be those of
   /// Eliminate.
-  void BackSubstitute(const double* frame_step, double* landmark_step);
+  void BackSubstitute(const double* frame_step, double* landmark_step) {
+    BackSubstitute(0, incidences_.num_landmarks(), frame_step, landmark_step);
+  }
+  /// The same of the landmarks from first to last alone, those of a chunk where Jacobians are not
+  /// kept: one after the other from landmark 0 on, with the same frame_step.
+  void BackSubstitute(int first, int last, const double* frame_step, double* landmark_step);
 
   /// y += Y Yᵀ v over the frames, padded: what S has less than C. From the Jacobians, which must
   /// still be those of Eliminate. Not by two threads at once. Cost: a pass over them.

@@ -90,13 +90,15 @@ class LinearModel {
  protected:
   explicit LinearModel(const Evaluator& evaluator) : evaluator_(evaluator), jacobian_(evaluator) {}
 
+  /// What a pass over J yields for v.
+  virtual RowProducts MultiplyJacobian(const double* v) { return jacobian_.Multiply(v); }
+  JacobianProduct& jacobian() { return jacobian_; }
+
   const Evaluator& evaluator_;
   StageSeconds* seconds_ = nullptr;
   StageClock* clock_ = nullptr;
 
  private:
-  virtual RowProducts MultiplyJacobian(const double* v) { return jacobian_.Multiply(v); }
-
   JacobianProduct jacobian_;
 };
 

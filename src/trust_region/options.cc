@@ -100,6 +100,12 @@ Status SolverOptions::Validate() const {
                "between 1 and 1024")
       .Require(max_memory_bytes >= 0, "max_memory_bytes", static_cast<double>(max_memory_bytes),
                ">= 0")
+      .Require(!recompute_jacobians ||
+                   (!IsIterative(linear_model) && linear_model != LinearModelKind::kDenseQr &&
+                    !dynamic_sparsity && !refine_landmarks),
+               "recompute_jacobians", recompute_jacobians,
+               "false with linear_model kDenseQr or an iterative one, dynamic_sparsity or "
+               "refine_landmarks")
       .NotNegative("max_num_iterations", max_num_iterations)
       .NotNegative("max_solver_time_in_seconds", max_solver_time_in_seconds)
       // Of tolerances 0 is allowed: such a test is passed only by no change at all.

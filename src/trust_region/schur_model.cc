@@ -6,6 +6,7 @@
 #include "linear/not_positive_definite.h"
 #include "linear/select_solver.h"
 #include "linear/sparse_cholesky.h"
+#include "linearize/jacobian_chunks.h"
 
 namespace inceres::internal {
 
@@ -60,8 +61,21 @@ PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
 }
 
 void PlainModel::Refresh() {
+  multiplied_.clear();
   hessian_.Accumulate();
   clock_->Charge(&seconds_->hessian);
+}
+
+void PlainModel::KeepProducts(const double* step, const RowProducts& products) {
+  multiplied_.assign(step, step + Gradient().size());
+  products_ = products;
+}
+
+// An evaluation of all factors is spared who asks for the step that was just solved for.
+RowProducts PlainModel::MultiplyJacobian(const double* v) {
+  const bool is_known =
+      !multiplied_.empty() && std::equal(multiplied_.begin(), multiplied_.end(), v);
+  return is_known ? products_ : LinearModel::MultiplyJacobian(v);
 }
 
 // S is C where nothing is eliminated, else the Schur complement.
@@ -140,8 +154,33 @@ Status SchurModel::Solve(const double* damping, double* step) {
     return solved;
   }
   // Needs δ_c complete: δ_l = U_invᵀ (z − Yᵀ δ_c).
-  elimination_.BackSubstitute(step, step + frame_size);
+  Status substituted = Status::Ok();
+  if (evaluator_.jacobian_chunks() != nullptr) {
+    substituted = SubstituteByChunks(step);
+  } else {
+    elimination_.BackSubstitute(step, step + frame_size);
+  }
   clock_->Charge(&seconds_->back_substitution);
+  return substituted;
+}
+
+// With Jδ in the same pass: what is not kept is evaluated once for both.
+Status SchurModel::SubstituteByChunks(double* step) {
+  JacobianChunks& chunks = *evaluator_.jacobian_chunks();
+  RowProducts products;
+  for (int chunk = 0; chunk < chunks.num_chunks(); ++chunk) {
+    Status brought = chunks.Bring(chunk);
+    if (!brought.ok()) {
+      return brought;
+    }
+    if (chunk < incidences_.num_chunks()) {
+      elimination_.BackSubstitute(incidences_.chunk_begin[chunk],
+                                  incidences_.chunk_begin[chunk + 1], step,
+                                  step + plans_.pattern.size());
+    }
+    jacobian().AddChunk(chunk, incidences_, step, &products);
+  }
+  KeepProducts(step, products);
   return Status::Ok();
 }
 

@@ -34,6 +34,8 @@ class PlainModel : public LinearModel {
  protected:
   /// δ_c = (S + diag(damping))⁻¹ b, timed. A system of size zero is solved by doing nothing.
   Status SolveReduced(const double* S, const double* b, const double* damping, double* step);
+  /// Of Jacobians that are not kept: keeps what a step promises, for MultiplyJacobian.
+  void KeepProducts(const double* step, const RowProducts& products);
   /// Where S may be formed without memory of its own, for the reduced solver that there is: the
   /// plans' pattern then has its blocks there. Null: nowhere.
   double* PlaceS();
@@ -43,8 +45,13 @@ class PlainModel : public LinearModel {
   Hessian hessian_;
 
  private:
+  RowProducts MultiplyJacobian(const double* v) override;
+
   std::unique_ptr<ReducedSolver> reduced_solver_;
   std::vector<double> b_;
+  // of the last step since Refresh whose products are known; else empty
+  std::vector<double> multiplied_;
+  RowProducts products_;
 };
 
 /// Landmarks eliminated block by block, δ_c from the reduced system, δ_l by back-substitution.
@@ -56,6 +63,8 @@ class SchurModel final : public PlainModel {
   void Describe(WorkCounts* work) const override;
 
  private:
+  Status SubstituteByChunks(double* step);
+
   Elimination elimination_;
 };
 

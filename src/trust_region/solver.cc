@@ -4,6 +4,7 @@
 #include <limits>
 #include <new>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "base/executor.h"
@@ -99,17 +100,44 @@ std::int64_t VectorBytes(const SolverOptions& options, const Layout& layout,
 
 constexpr std::int64_t kMuchMemory = std::int64_t{1} << 26;  // 64 MiB
 
+// Why Jacobians have to be kept; null where they can be evaluated anew for each pass instead:
+// nobody but a factor of H or S reads them, and to evaluate once more means nothing to anybody.
+const char* NeedsJacobians(const SolverOptions& options, const LoopOptions& loop,
+                           const FactorGraph& graph) {
+  if (IsIterative(options.linear_model) || options.linear_model == LinearModelKind::kDenseQr) {
+    return "linear_model kDenseQr or an iterative one";
+  }
+  if (options.dynamic_sparsity || options.refine_landmarks || loop.inner_descent != nullptr) {
+    return "dynamic_sparsity, or landmarks refined by themselves,";
+  }
+  if (options.observer != nullptr || loop.system_observer != nullptr) {
+    return "an observer, who is told of each evaluation,";
+  }
+  if (graph.HasPins() || graph.HasBounds()) {
+    return "pinned variables or bounds";
+  }
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    if (graph.family(id).Prepares()) {
+      return "a family that prepares evaluations";
+    }
+  }
+  return nullptr;
+}
+
 // What a structure is set up with.
 struct Workspace {
-  Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph)
+  Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph,
+            bool recomputes)
       : layout(graph, EliminatesLandmarks(options, loop)),
         executor(options.num_threads),
         linear_model(options.linear_model),
         reduced_solver(options.reduced_solver),
         dynamic_sparsity(options.dynamic_sparsity),
         conjugate_gradients(options.conjugate_gradients),
+        recompute_jacobians(options.recompute_jacobians),
         eliminated(EliminatedBy(loop)) {
-    const JacobianStorage storage = StorageOf(options, loop, graph, layout);
+    const JacobianStorage storage =
+        recomputes ? JacobianStorage::kInChunks : StorageOf(options, loop, graph, layout);
     evaluator.emplace(graph, layout, executor, storage);
     // Whole rows of a dense model have no blocks to leave out.
     evaluator->set_leaves_out_zero_blocks(dynamic_sparsity && storage == JacobianStorage::kBySlot);
@@ -127,6 +155,8 @@ struct Workspace {
                           const FactorGraph& graph) {
     return loop.inner_descent != nullptr || options.refine_landmarks || graph.HasPins();
   }
+
+  bool Recomputes() const { return evaluator->jacobian_chunks() != nullptr; }
 
   void SpareTables() {
     look_up.Bind(evaluator->graph(), evaluator->points());
@@ -190,7 +220,8 @@ struct Workspace {
     return !remembers && options.num_threads == executor.num_threads() &&
            options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
            options.dynamic_sparsity == dynamic_sparsity &&
-           options.conjugate_gradients == conjugate_gradients && structure.has_value() &&
+           options.conjugate_gradients == conjugate_gradients &&
+           options.recompute_jacobians == recompute_jacobians && structure.has_value() &&
            structure->IsThatOf(graph);
   }
 
@@ -202,6 +233,7 @@ struct Workspace {
   ReducedSolverKind reduced_solver;
   bool dynamic_sparsity;
   ConjugateGradientsOptions conjugate_gradients;
+  bool recompute_jacobians;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
   VariableLookUp look_up;              // unbound: families have tables
   std::optional<Evaluator> evaluator;
@@ -228,6 +260,9 @@ class Solver::Impl {
  private:
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const LoopOptions& loop,
                                      const FactorGraph& graph, Summary* summary);
+  static std::unique_ptr<Workspace> SetUp(const SolverOptions& options, const LoopOptions& loop,
+                                          const FactorGraph& graph, bool recomputes,
+                                          Summary* summary);
   void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
                   Summary* summary, double start);
 
@@ -242,11 +277,13 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                                  const LoopOptions& loop, const FactorGraph& graph,
                                                  Summary* summary) {
   std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  const char* const needs_jacobians = NeedsJacobians(options, loop, graph);
   // IsReadyFor has no LoopOptions: what they eliminate is compared here alone.
   summary->structure_reused =
       workspace != nullptr && workspace->Suits(options, graph) &&
       workspace->eliminated == Workspace::EliminatedBy(loop) &&
-      !(workspace->look_up.is_bound() && Workspace::NeedsTables(options, loop, graph));
+      !(workspace->look_up.is_bound() && Workspace::NeedsTables(options, loop, graph)) &&
+      !(workspace->Recomputes() && needs_jacobians != nullptr);
   if (summary->structure_reused) {
     workspace->evaluator->Rebind(graph);
     if (workspace->look_up.is_bound()) {
@@ -256,19 +293,40 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     return workspace;
   }
   workspace.reset();  // its memory serves the new one
-  // Counted while it is set up, each thing before it is taken: what does not fit is told without
-  // having been tried.
+  if (options.recompute_jacobians && needs_jacobians != nullptr) {
+    summary->message = std::string("SolverOptions: recompute_jacobians does not go with ") +
+                       needs_jacobians + " in this solve.";
+    return nullptr;
+  }
+  try {
+    return SetUp(options, loop, graph, options.recompute_jacobians, summary);
+  } catch (const MemoryExceeded&) {
+    if (options.recompute_jacobians || needs_jacobians != nullptr) {
+      throw;
+    }
+  }
+  return SetUp(options, loop, graph, /*recomputes=*/true, summary);
+}
+
+// Counted while it is set up, each thing before it is taken: what does not fit is told without
+// having been tried.
+std::unique_ptr<Workspace> Solver::Impl::SetUp(const SolverOptions& options,
+                                               const LoopOptions& loop, const FactorGraph& graph,
+                                               bool recomputes, Summary* summary) {
   MemoryBudget budget(options.max_memory_bytes);
-  TakeForGraph(graph, Workspace::EliminatesLandmarks(options, loop),
-               Workspace::StorageAskedFor(options, loop, graph), &budget);
-  workspace = std::make_unique<Workspace>(options, loop, graph);
+  TakeForGraph(
+      graph, Workspace::EliminatesLandmarks(options, loop),
+      recomputes ? JacobianStorage::kInChunks : Workspace::StorageAskedFor(options, loop, graph),
+      &budget);
+  auto workspace = std::make_unique<Workspace>(options, loop, graph, recomputes);
   workspace->evaluator->set_memory_budget(&budget);
   // All variables are constant, or there are none. Ceres calls this converged.
   if (workspace->layout.variables.empty()) {
     SummarizeStandstill(&*workspace->evaluator, summary);
     return nullptr;
   }
-  const StepWay way = ChooseStepWay(options, *workspace->evaluator);
+  // The other ways read Jacobians more often.
+  const StepWay way = recomputes ? StepWay::kFactor : ChooseStepWay(options, *workspace->evaluator);
   if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
     // Products with an S that is not formed. Nothing has been written to Jacobians yet.
     workspace->evaluator.reset();
@@ -279,7 +337,7 @@ std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
     workspace->evaluator->set_memory_budget(&budget);
   }
   if (way == StepWay::kFactor && !Workspace::NeedsTables(options, loop, graph) &&
-      workspace->evaluator->storage() == JacobianStorage::kWithoutPadding) {
+      (recomputes || workspace->evaluator->storage() == JacobianStorage::kWithoutPadding)) {
     const std::int64_t before = workspace->evaluator->Bytes();
     workspace->SpareTables();
     budget.GiveBack(before - workspace->evaluator->Bytes());
@@ -324,6 +382,7 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
   // however the loop ends.
   LinearModel& model = *workspace->model;
   summary->reduced_solver = model.SolverName();
+  summary->recomputed_jacobians = workspace->Recomputes();
   summary->work.bytes = workspace->evaluator->Bytes();
   model.Describe(&summary->work);
   CountWhatMoves(*graph, workspace->layout, &summary->sizes);

@@ -136,6 +136,7 @@ std::string Summary::ToJson() const {
       .AddRaw("is_constrained", is_constrained ? "true" : "false")
       .AddRaw("line_search", inceres::ToJson(line_search))
       .AddRaw("structure_reused", structure_reused ? "true" : "false")
+      .AddRaw("recomputed_jacobians", recomputed_jacobians ? "true" : "false")
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
       .AddString("strategy", strategy)

@@ -41,6 +41,7 @@ std::string SolverUsed(const Summary& summary) {
             ReportLine("Frames", work.num_frames) + ReportLine("Reduced system", work.reduced_size);
   }
   text += ReportLine("Threads", summary.num_threads) + ReportLine("Kernels", summary.kernels);
+  text += summary.recomputed_jacobians ? "Jacobians not kept: evaluated anew for each pass\n" : "";
   return text + (summary.structure_reused ? "Structure of an earlier solve\n" : "");
 }
 

@@ -38,11 +38,14 @@ class FailingFactors : public testing::Test {
   }
 
   void ExpectFailure(const std::string& expected) {
-    for (const int num_threads : {1, 4}) {
-      const CorePipeline core(graph_, true, num_threads);
-      EXPECT_EQ(core.status.code, StatusCode::kEvaluationFailed);
-      EXPECT_EQ(core.status.message.rfind(expected + "; at variable 0 = (", 0), 0U)
-          << core.status.message;
+    for (const JacobianStorage storage : {JacobianStorage::kBySlot, JacobianStorage::kInChunks}) {
+      for (const int num_threads : {1, 4}) {
+        const CorePipeline core(graph_, true, num_threads, LandmarkIncidences::kQuadsPerChunk,
+                                storage);
+        EXPECT_EQ(core.status.code, StatusCode::kEvaluationFailed);
+        EXPECT_EQ(core.status.message.rfind(expected + "; at variable 0 = (", 0), 0U)
+            << core.status.message;
+      }
     }
   }
 

@@ -206,6 +206,14 @@ class BalSolveTest(unittest.TestCase):
             self.assertIn("--single_precision", self.fails(2, "--input", self.small, "--single_precision", *flags))
         self.solve("--mode", "incremental", "--linear_solver", "iterative_schur", "--preconditioner", "two_level", "--single_precision")
 
+    def test_jacobians_that_are_not_kept(self):
+        direct = ["--builtin_factors", "--linear_solver", "sparse_schur", "--max_num_iterations", "5"]
+        reports = [self.solve(*direct, *flags, problem=bundled_problem(BAL_DATA))[1] for flags in ([], ["--recompute_jacobians"])]
+        self.assertAlmostEqual(reports[1]["final_cost"], reports[0]["final_cost"], delta=1e-9 * reports[0]["final_cost"])
+        self.assertLess(reports[1]["work"]["bytes"], 0.7 * reports[0]["work"]["bytes"])
+        for flags in ([], ["--builtin_factors", "--linear_solver", "iterative_schur"], ["--builtin_factors", "--mode", "incremental"]):
+            self.assertIn("recompute_jacobians", self.fails(2, "--input", self.small, "--recompute_jacobians", *flags))
+
     def test_a_solve_that_does_not_fit_is_refused(self):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental"]):
             message = self.fails(1, "--input", self.small, "--max_memory", "1e-6", *flags)

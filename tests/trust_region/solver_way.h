@@ -16,12 +16,14 @@ struct SolverWay {
   ReducedSolverKind reduced;
   TrustRegionStrategyKind strategy;
   int num_threads;
+  bool recomputes_jacobians = false;
 
   void Choose(SolverOptions* options) const {
     options->linear_model = model;
     options->reduced_solver = reduced;
     options->strategy = strategy;
     options->num_threads = num_threads;
+    options->recompute_jacobians = recomputes_jacobians;
   }
 };
 

@@ -32,6 +32,9 @@ DEFINE_bool(single_precision, false,
             "Keep Jacobians in single precision, which halves their memory: with --linear_solver "
             "iterative_schur and --builtin_factors, or with --preconditioner two_level and --mode "
             "incremental.");
+DEFINE_bool(recompute_jacobians, false,
+            "Keep no Jacobians, and evaluate them anew for each pass over them, as is done where "
+            "there is no memory for them: with --builtin_factors, where steps come from a factor.");
 DEFINE_string(mode, "exact",
               "exact (follows the iterations of Ceres) or incremental (re-uses Jacobians while "
               "they are good enough).");
@@ -121,6 +124,12 @@ Status CheckSinglePrecision(const SolverSettings& read) {
                    "with --preconditioner two_level --mode incremental");
 }
 
+Status CheckRecomputing(const SolverSettings& read) {
+  return !FLAGS_recompute_jacobians || (FLAGS_builtin_factors && !read.incremental)
+             ? Status::Ok()
+             : Invalid("--recompute_jacobians: with --builtin_factors and --mode exact");
+}
+
 // Without a Schur complement there is no preconditioner by it.
 ceres::PreconditionerType PreconditionerOf(const SolverSettings& settings,
                                            ceres::LinearSolverType type) {
@@ -174,17 +183,19 @@ ConjugateGradientsOptions TwoLevels(const SolverSettings& settings) {
 
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
-  for (Status& status : std::vector<Status>{
-           ParseMode(FLAGS_mode, &read.incremental),
-           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-           ParseLinearSolver(FLAGS_linear_solver, &read),
-           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
-           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}}), CheckSinglePrecision(read)}) {
+  for (Status& status :
+       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
+                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
+                           ParseLinearSolver(FLAGS_linear_solver, &read),
+                           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
+                           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}}),
+                           CheckSinglePrecision(read), CheckRecomputing(read)}) {
     if (!status.ok()) {
       return status;
     }
   }
   read.single_precision = FLAGS_single_precision;
+  read.recompute_jacobians = FLAGS_recompute_jacobians;
   read.max_memory_bytes =
       static_cast<std::int64_t>(std::min(FLAGS_max_memory, kMostMemory) * kBytesPerGibibyte);
   read.builtin_factors = FLAGS_builtin_factors;
@@ -225,6 +236,7 @@ Status ToCeresOptions(const SolverSettings& settings, ceres::LinearSolverType ty
 Status ToCoreOptions(const SolverSettings& settings, SolverOptions* options) {
   SolverOptions result;
   result.max_memory_bytes = settings.max_memory_bytes;
+  result.recompute_jacobians = settings.recompute_jacobians;
   result.conjugate_gradients.eta = settings.eta;
   result.conjugate_gradients.max_iterations = settings.max_linear_solver_iterations;
   result.reduced_solver =

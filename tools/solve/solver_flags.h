@@ -23,6 +23,7 @@ struct SolverSettings : CommonSettings {
   /// with built-in factors or in incremental mode: kTwoLevel in its place
   bool two_level = false;
   bool single_precision = false;      ///< of the Jacobians that conjugate gradients multiply by
+  bool recompute_jacobians = false;   ///< of a FactorGraph: none are kept
   std::int64_t max_memory_bytes = 0;  ///< that a solve may take; 0: what is left
   bool builtin_factors = false;
   bool incremental = false;       ///< ours solves in incremental mode

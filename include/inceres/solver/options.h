@@ -160,10 +160,19 @@ struct INCERES_EXPORT SolverOptions {
   /// Bytes that a solve may take beside the graph, ≥ 0; 0: what the machine, its control groups and
   /// RLIMIT_AS have left when it begins. What Jacobians, plans, the reduced system and its factor
   /// are going to take is counted while the solve is set up, each before it is taken. A solve that
-  /// does not fit, or has more of something than can be numbered, ends there with kFailure and the
-  /// figures in its message; the graph is as it was. What losses, families and observers allocate
-  /// of their own does not count, nor what a reduced_solver_factory's solver does.
+  /// does not fit, not even without keeping Jacobians (recompute_jacobians), or has more of
+  /// something than can be numbered, ends there with kFailure and the figures in its message; the
+  /// graph is as it was. What losses, families and observers allocate of their own does not count,
+  /// nor what a reduced_solver_factory's solver does.
   std::int64_t max_memory_bytes = 0;
+
+  /// Keep no Jacobians but those of some landmarks at a time, and evaluate them anew wherever a
+  /// step needs them: three times an iteration instead of once. Costs and steps are the same up to
+  /// rounding. By itself a solve does so where it would not fit into memory otherwise
+  /// (Summary::recomputed_jacobians tells). With linear_model kAutomatic, kSchur or kPlain, whose
+  /// system is then factored; without dynamic_sparsity and refine_landmarks; not with an observer,
+  /// bounds, pinned variables, or a family that prepares evaluations.
+  bool recompute_jacobians = false;
 
   int max_num_iterations = 50;              ///< ≥ 0; 0 evaluates the start and returns
   double max_solver_time_in_seconds = 1e9;  ///< ≥ 0; looked at between iterations only

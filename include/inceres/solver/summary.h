@@ -130,7 +130,10 @@ struct INCERES_EXPORT Summary {
   bool is_constrained = false;               ///< some variable that moves has bounds
   LineSearchSummary line_search;             ///< of problems with bounds
   bool structure_reused = false;             ///< set up by an earlier solve of the same Solver
-  std::string reduced_solver;                ///< name of the solver of the reduced system
+  /// Jacobians were evaluated anew for each pass over them, as the options said or because there
+  /// was no memory for them
+  bool recomputed_jacobians = false;
+  std::string reduced_solver;  ///< name of the solver of the reduced system
   /// instruction set of the kernels used: "generic", "avx2", "avx512", "neon"
   const char* kernels = "";
   /// "levenberg_marquardt", "marquardt", "dogleg", "subspace_dogleg"

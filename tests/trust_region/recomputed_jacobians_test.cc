@@ -1,0 +1,230 @@
+// Solves that keep no Jacobians take the iterations of those that do, up to rounding, in less
+// memory.
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "inceres/solver/solver.h"
+#include "support/random_graph.h"
+#include "support/test_families.h"
+#include "trust_region/solver_way.h"
+
+namespace inceres {
+namespace {
+
+using test::MakeBundle;
+using test::SolverWay;
+
+// Jacobians of a few chunks.
+test::BundleOptions Large(bool by_frame) {
+  test::BundleOptions bundle;
+  bundle.seed = 1401;
+  bundle.num_frames = 60;  // a path: S is sparse
+  bundle.num_landmarks = 3600;
+  bundle.num_views = 5;
+  bundle.frame_sizes = {9, 6};
+  bundle.landmark_sizes = {3, 3, 1};
+  bundle.residual_sizes = {2, 3};
+  bundle.by_frame = by_frame;
+  bundle.losses = bundle.manifolds = bundle.constants = true;
+  bundle.perturbation = 0.1;
+  return bundle;
+}
+
+SolverOptions Options(int num_iterations) {
+  SolverOptions options;
+  options.max_num_iterations = num_iterations;
+  options.function_tolerance = options.gradient_tolerance = options.parameter_tolerance = 0.0;
+  return options;
+}
+
+class RecomputedJacobians : public ::testing::TestWithParam<SolverWay> {};
+
+TEST_P(RecomputedJacobians, TakeTheIterationsOfThoseThatAreKept) {
+  for (const bool by_frame : {false, true}) {
+    const auto kept = MakeBundle(Large(by_frame)), anew = MakeBundle(Large(by_frame));
+    SolverOptions options = Options(8);
+    GetParam().Choose(&options);
+    options.initial_trust_region_radius = 1e6;
+    const Summary expected = Solve(options, &kept->graph());
+    options.recompute_jacobians = true;
+    const Summary summary = Solve(options, &anew->graph());
+    ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    EXPECT_TRUE(summary.recomputed_jacobians);
+    EXPECT_FALSE(expected.recomputed_jacobians);
+    ASSERT_EQ(summary.iterations.size(), expected.iterations.size());
+    for (std::size_t k = 0; k < summary.iterations.size(); ++k) {
+      const IterationSummary& a = summary.iterations[k];
+      const IterationSummary& b = expected.iterations[k];
+      EXPECT_NEAR(a.cost, b.cost, 1e-10 * b.cost) << k;
+      EXPECT_NEAR(a.model_cost_change, b.model_cost_change, 1e-7 * b.model_cost_change) << k;
+      EXPECT_EQ(a.step_is_successful, b.step_is_successful) << k;
+    }
+    EXPECT_LT(summary.work.bytes, 0.85 * static_cast<double>(expected.work.bytes));
+    EXPECT_NE(summary.FullReport().find("Jacobians not kept"), std::string::npos);
+  }
+}
+
+TEST_P(RecomputedJacobians, HaveTheSameBitsForAnyNumberOfThreadsAndInASecondSolve) {
+  std::vector<std::vector<double>> states;
+  Solver solver(std::int64_t{1} << 30);
+  SolverOptions options = Options(4);
+  GetParam().Choose(&options);
+  options.recompute_jacobians = true;
+  for (const int num_threads : {1, 2, 4, 4}) {
+    const auto bundle = MakeBundle(Large(/*by_frame=*/true));
+    options.num_threads = num_threads;
+    const Summary summary = solver.Solve(options, &bundle->graph());
+    ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    EXPECT_EQ(summary.structure_reused, states.size() == 3);
+    states.push_back(bundle->graph().state());
+  }
+  EXPECT_EQ(states[0], states[1]);
+  EXPECT_EQ(states[0], states[2]);
+  EXPECT_EQ(states[0], states[3]);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Ways, RecomputedJacobians,
+    testing::Values(SolverWay{"Dense", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                              TrustRegionStrategyKind::kLevenbergMarquardt, 1},
+                    SolverWay{"Sparse", LinearModelKind::kAutomatic, ReducedSolverKind::kSparse,
+                              TrustRegionStrategyKind::kLevenbergMarquardt, 2},
+                    SolverWay{"Marquardt", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                              TrustRegionStrategyKind::kMarquardt, 1},
+                    SolverWay{"Dogleg", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                              TrustRegionStrategyKind::kDogleg, 1},
+                    SolverWay{"SubspaceDogleg", LinearModelKind::kSchur, ReducedSolverKind::kDense,
+                              TrustRegionStrategyKind::kSubspaceDogleg, 1}),
+    test::NameOf);
+
+TEST(RecomputedJacobiansOfFrames, TakeTheIterationsOfThoseThatAreKept) {
+  test::BundleOptions bundle = Large(/*by_frame=*/false);
+  bundle.num_landmarks = 150;  // as frames
+  const auto kept = MakeBundle(bundle), anew = MakeBundle(bundle);
+  SolverOptions options = Options(6);
+  options.linear_model = LinearModelKind::kPlain;
+  const Summary expected = Solve(options, &kept->graph());
+  options.recompute_jacobians = true;
+  const Summary summary = Solve(options, &anew->graph());
+  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-9 * expected.final_cost);
+  EXPECT_TRUE(summary.recomputed_jacobians);
+}
+
+// Between the memory of the two ways there are budgets that only one fits into: taken by itself,
+// and no other.
+TEST(RecomputedJacobiansByThemselves, FitWhereThoseThatAreKeptDoNot) {
+  SolverOptions options = Options(4);
+  options.linear_model = LinearModelKind::kSchur;
+  const auto free = MakeBundle(Large(false));
+  const Summary kept = Solve(options, &free->graph());
+  int num_recomputed = 0, num_kept = 0, num_refused = 0;
+  for (double share = 0.1; share < 2.0; share += 0.1) {
+    options.max_memory_bytes =
+        static_cast<std::int64_t>(share * static_cast<double>(kept.work.bytes));
+    const auto bundle = MakeBundle(Large(false));
+    const std::vector<double> before = bundle->graph().state();
+    const Summary summary = Solve(options, &bundle->graph());
+    if (!summary.IsSolutionUsable()) {
+      ++num_refused;
+      EXPECT_NE(summary.message.find("does not fit into memory"), std::string::npos);
+      EXPECT_EQ(bundle->graph().state(), before);
+      EXPECT_EQ(num_recomputed + num_kept, 0) << "a smaller budget was enough";
+    } else if (summary.recomputed_jacobians) {
+      ++num_recomputed;
+      EXPECT_EQ(num_kept, 0);
+      EXPECT_LE(summary.work.bytes, options.max_memory_bytes);
+    } else {
+      ++num_kept;
+      EXPECT_EQ(summary.final_cost, kept.final_cost);
+    }
+    if (summary.IsSolutionUsable()) {
+      EXPECT_NEAR(summary.final_cost, kept.final_cost, 1e-9 * kept.final_cost);
+    }
+  }
+  EXPECT_GT(num_refused, 0);
+  EXPECT_GT(num_recomputed, 0);
+  EXPECT_GT(num_kept, 0);
+}
+
+// Where that is not possible, a solve that does not fit is refused as ever.
+TEST(RecomputedJacobiansByThemselves, AreNotTakenWhereSomebodyReadsThem) {
+  SolverOptions options = Options(4);
+  const auto free = MakeBundle(Large(false));
+  options.refine_landmarks = true;
+  const Summary kept = Solve(options, &free->graph());
+  options.max_memory_bytes = kept.work.bytes / 2;
+  const auto bundle = MakeBundle(Large(false));
+  EXPECT_FALSE(Solve(options, &bundle->graph()).IsSolutionUsable());
+}
+
+class Watcher : public SolveObserver {};
+
+TEST(RecomputedJacobiansAskedFor, AreRefusedWhereTheyCannotBe) {
+  SolverOptions options;
+  options.recompute_jacobians = true;
+  for (const LinearModelKind model : {LinearModelKind::kDenseQr, LinearModelKind::kIterativeSchur,
+                                      LinearModelKind::kIterativePlain}) {
+    options.linear_model = model;
+    EXPECT_NE(options.Validate().message.find("recompute_jacobians"), std::string::npos);
+  }
+  options.linear_model = LinearModelKind::kAutomatic;
+  EXPECT_TRUE(options.Validate().ok());
+  Watcher watcher;
+  options.observer = &watcher;
+  const auto bundle = MakeBundle(Large(false));
+  const Summary summary = Solve(options, &bundle->graph());
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_NE(summary.message.find("recompute_jacobians"), std::string::npos) << summary.message;
+}
+
+// A small problem of few unknowns has a model of its own, which keeps Jacobians.
+TEST(RecomputedJacobiansAskedFor, HoldForSmallProblems) {
+  test::BundleOptions bundle;
+  bundle.num_frames = 2;
+  bundle.num_landmarks = 4;
+  bundle.perturbation = 0.1;
+  const auto kept = MakeBundle(bundle), anew = MakeBundle(bundle);
+  SolverOptions options;
+  const Summary expected = Solve(options, &kept->graph());
+  options.recompute_jacobians = true;
+  const Summary summary = Solve(options, &anew->graph());
+  EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-9 * (1.0 + expected.final_cost));
+  EXPECT_TRUE(summary.recomputed_jacobians);
+}
+
+// Factors of two chunks that cannot be evaluated a second time where they are: no step is made of
+// what is not there.
+TEST(RecomputedJacobiansAskedFor, ThatCannotBeEvaluatedAgainMakeNoStep) {
+  FactorGraph graph;
+  const double one = 1.0;
+  const VariableId x = graph.AddVariable(&one, 1, Role::kFrame);
+  std::atomic<int> num_linearized = 0;
+  constexpr int kFactors = 70000;
+  const auto family = graph.AddFamily(std::make_shared<test::FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [&](int, const double* const* parameters, double* residuals, double** jacobians) {
+        residuals[0] = parameters[0][0];
+        if (jacobians == nullptr || jacobians[0] == nullptr) {
+          return true;
+        }
+        jacobians[0][0] = 1.0;
+        return ++num_linearized <= kFactors;
+      }));
+  for (int i = 0; i < kFactors; ++i) {
+    graph.AddFactor(family, 0, {x});
+  }
+  SolverOptions options;
+  options.recompute_jacobians = true;
+  const Summary summary = Solve(options, &graph);
+  EXPECT_EQ(summary.termination, Termination::kFailure) << summary.message;
+  EXPECT_GT(num_linearized, kFactors);
+  EXPECT_EQ(graph.state(), std::vector<double>{one});
+}
+
+}  // namespace
+}  // namespace inceres
