@@ -13,28 +13,6 @@ namespace inceres::internal {
 namespace {
 
 constexpr int kGrain = 64;  // blocks: most have no term in a chunk
-constexpr int kVectorTerms = 64;
-
-// y += Σ Jᵀf over these terms: their residuals follow from their records.
-void AddGradient(const Kernels& kernels, const BlockProducts& products, std::ptrdiff_t quads,
-                 const double* residuals, double* y) {
-  VectorTerm terms[kVectorTerms];
-  VectorProducts vectors;
-  vectors.a = products.b;
-  vectors.v = residuals;
-  vectors.terms = terms;
-  vectors.depth = products.depth;
-  vectors.a_size = products.b_size;
-  vectors.a_stride = products.b_stride;
-  for (int first = 0; first < products.count; first += kVectorTerms) {
-    vectors.count = std::min(kVectorTerms, products.count - first);
-    for (int k = 0; k < vectors.count; ++k) {
-      const std::int32_t offset = products.terms[first + k].b;
-      terms[k] = {offset, static_cast<std::int32_t>(offset / quads) * products.depth};
-    }
-    kernels.accumulate_vectors(vectors, 1.0, y);
-  }
-}
 
 }  // namespace
 
@@ -81,10 +59,10 @@ int ChunkSums::EndOfTerms(int chunk, int s) const {
   const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
   const Linearization& cache = evaluator_.families()[source.family];
   const std::ptrdiff_t limit = evaluator_.jacobian_chunks()->End(chunk, source.family) *
-                               (cache.slots[source.row_slot].factor_stride / kQuad);
+                               (cache.slots[source.column_slot].factor_stride / kQuad);
   const ProductTerm* const terms = plans_.hessian.terms.data() + segment.first_term;
   int end = next_term_[s];
-  while (end < segment.count && terms[end].b < limit) {
+  while (end < segment.count && terms[end].a < limit) {
     ++end;
   }
   return end;
@@ -128,7 +106,15 @@ void ChunkSums::AddTerms(int chunk, std::size_t block, double* sum, double* g) {
     products.symmetric = source.row_slot == source.column_slot;
     kernels_.accumulate_products(products, 1.0, sum);
     if (g != nullptr) {
-      AddGradient(kernels_, products, J_row.factor_stride / kQuad, cache.residuals.data(), g);
+      VectorProducts gradient;
+      gradient.a = products.b;
+      gradient.v = cache.residuals.data();
+      gradient.terms = products.terms;  // of a product with itself: .b says where f is
+      gradient.count = products.count;
+      gradient.depth = products.depth;
+      gradient.a_size = products.b_size;
+      gradient.a_stride = products.b_stride;
+      kernels_.accumulate_vectors(gradient, 1.0, g);
     }
     next_term_[s] = end;
   }

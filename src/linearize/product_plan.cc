@@ -464,7 +464,7 @@ void SortByRecord(const Evaluator& evaluator, FramePlans* plans) {
     if (!evaluator.families()[family].records.empty()) {
       ProductTerm* const first = plan.terms.data() + segment.first_term;
       std::sort(first, first + segment.count,
-                [](const ProductTerm& a, const ProductTerm& b) { return a.b < b.b; });
+                [](const ProductTerm& a, const ProductTerm& b) { return a.a < b.a; });
     }
   };
   evaluator.executor().For(

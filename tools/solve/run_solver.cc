@@ -1,12 +1,14 @@
 #include "tools/solve/run_solver.h"
 
 #include <chrono>
+#include <iostream>
 #include <memory>
 #include <type_traits>
 #include <utility>
 
 #include "inceres/ceres/solve.h"
 #include "inceres/problem/graph_edit.h"
+#include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 
@@ -65,7 +67,11 @@ Status RunCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* out
   if (!status.ok()) {
     return status;
   }
-  options.observer = plan.progress;
+  if (options.recompute_jacobians) {  // which does not go with an observer
+    options.progress = LogTo(std::cout);
+  } else {
+    options.observer = plan.progress;
+  }
   std::unique_ptr<FactorGraph> graph;
   status = source.MakeGraph(plan.settings.robust, &graph);
   if (!status.ok()) {

@@ -43,7 +43,7 @@ struct DistributedOptions {
   /// preconditioner by clusters or kSubset; explicit_schur_complement with kKsp only, or with
   /// kCholesky, which forms S without it), num_threads (of each rank), tolerances and radii,
   /// progress, callback, observer. linear_model and reduced_solver stay kAutomatic: linear_solver
-  /// takes their place. refine_landmarks and dynamic_sparsity are refused.
+  /// takes their place. refine_landmarks, dynamic_sparsity and recompute_jacobians are refused.
   SolverOptions solver;
   DistributedLinearSolver linear_solver = DistributedLinearSolver::kAutomatic;  ///< see there
   CheckpointOptions checkpoint;                                                 ///< see there
