@@ -136,6 +136,7 @@ bool IncrementalMinimizer::Begin() {
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
+  frame_solve_.BeginToLook(/*knows_nothing=*/!begins);
   const bool go_on = !begins || context_.EndIteration();
   return go_on && (!new_frames_first || (new_frames_.Run() && linearization_.Relinearize()));
 }
@@ -229,7 +230,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
-    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+    NoteDamping();
     attempts_.Accept();
     NoteStep(gain_ratio);
     return Verdict::kGoOn;
@@ -264,7 +265,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
   if (!context_.control.IsDampedHard()) {
     // What the last step tells is cheap, and what the next one does, more to the point.
-    if (linearization_.MayHide()) {
+    if (linearization_.MayHide() || frame_solve_.MayHide()) {
       LookAtStep();
     }
     switch (linearization_.FreeHeldLandmarks()) {
@@ -273,7 +274,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
       case UpdateLinearization::Freed::kFailed:
         return Verdict::kFailed;
       default:
-        return Verdict::kConverged;
+        if (!frame_solve_.MayHide() || !context_.control.GoBelow()) {
+          return Verdict::kConverged;
+        }
+        linearization_.ForgetFreed();
+        return Verdict::kGoOn;
     }
   }
   // μ was at its floor, steps were refused there, and it has risen again.
@@ -302,8 +307,14 @@ void IncrementalMinimizer::LookAtStep() {
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
                          {-1.0, frame_solve_.Wildfire(), context_.summary->remaining_decrease},
                          &context_.system);
-  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+  NoteDamping();
   context_.system.step().Reject();
+}
+
+void IncrementalMinimizer::NoteDamping() {
+  const DampedLandmarks landmarks = context_.system.step().DampingOfLandmarks();
+  linearization_.NoteDampedSquare(landmarks.square);
+  frame_solve_.NoteStep(landmarks.held_back);
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
@@ -352,6 +363,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   UpdateIteration& row = context_.row();
   row.refreshed = refreshed;
   if (refreshed) {
+    // Landmarks that were freed are damped again where they are eliminated anew.
+    linearization_.ForgetFreed();
     return Verdict::kGoOn;
   }
   context_.stop.StepRefused();

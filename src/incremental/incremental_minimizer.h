@@ -57,6 +57,7 @@ class IncrementalMinimizer {
   Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
   void LookAtStep();
+  void NoteDamping();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);

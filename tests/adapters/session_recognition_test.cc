@@ -39,8 +39,8 @@ TEST(SessionRecognition, SameCostFunctionWithOtherContents) {
   EXPECT_NEAR(tug.x, 2.5, 1e-6);
 }
 
-// A linear cost is linearized once, where x was set, and the solve goes elsewhere from there: the border
-// that comes between is seen only where it has ended.
+// A linear cost is linearized once, where x was set, and the solve goes elsewhere from there: the
+// border that comes between is seen only where it has ended.
 TEST(SessionRecognition, SameCostFunctionThatRefusesWhereTheLastSolveEnded) {
   Tug tug;
   tug.x = 3.0;
