@@ -305,10 +305,17 @@ void IncrementalMinimizer::LookAtStep() {
   }
   const FrameStep& step = frame_solve_.step();
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
-                         {-1.0, frame_solve_.Wildfire(), context_.summary->remaining_decrease},
+                         {-1.0, Negligible(), context_.summary->remaining_decrease},
                          &context_.system);
+  has_looked_ = true;
   NoteDamping();
   context_.system.step().Reject();
+}
+
+// What a row that was not solved anew may leave: after a look all rows were, for a step that was not
+// taken.
+double IncrementalMinimizer::Negligible() const {
+  return has_looked_ ? 0.0 : frame_solve_.Wildfire();
 }
 
 void IncrementalMinimizer::NoteDamping() {
@@ -332,8 +339,7 @@ void IncrementalMinimizer::SelectActive(double remaining) {
       all ? -1.0 : std::max(truncation * remaining, context_.tuning.truncate.floor * allowed);
   const FrameStep& step = frame_solve_.step();
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
-                         {budget, frame_solve_.Wildfire(), remaining - landmarks_.Gain()},
-                         &context_.system);
+                         {budget, Negligible(), remaining - landmarks_.Gain()}, &context_.system);
   summary.num_moved_frames += static_cast<int>(context_.active.frames().size());
   summary.num_visited_landmarks += static_cast<int>(context_.active.landmarks().size());
 }
@@ -351,6 +357,7 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
                           context_.row().cost_change, gain_ratio);
+  has_looked_ = false;
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();

@@ -57,6 +57,7 @@ class IncrementalMinimizer {
   Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
   void LookAtStep();
+  double Negligible() const;
   void NoteDamping();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
@@ -71,6 +72,7 @@ class IncrementalMinimizer {
   EarlierFactor earlier_factor_{&context_, &frame_solve_};
   NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
+  bool has_looked_ = false;  // at a step since one was taken
   ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left
 };
 
