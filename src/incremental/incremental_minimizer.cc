@@ -312,8 +312,8 @@ void IncrementalMinimizer::LookAtStep() {
   context_.system.step().Reject();
 }
 
-// What a row that was not solved anew may leave: after a look all rows were, for a step that was not
-// taken.
+// What a row that was not solved anew may leave: after a look all rows were, for a step that was
+// not taken.
 double IncrementalMinimizer::Negligible() const {
   return has_looked_ ? 0.0 : frame_solve_.Wildfire();
 }
