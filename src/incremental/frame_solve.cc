@@ -38,9 +38,8 @@ bool FrameSolve::SeesLeft(double landmark_gain) {
 
 // Along a direction with a gradient g, in which S is as stiff as s, the step is δ = g / (s + μ) and
 // damping takes part with h = μδ². All that there is to gain, ½ g² / s, is ½ h (s + μ)² / (μ s):
-// where s is small beside μ, ½ h μ / s. It is small in all of what is seen where h is half of 2R, or
-// more; long chains without landmarks have so many directions of s somewhat above μ that nothing
-// less tells.
+// where s is small beside μ, ½ h μ / s. Long chains without landmarks have many directions of s
+// somewhat above μ, in which h is much less than 2R, and nothing hides.
 bool FrameSolve::MayHide() const {
   const Tuning::Stop& tuning = context_.tuning.stop;
   const double held_back = context_.control.mu() * scaled_square_ + held_back_of_landmarks_;

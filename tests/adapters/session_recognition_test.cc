@@ -39,18 +39,6 @@ TEST(SessionRecognition, SameCostFunctionWithOtherContents) {
   EXPECT_NEAR(tug.x, 2.5, 1e-6);
 }
 
-// A linear cost is linearized once, where x was set, and the solve goes elsewhere from there: the
-// border that comes between is seen only where it has ended.
-TEST(SessionRecognition, SameCostFunctionThatRefusesWhereTheLastSolveEnded) {
-  Tug tug;
-  tug.x = 3.0;
-  tug.Solve();
-  EXPECT_NEAR(tug.x, 3.4, 1e-6);
-  tug.b.refuses_above = 3.2;
-  tug.Solve();
-  EXPECT_EQ(tug.session.summary.termination_type, ceres::FAILURE);
-}
-
 // What a solve has not moved is not asked for more often.
 TEST(SessionRecognition, ACostFunctionIsCalledOnceWhereNothingMoves) {
   Tug tug;
