@@ -166,6 +166,7 @@ bool IncrementalMinimizer::Begin() {
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
+  frame_solve_.BeginToLook(/*knows_nothing=*/!begins);
   const bool go_on = !begins || context_.EndIteration();
   return go_on && (!new_frames_first || (new_frames_.Run() && linearization_.Relinearize()));
 }
@@ -261,7 +262,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining,
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
-    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+    NoteDamping();
     // A step by an earlier factor is shorter or longer for that alone.
     const double length =
         by_earlier_factor || !context_.stop.Foresees() ? 0.0 : context_.system.step().ScaledNorm();
@@ -299,7 +300,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
   if (!context_.control.IsDampedHard()) {
     // What the last step tells is cheap, and what the next one does, more to the point.
-    if (linearization_.MayHide()) {
+    if (linearization_.MayHide() || frame_solve_.MayHide()) {
       LookAtStep();
     }
     switch (linearization_.FreeHeldLandmarks()) {
@@ -308,7 +309,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
       case UpdateLinearization::Freed::kFailed:
         return Verdict::kFailed;
       default:
-        return Verdict::kConverged;
+        if (!frame_solve_.MayHide() || !context_.control.GoBelow()) {
+          return Verdict::kConverged;
+        }
+        linearization_.ForgetFreed();
+        return Verdict::kGoOn;
     }
   }
   // μ was at its floor, steps were refused there, and it has risen again.
@@ -335,10 +340,23 @@ void IncrementalMinimizer::LookAtStep() {
   }
   const FrameStep& step = frame_solve_.step();
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
-                         {-1.0, frame_solve_.Wildfire(), context_.summary->remaining_decrease},
+                         {-1.0, Negligible(), context_.summary->remaining_decrease},
                          &context_.system);
-  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+  has_looked_ = true;
+  NoteDamping();
   context_.system.step().Reject();
+}
+
+// What a row that was not solved anew may leave: after a look all rows were, for a step that was
+// not taken.
+double IncrementalMinimizer::Negligible() const {
+  return has_looked_ ? 0.0 : frame_solve_.Wildfire();
+}
+
+void IncrementalMinimizer::NoteDamping() {
+  const DampedLandmarks landmarks = context_.system.step().DampingOfLandmarks();
+  linearization_.NoteDampedSquare(landmarks.square);
+  frame_solve_.NoteStep(landmarks.held_back);
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
@@ -356,8 +374,7 @@ void IncrementalMinimizer::SelectActive(double remaining) {
       all ? -1.0 : std::max(truncation * remaining, context_.tuning.truncate.floor * allowed);
   const FrameStep& step = frame_solve_.step();
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
-                         {budget, frame_solve_.Wildfire(), remaining - landmarks_.Gain()},
-                         &context_.system);
+                         {budget, Negligible(), remaining - landmarks_.Gain()}, &context_.system);
   summary.num_moved_frames += static_cast<int>(context_.active.frames().size());
   summary.num_visited_landmarks += static_cast<int>(context_.active.landmarks().size());
 }
@@ -375,6 +392,7 @@ void IncrementalMinimizer::NoteStep(double gain_ratio, double length) {
   }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
                           context_.row().cost_change, gain_ratio, shortened ? 0.0 : length);
+  has_looked_ = false;
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
   linearization_.ForgetFreed();
@@ -387,6 +405,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   UpdateIteration& row = context_.row();
   row.refreshed = refreshed;
   if (refreshed) {
+    // Landmarks that were freed are damped again where they are eliminated anew.
+    linearization_.ForgetFreed();
     return Verdict::kGoOn;
   }
   context_.stop.StepRefused();

@@ -59,6 +59,8 @@ class IncrementalMinimizer {
   Verdict TakeStep(double remaining, bool by_earlier_factor);
   Verdict ClaimConvergence();
   void LookAtStep();
+  double Negligible() const;
+  void NoteDamping();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio, double length);
@@ -72,6 +74,7 @@ class IncrementalMinimizer {
   EarlierFactor earlier_factor_{&context_, &frame_solve_};
   NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
+  bool has_looked_ = false;  // at a step since one was taken
   ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left
 };
 

@@ -39,6 +39,16 @@ TEST(SessionRecognition, SameCostFunctionWithOtherContents) {
   EXPECT_NEAR(tug.x, 2.5, 1e-6);
 }
 
+// What a solve has not moved is not asked for more often.
+TEST(SessionRecognition, ACostFunctionIsCalledOnceWhereNothingMoves) {
+  Tug tug;
+  tug.Solve();
+  const int before = tug.a.num_cost_only_calls;
+  tug.Solve();
+  EXPECT_EQ(tug.session.changes().num_kept_factors, 2);
+  EXPECT_EQ(tug.a.num_cost_only_calls, before + 1);
+}
+
 TEST(SessionRecognition, OtherContentsAndOtherValuesAtOnce) {
   Tug tug;
   tug.b.weight = 1.0;

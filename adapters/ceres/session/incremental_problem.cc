@@ -1,6 +1,7 @@
 #include "adapters/ceres/session/incremental_problem.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/session/factor_matching.h"
@@ -68,8 +69,14 @@ void IncrementalProblem::Remember() {
   if (trust_ != Trust::kVerified) {
     return;
   }
-  for (Correspondence::Family& family : known_.families) {
-    family.family->Remember();
+  std::vector<const double*> values;
+  for (const Correspondence::Factor& factor : known_.factors) {
+    RememberingFamily& family = *known_.families[At(factor.family)].family;
+    const auto first = known_.factor_variables.begin() + factor.first_variable;
+    values.resize(At(family.num_slots()));
+    std::transform(first, first + family.num_slots(), values.begin(),
+                   [this](VariableId id) { return solver_.Values(id); });
+    family.Remember(factor.id.index, values.data());
   }
   for (Correspondence::Variable& variable : known_.variables) {
     if (variable.manifold != nullptr && variable.tangent_size > 0) {

@@ -1,6 +1,7 @@
 #include "adapters/ceres/session/remembering_family.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "adapters/ceres/read/index.h"
@@ -37,14 +38,20 @@ EvaluationFailure RememberingFamily::Evaluate(const FactorBatch& batch) const {
   return failure;
 }
 
+// A proof stays one: of the same function, at other values.
 void RememberingFamily::Record(const FactorBatch& batch, int i) const {
-  const double* const* parameters = batch.parameters + std::ptrdiff_t{i} * num_slots();
-  double* values = Values(i);
+  if (memory_[At(i)] == Memory::kProof) {
+    return;
+  }
+  CopyValues(batch.parameters + std::ptrdiff_t{i} * num_slots(), Values(i));
+  std::copy_n(batch.residuals + std::ptrdiff_t{i} * residual_size(), residual_size(), Residual(i));
+  memory_[At(i)] = Memory::kLinearized;
+}
+
+void RememberingFamily::CopyValues(const double* const* parameters, double* values) const {
   for (int s = 0; s < num_slots(); ++s) {
     values = std::copy_n(parameters[s], slot(s).ambient_size, values);
   }
-  std::copy_n(batch.residuals + std::ptrdiff_t{i} * residual_size(), residual_size(), values);
-  memory_[At(i)] = Memory::kLinearized;
 }
 
 void RememberingFamily::PlaceBorrowed(int i, const ceres::CostFunction* cost) {
@@ -56,15 +63,38 @@ void RememberingFamily::PlaceBorrowed(int i, const ceres::CostFunction* cost) {
   }
 }
 
-void RememberingFamily::Remember() {
-  for (int i = 0; remembers_ && i < size(); ++i) {
-    if (memory_[At(i)] != Memory::kLinearized || at(i) == nullptr) {
-      continue;
-    }
+// Whether a cost-only call says the same as the Jacobian call is asked once. What is recorded then
+// follows the parameters, unless it would prove nothing there.
+void RememberingFamily::Remember(int i, const double* const* parameters) {
+  if (!remembers_ || memory_[At(i)] == Memory::kNone) {
+    return;
+  }
+  if (memory_[At(i)] == Memory::kLinearized) {
     const bool proves = EvaluateCostOnly(*at(i), Values(i)) && Proves(Residual(i));
     memory_[At(i)] = proves ? Memory::kProof : Memory::kNone;
     std::copy(residual_.begin(), residual_.end(), Residual(i));
   }
+  if (memory_[At(i)] == Memory::kNone || HasValues(i, parameters)) {
+    return;
+  }
+  if (!EvaluateCostOnlyAt(*at(i), parameters)) {
+    memory_[At(i)] = Memory::kNone;
+  } else if (!SaysNothing()) {
+    CopyValues(parameters, Values(i));
+    std::copy(residual_.begin(), residual_.end(), Residual(i));
+  }
+}
+
+bool RememberingFamily::HasValues(int i, const double* const* parameters) const {
+  const double* values = Values(i);
+  for (int s = 0; s < num_slots(); ++s) {
+    const auto size = At(slot(s).ambient_size);
+    if (std::memcmp(values, parameters[s], size * sizeof(double)) != 0) {
+      return false;
+    }
+    values += size;
+  }
+  return true;
 }
 
 bool RememberingFamily::Recognize(int i, const ceres::CostFunction* cost) {
@@ -78,8 +108,19 @@ bool RememberingFamily::EvaluateCostOnly(const ceres::CostFunction& cost, const 
     pointers_[At(s)] = values;
     values += slot(s).ambient_size;
   }
+  return EvaluateCostOnlyAt(cost, pointers_.data());
+}
+
+bool RememberingFamily::EvaluateCostOnlyAt(const ceres::CostFunction& cost,
+                                           const double* const* parameters) {
   MarkUnwritten(residual_.data(), static_cast<int>(residual_.size()));
-  return cost.Evaluate(pointers_.data(), residual_.data(), nullptr);
+  return cost.Evaluate(parameters, residual_.data(), nullptr);
+}
+
+// A NaN says no more than zero does.
+bool RememberingFamily::SaysNothing() const {
+  return !std::any_of(residual_.begin(), residual_.end(),
+                      [](double r) { return std::fabs(r) > 0.0; });
 }
 
 // Whether residual_, of a cost-only call, says something, and the same as the Jacobian call. A NaN

@@ -10,11 +10,13 @@
 namespace inceres::internal {
 
 /// A family of a user's cost functions, borrowed, with what it takes to recognize them later: of
-/// each, the parameters x̄ of its last Jacobian call and the residual there.
+/// each, parameters and the residual there.
 ///
 /// Recognition compares cost-only calls with each other: a Jacobian call may round differently
 /// (AutoDiff divides otherwise than plain doubles do). So Remember, after a solve, evaluates
-/// cost-only at x̄; Recognize, before the next one, does so again.
+/// cost-only, first where the first Jacobian call was, and from then on where solves have ended;
+/// Recognize, before the next one, does so again. There, and not where Jacobians are from, values
+/// are to be had for the next solve as they stand.
 ///
 /// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place:
 /// Σ ambient sizes + residuals.
@@ -29,8 +31,8 @@ class RememberingFamily final : public CeresCostFamily {
   /// forgotten. Null: no cost function is there any more.
   void PlaceBorrowed(int i, const ceres::CostFunction* cost);
 
-  /// Prepares all places linearized since the last call to be recognized.
-  void Remember();
+  /// Prepares a place that was linearized to be recognized at these values of its parameters.
+  void Remember(int i, const double* const* parameters);
   /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if
   /// that proves nothing: the residual was zero, it was another one when Jacobians were asked for,
   /// or the place was never linearized.
@@ -39,20 +41,24 @@ class RememberingFamily final : public CeresCostFamily {
  private:
   enum class Memory : std::uint8_t {
     kNone,        ///< not linearized, or not to be recognized
-    kLinearized,  ///< x̄ and the residual of the Jacobian call
-    kProof,       ///< x̄ and the residual of a cost-only call
+    kLinearized,  ///< parameters and residual of the last Jacobian call
+    kProof,       ///< of a cost-only call
   };
 
   double* Values(int i) const { return records_.data() + static_cast<std::size_t>(i) * stride_; }
   double* Residual(int i) const { return Values(i) + num_values_; }
   void Record(const FactorBatch& batch, int i) const;
+  void CopyValues(const double* const* parameters, double* values) const;
+  bool HasValues(int i, const double* const* parameters) const;
   bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
+  bool EvaluateCostOnlyAt(const ceres::CostFunction& cost, const double* const* parameters);
+  bool SaysNothing() const;
   bool Proves(const double* with_jacobians) const;
 
   bool remembers_;
   std::size_t num_values_ = 0;
   std::size_t stride_ = 0;
-  mutable std::vector<double> records_;  // per place: x̄, residual
+  mutable std::vector<double> records_;  // per place: parameters, residual
   mutable std::vector<Memory> memory_;   // per place
   std::vector<double> residual_;         // of a cost-only call
   std::vector<const double*> pointers_;

@@ -55,8 +55,8 @@ struct INCERES_EXPORT SessionOptions {
 ///
 /// Nothing is believed because an address is the same, for addresses come back:
 /// - values are compared with those the session last wrote, bit by bit;
-/// - a cost function must evaluate (cost only, at the values of its last linearization) to the
-///   residual it had there, bit by bit. A residual of zero proves nothing, nor does one that
+/// - a cost function must evaluate (cost only, where the last solve has ended) to the residual it
+///   had there, bit by bit. A residual of zero proves nothing, nor does one that
 ///   depends on whether Jacobians are asked for; such a residual block, like one that fails, is
 ///   linearized anew in every solve;
 /// - a manifold must have the plus-Jacobian it had; a loss must give the values it gave at 25
