@@ -39,6 +39,34 @@ bool BorrowsValues(const FactorGraph& graph) {
   return false;
 }
 
+// Of the factors [first, last). Where chunks are cut may depend on the number of threads, where
+// sums of costs are may not. Both end at free places, which nobody evaluates.
+void AppendChunks(const FactorGraph& graph, FamilyId id, int first, int last, int num_threads,
+                  std::vector<FactorChunk>* chunks, std::vector<double>* sums) {
+  // Costly families (user code) are cut finer where there are threads to share them.
+  const int task_size = num_threads > 1 ? graph.family(id).TaskSize() : kChunkSize;
+  // Up to a multiple of kSumSize, so that a group never belongs to two chunks.
+  const int chunk_size =
+      (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
+  const bool gaps = graph.NumFreePlaces(id) > 0;
+  for (int begin = first; begin < last;) {
+    // Cut at multiples of chunk_size from the family's beginning, so that a free place shifts no
+    // later cut.
+    int end = std::min((begin / chunk_size + 1) * chunk_size, last);
+    for (int i = begin; gaps && i < end; ++i) {
+      end = graph.HasFactor(id, i) ? end : i;
+    }
+    if (end > begin) {
+      // Where a chunk begins or ends at a free place its first or last group has fewer factors.
+      chunks->push_back({id, begin, end, static_cast<int>(sums->size())});
+      sums->resize(sums->size() +
+                   static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
+    }
+    // A free place ends a chunk and is passed over.
+    begin = std::max(end, begin + 1);
+  }
+}
+
 }  // namespace
 
 Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Executor& executor,
@@ -51,7 +79,10 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
   families_.reserve(graph.num_families());
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     BuildFamily(id);
-    BuildChunks(id);
+    if (storage != JacobianStorage::kInParts) {
+      AppendChunks(graph, id, 0, families_[id].num_factors, executor.num_threads(), &chunks_,
+                   &sums_);
+    }
   }
   CutStrips();
 }
@@ -60,7 +91,7 @@ Evaluator::Evaluator(const FactorGraph& graph, const Layout& layout, const Execu
 // come.
 void Evaluator::CutStrips() {
   for (int k = 0; k < static_cast<int>(chunks_.size()); ++k) {
-    const Chunk& chunk = chunks_[k];
+    const FactorChunk& chunk = chunks_[k];
     const int family = families_[chunk.family].has_strips() ? chunk.family : -1;
     const bool goes_on = !strips_.empty() && strips_.back().family == family &&
                          (family < 0 || chunk.end - chunks_[strips_.back().begin].begin <=
@@ -77,34 +108,6 @@ void Evaluator::CutStrips() {
   }
   if (std::any_of(families_.begin(), families_.end(), keeps_singles)) {
     gradient_.resize(static_cast<std::size_t>(layout_.quad_offset.back()) * kQuad);
-  }
-}
-
-// Where chunks are cut may depend on the number of threads, where sums of costs are may not. Both
-// end at free places, which nobody evaluates: their residuals and Jacobians stay zero.
-void Evaluator::BuildChunks(FamilyId id) {
-  const int num_factors = families_[id].num_factors;
-  // Costly families (user code) are cut finer where there are threads to share them.
-  const int task_size = executor_.num_threads() > 1 ? families_[id].family->TaskSize() : kChunkSize;
-  // Up to a multiple of kSumSize, so that a group never belongs to two chunks.
-  const int chunk_size =
-      (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
-  const bool gaps = graph_->NumFreePlaces(id) > 0;
-  for (int begin = 0; begin < num_factors;) {
-    // Cut at multiples of chunk_size from the family's beginning, so that a free place shifts no
-    // later cut.
-    int end = std::min((begin / chunk_size + 1) * chunk_size, num_factors);
-    for (int i = begin; gaps && i < end; ++i) {
-      end = graph_->HasFactor(id, i) ? end : i;
-    }
-    if (end > begin) {
-      // Where a chunk begins or ends at a free place its first or last group has fewer factors.
-      chunks_.push_back({id, begin, end, static_cast<int>(sums_.size())});
-      sums_.resize(sums_.size() +
-                   static_cast<std::size_t>((end - 1) / kSumSize - begin / kSumSize + 1));
-    }
-    // A free place ends a chunk and is passed over.
-    begin = std::max(end, begin + 1);
   }
 }
 
@@ -136,6 +139,8 @@ void Evaluator::BuildFamily(FamilyId id) {
     PlaceWholeRows(layout_, &cache);
   } else if (storage_ == JacobianStorage::kBySlot) {
     PlaceBySlot(num_places, &cache);
+  } else if (storage_ == JacobianStorage::kInParts) {
+    PlaceInParts(num_places, &cache);
   } else {
     cache.PlaceByFactor(num_places,
                         storage_ == JacobianStorage::kByFactorInSingle &&
@@ -209,7 +214,8 @@ void Evaluator::FindParameters(FamilyId id) {
   });
 }
 
-EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, const Chunk& chunk) {
+EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point,
+                                           const FactorChunk& chunk) {
   Linearization& cache = families_[chunk.family];
   if (jacobians && leaves_out_zero_blocks_) {
     // Offsets of blocks that the last Jacobians left out come back before the new ones are looked
@@ -260,7 +266,7 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
     return Status::Ok();
   }
   announced_.clear();
-  for (const Chunk& chunk : chunks_) {
+  for (const FactorChunk& chunk : chunks_) {
     for (int i = chunk.begin; chunk.family == id && i < chunk.end; ++i) {
       announced_.push_back(i);
     }
@@ -360,6 +366,18 @@ Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
   // Nobody comes back to this point.
   KeepEvaluations(false, &families_);
   return status;
+}
+
+// Chunks are those of the part.
+Status Evaluator::EvaluatePart(FamilyId id, int begin, int end) {
+  BeginPart(begin, &families_[id]);
+  chunks_.clear();
+  sums_.clear();
+  AppendChunks(*graph_, id, begin, end, executor_.num_threads(), &chunks_, &sums_);
+  const Status status = Prepare(/*jacobians=*/true, id);
+  return status.ok() ? EvaluateChunks(/*jacobians=*/true, /*known_point=*/false, 0,
+                                      static_cast<int>(chunks_.size()))
+                     : status;
 }
 
 std::int64_t Evaluator::Bytes() const {

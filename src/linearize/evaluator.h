@@ -13,6 +13,14 @@
 
 namespace inceres::internal {
 
+/// Factors of one family that a task evaluates.
+struct FactorChunk {
+  int family;
+  int begin;
+  int end;
+  int first_sum;  // of those of their costs
+};
+
 /// Evaluates the factors at the two points of a trust-region iteration, current and candidate.
 ///
 /// Order of evaluation, calls to PlusJacobian and the correction for losses follow Ceres 2.1
@@ -66,6 +74,11 @@ class Evaluator {
   /// residual is the same to the bit.
   Status EvaluateJacobians(bool known_point, double* cost);
 
+  /// The same, without the cost, of some neighbors of a family that has room for such a part
+  /// (kInParts): their Jacobians take the place of those of the part before. The tangent maps have
+  /// been computed (points()).
+  Status EvaluatePart(FamilyId id, int begin, int end);
+
   /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
   void set_loss_curvature(LossCurvature curvature) { loss_curvature_ = curvature; }
 
@@ -92,13 +105,6 @@ class Evaluator {
   }
 
  private:
-  struct Chunk {
-    int family;
-    int begin;
-    int end;
-    int first_sum;  // in sums_
-  };
-
   // Chunks, one after the other, that are linearized at the same time.
   struct Strip {
     int family;  // that has strips, or -1
@@ -108,10 +114,9 @@ class Evaluator {
 
   void BuildFamily(FamilyId id);
   void CutStrips();
-  void BuildChunks(FamilyId id);
   void BindFamily(FamilyId id);
   void FindParameters(FamilyId id);
-  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, const Chunk& chunk);
+  EvaluationFailure EvaluateChunk(bool jacobians, bool known_point, const FactorChunk& chunk);
   Status EvaluateAll(bool jacobians, bool known_point, double* cost);
   Status EvaluateChunks(bool jacobians, bool known_point, int begin, int end);
   Status EvaluateStrips(bool known_point);
@@ -127,7 +132,7 @@ class Evaluator {
   MemoryBudget* memory_budget_ = nullptr;
   PointPair points_;
   std::vector<Linearization> families_;
-  std::vector<Chunk> chunks_;
+  std::vector<FactorChunk> chunks_;
   // of the costs of up to kSumSize factors each: what is added to what depends on nothing else
   std::vector<double> sums_;
   std::vector<EvaluationFailure> chunk_failures_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/address.h"
 #include "base/counting_sort.h"
 
 namespace inceres::internal {
@@ -186,6 +187,29 @@ void PlaceBySlot(int num_places, Linearization* cache) {
       ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
   cache->GrowTables(num_places);
   cache->tangent_offsets.resize(cache->parameters.size(), -1);
+}
+
+void PlaceInParts(int num_places, Linearization* cache) {
+  cache->GrowTables(num_places);
+  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+}
+
+// Padding is zero and stays so, whichever factors the blocks are of.
+void MakeRoomForPart(int size, Linearization* cache) {
+  cache->jacobian_values = ZeroedArray(static_cast<std::size_t>(FactorSize(*cache) * size));
+  cache->capacity = size;
+}
+
+// Families write, and kernels read, at data + factor · stride, so the part pretends to begin where
+// the Jacobians of factor 0 would be. That address is a number only: none of it is used.
+void BeginPart(int first, Linearization* cache) {
+  double* next = cache->jacobian_values.data();
+  for (int s = 0; s < cache->num_slots; ++s) {
+    SlotJacobians& slot = cache->slots[s];
+    slot.data = AddressBefore(first * slot.factor_stride, next);
+    cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
+    next += cache->capacity * slot.factor_stride;
+  }
 }
 
 void ClearUnwritten(Linearization* cache) {

@@ -27,6 +27,12 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache);
 /// the Jacobians.
 void PlaceBySlot(int num_places, Linearization* cache);
 
+/// The same without memory, for JacobianStorage::kInParts; then room for so many factors, and from
+/// now on these are those from `first` on.
+void PlaceInParts(int num_places, Linearization* cache);
+void MakeRoomForPart(int size, Linearization* cache);
+void BeginPart(int first, Linearization* cache);
+
 /// Makes zeros of what no evaluation writes: blocks without a place in the tangent vector, as
 /// tangent_offsets now says, and the padding of the others.
 void ClearUnwritten(Linearization* cache);

@@ -31,6 +31,9 @@ enum class JacobianStorage {
   /// as kByFactor, in the order of the factors, whatever landmarks they touch: where padding would
   /// take much memory
   kWithoutPadding,
+  /// as kBySlot, of neighboring factors at a time, for who looks at each of them once
+  /// (Evaluator::EvaluatePart)
+  kInParts,
 };
 
 /// The factors of one family, linearized: where their variables are, residuals and tangent

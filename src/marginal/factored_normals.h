@@ -19,8 +19,9 @@ namespace inceres::internal {
 /// determined is found out and named: a factor of a singular S often exists, thanks to rounding.
 class FactoredNormals {
  public:
+  /// `storage`: of the Jacobians; in parts nothing is left of them, which kQr does not allow.
   FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
-                  const CovarianceOptions& options);
+                  const CovarianceOptions& options, JacobianStorage storage);
 
   /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
   Status Factorize();

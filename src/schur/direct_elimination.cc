@@ -4,6 +4,7 @@
 
 #include "linear/pattern_rows.h"
 #include "linear/small_cholesky.h"
+#include "linearize/jacobian_places.h"
 
 namespace inceres::internal {
 
@@ -12,8 +13,9 @@ namespace inceres::internal {
 //
 //     S_ij += Σ over the chunk of Σ over the factors of l of J_iᵀJ_j − Y_li Y_ljᵀ,   i ≥ j.
 //
-// First the landmarks of a chunk, each writing its own U_inv and Y, then the lists, then block by
-// block what they add. A block has one order of its sum for any number of threads.
+// First the factors of a chunk are evaluated, then its landmarks, each writing its own U_inv and Y,
+// then the lists, then block by block what they add. A block has one order of its sum for any
+// number of threads.
 
 namespace {
 
@@ -32,11 +34,13 @@ bool IsDetermined(int size, const double* P, const double* U_inv, double max_inf
 
 }  // namespace
 
-DirectElimination::DirectElimination(const Evaluator& evaluator,
-                                     const LandmarkIncidences& incidences)
-    : evaluator_(evaluator), incidences_(incidences), kernels_(BestKernels()) {
+DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkIncidences& incidences)
+    : evaluator_(*evaluator), incidences_(incidences), kernels_(BestKernels()) {
   FindOwners();
   FindPattern();
+  for (const Linearization& cache : evaluator_.families()) {
+    CutFamily(cache);
+  }
 }
 
 // A family is recognized by the address of its slots.
@@ -69,6 +73,34 @@ void DirectElimination::FindOthers(const Linearization& cache) {
     if (std::none_of(ids, ids + cache.num_slots, is_landmark)) {
       others_[cache.id].push_back(i);
     }
+  }
+}
+
+// Where the family has the factors of a chunk behind those of the chunks before, it is cut there.
+// Where it has not, all its factors are evaluated with the first chunk. Factors without a landmark
+// go with those before them.
+void DirectElimination::CutFamily(const Linearization& cache) {
+  const int num_chunks = incidences_.num_chunks();
+  std::vector<int>& cuts = cuts_.emplace_back(static_cast<std::size_t>(num_chunks) + 1, 0);
+  cuts.back() = cache.num_factors;
+  int end = 0;  // of the chunks so far
+  bool in_order = true;
+  for (int chunk = 0; chunk < num_chunks; ++chunk) {
+    int first = cache.num_factors, last = -1;
+    for (int k = incidences_.factors_begin[incidences_.chunk_begin[chunk]];
+         k < incidences_.factors_begin[incidences_.chunk_begin[chunk + 1]]; ++k) {
+      if (owners_[k] == &cache) {
+        const LandmarkFactors& entry = incidences_.factors[k];
+        first = std::min(first, entry.factors[0]);
+        last = std::max(last, entry.factors[entry.count - 1]);
+      }
+    }
+    in_order = in_order && first >= end;
+    cuts[chunk] = chunk == 0 ? 0 : last >= 0 ? first : end;
+    end = std::max(end, last + 1);
+  }
+  if (!in_order || end == 0) {
+    std::fill(cuts.begin() + 1, cuts.end(), cache.num_factors);
   }
 }
 
@@ -207,6 +239,16 @@ void DirectElimination::ListFactors(const Linearization& cache, const std::int32
   }
 }
 
+// Those that are evaluated with the chunk.
+void DirectElimination::ListOthers(int chunk) {
+  for (const Linearization& cache : evaluator_.families()) {
+    const std::vector<std::int32_t>& others = others_[cache.id];
+    const auto begin = std::lower_bound(others.begin(), others.end(), cuts_[cache.id][chunk]);
+    const auto end = std::lower_bound(begin, others.end(), cuts_[cache.id][chunk + 1]);
+    ListFactors(cache, others.data() + (begin - others.begin()), static_cast<int>(end - begin));
+  }
+}
+
 void DirectElimination::AddLists() {
   BlockProducts products;
   products.is_near = true;
@@ -244,7 +286,33 @@ void DirectElimination::AddProducts(const BlockProducts& kind, double sign, Prod
   lists->Clear();
 }
 
-std::vector<int> DirectElimination::Eliminate(double max_inflation) {
+// A family's Jacobians stay where they are until it is cut.
+Status DirectElimination::Evaluate(int chunk) {
+  Status status;
+  if (evaluator_.storage() != JacobianStorage::kInParts) {
+    double cost = 0.0;
+    return chunk == 0 ? evaluator_.EvaluateJacobians(/*known_point=*/false, &cost) : status;
+  }
+  if (chunk == 0) {
+    status = evaluator_.points().ComputeTangents();
+  }
+  for (FamilyId id = 0; status.ok() && id < static_cast<int>(cuts_.size()); ++id) {
+    const std::vector<int>& cuts = cuts_[id];
+    if (chunk == 0) {
+      int largest = 0;
+      for (std::size_t k = 0; k + 1 < cuts.size(); ++k) {
+        largest = std::max(largest, cuts[k + 1] - cuts[k]);
+      }
+      MakeRoomForPart(largest, &evaluator_.families()[id]);
+    }
+    if (cuts[chunk] < cuts[chunk + 1]) {
+      status = evaluator_.EvaluatePart(id, cuts[chunk], cuts[chunk + 1]);
+    }
+  }
+  return status;
+}
+
+Status DirectElimination::Eliminate(double max_inflation, std::vector<int>* open) {
   const int num_landmarks = incidences_.num_landmarks();
   MakeSources();
   S_ = ZeroedArray(static_cast<std::size_t>(pattern_.value_begin.back()));
@@ -252,6 +320,10 @@ std::vector<int> DirectElimination::Eliminate(double max_inflation) {
   U_inv_ = ZeroedArray::Unwritten(static_cast<std::size_t>(num_landmarks) * kQuad * kQuad);
   std::vector<char> is_open(static_cast<std::size_t>(num_landmarks), 0);
   for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
+    const Status evaluated = Evaluate(chunk);
+    if (!evaluated.ok()) {
+      return evaluated;
+    }
     const int first = incidences_.chunk_begin[chunk], last = incidences_.chunk_begin[chunk + 1];
     evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
       // All factors first: one does not wait for another's roots and divisions.
@@ -269,19 +341,16 @@ std::vector<int> DirectElimination::Eliminate(double max_inflation) {
         ListLandmark(l);
       }
     }
+    ListOthers(chunk);
     AddLists();
   }
-  for (const Linearization& cache : evaluator_.families()) {
-    ListFactors(cache, others_[cache.id].data(), static_cast<int>(others_[cache.id].size()));
-  }
-  AddLists();
-  std::vector<int> open;
+  open->clear();
   for (int l = 0; l < num_landmarks; ++l) {
     if (is_open[l] != 0) {
-      open.push_back(l);
+      open->push_back(l);
     }
   }
-  return open;
+  return Status::Ok();
 }
 
 }  // namespace inceres::internal

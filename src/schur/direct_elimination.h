@@ -15,7 +15,8 @@ namespace inceres::internal {
 
 /// S = C − W P⁻¹ Wᵀ of Jacobians that are looked at once, undamped and without a right-hand side:
 /// what Elimination forms for every step of a solve, without a plan of all products, which takes as
-/// long to make as to carry out. A chunk of landmarks after the other adds to S.
+/// long to make as to carry out. A chunk of landmarks after the other is evaluated and adds to S:
+/// of an evaluator that keeps Jacobians in parts none of them leaves the processor's cache.
 ///
 /// Threads: those of the evaluator; the same bits for any number of them. Source: Triggs et al.
 /// 1999, section 6.1.
@@ -24,13 +25,13 @@ class DirectElimination {
   /// Of Y in a chunk: what stays in the second-level cache.
   static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 13;
 
-  /// Finds the pattern of S. The evaluator keeps Jacobians by slot.
-  DirectElimination(const Evaluator& evaluator, const LandmarkIncidences& incidences);
+  /// Finds the pattern of S. The evaluator keeps Jacobians by slot or in parts.
+  DirectElimination(Evaluator* evaluator, const LandmarkIncidences& incidences);
 
-  /// Forms S of the evaluator's Jacobians. Returns the landmarks, ascending, that have a coordinate
-  /// whose variance for known frames exceeds that with all else known by more than max_inflation:
-  /// if there are any, S is not formed to its end.
-  std::vector<int> Eliminate(double max_inflation);
+  /// Evaluates at the current point and forms S. *open: the landmarks, ascending, that have a
+  /// coordinate whose variance for known frames exceeds that with all else known by more than
+  /// max_inflation: if there are any, S is not formed to its end.
+  Status Eliminate(double max_inflation, std::vector<int>* open);
 
   const BlockPattern& pattern() const { return pattern_; }
   const double* S() const { return S_.data(); }
@@ -50,12 +51,15 @@ class DirectElimination {
 
   void FindOwners();
   void FindOthers(const Linearization& cache);
+  void CutFamily(const Linearization& cache);
+  Status Evaluate(int chunk);
   void FindPattern();
   void MakeSources();
   bool FactorizeLandmark(int landmark, double max_inflation);
   void EliminateLandmark(int landmark);
   void ListLandmark(int landmark);
   void ListFactors(const Linearization& cache, const std::int32_t* factors, int count);
+  void ListOthers(int chunk);
   void IndexBlocks();
   void AddLists();
   void AddProducts(const BlockProducts& kind, double sign, ProductLists* lists);
@@ -64,7 +68,7 @@ class DirectElimination {
                              : block_of_[static_cast<std::size_t>(row_place_[row] + column)];
   }
 
-  const Evaluator& evaluator_;
+  Evaluator& evaluator_;
   const LandmarkIncidences& incidences_;
   const Kernels& kernels_;
   BlockPattern pattern_;
@@ -74,6 +78,8 @@ class DirectElimination {
                                          // first block
   std::vector<const Linearization*> owners_;       // per entry of incidences_.factors
   std::vector<std::vector<std::int32_t>> others_;  // per family: factors without a landmark
+  // per family and chunk, and one more: the first factor that is evaluated with it
+  std::vector<std::vector<int>> cuts_;
   std::vector<Source> sources_;
   std::vector<std::size_t> first_source_;  // per family
   std::vector<ProductLists> of_sizes_;     // products of Y, by the size of their landmarks less one

@@ -1,4 +1,5 @@
-// S without a plan against the dense H, landmarks eliminated by Eigen.
+// S without a plan against the dense H, landmarks eliminated by Eigen; with Jacobians in parts to
+// the bit as with all of them.
 #include "schur/direct_elimination.h"
 
 #include <cstdint>
@@ -8,7 +9,6 @@
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
-#include "support/core_pipeline.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
 
@@ -16,7 +16,6 @@ namespace inceres::internal {
 namespace {
 
 using test::BundleOptions;
-using test::CorePipeline;
 using test::DenseOracle;
 using test::MakeBundle;
 using test::RandomGraph;
@@ -38,19 +37,41 @@ Eigen::MatrixXd Dense(const BlockPattern& pattern, const double* values) {
   return dense.selfadjointView<Eigen::Lower>();
 }
 
+struct Pipeline {
+  explicit Pipeline(const FactorGraph& graph, JacobianStorage storage = JacobianStorage::kInParts,
+                    std::int64_t quads_per_chunk = DirectElimination::kQuadsPerChunk,
+                    int num_threads = 1)
+      : executor(num_threads),
+        layout(graph, /*eliminate_landmarks=*/true),
+        evaluator(graph, layout, executor, storage),
+        incidences(evaluator, quads_per_chunk),
+        elimination(&evaluator, incidences) {}
+
+  Executor executor;
+  Layout layout;
+  Evaluator evaluator;
+  LandmarkIncidences incidences;
+  DirectElimination elimination;
+};
+
 void ExpectDenseS(const FactorGraph& graph, std::int64_t quads_per_chunk, int num_threads) {
-  const CorePipeline core(graph, true, num_threads, quads_per_chunk);
-  ASSERT_TRUE(core.status.ok()) << core.status.message;
-  DirectElimination elimination(core.evaluator, core.incidences);
-  EXPECT_EQ(elimination.Eliminate(kAnyInflation), std::vector<int>());
-  const DenseOracle oracle(graph, core.layout.variables);
-  const int n_c = core.layout.frame_size(), n_l = core.layout.size() - n_c;
+  Pipeline whole(graph, JacobianStorage::kBySlot, quads_per_chunk, num_threads);
+  std::vector<int> open;
+  ASSERT_TRUE(whole.elimination.Eliminate(kAnyInflation, &open).ok());
+  EXPECT_TRUE(open.empty());
+  const DenseOracle oracle(graph, whole.layout.variables);
+  const int n_c = whole.layout.frame_size(), n_l = whole.layout.size() - n_c;
   const Eigen::MatrixXd W = oracle.H.topRightCorner(n_c, n_l);
   Eigen::MatrixXd S = oracle.H.topLeftCorner(n_c, n_c);
   if (n_l > 0) {
     S -= W * oracle.H.bottomRightCorner(n_l, n_l).llt().solve(W.transpose());
   }
-  EXPECT_LT(RelativeError(Dense(elimination.pattern(), elimination.S()), S), 1e-9);
+  const BlockPattern& pattern = whole.elimination.pattern();
+  EXPECT_LT(RelativeError(Dense(pattern, whole.elimination.S()), S), 1e-9);
+  Pipeline parts(graph, JacobianStorage::kInParts, quads_per_chunk, num_threads);
+  ASSERT_TRUE(parts.elimination.Eliminate(kAnyInflation, &open).ok());
+  EXPECT_TRUE(open.empty());
+  EXPECT_EQ(Dense(pattern, parts.elimination.S()), Dense(pattern, whole.elimination.S()));
 }
 
 TEST(DirectElimination, IsTheSchurComplement) {
@@ -99,9 +120,10 @@ TEST(DirectElimination, NamesLandmarksThatAreNotDetermined) {
       random.Connect(2, {frame, landmarks.back()});
     }
   }
-  const CorePipeline core(random.graph());
-  DirectElimination elimination(core.evaluator, core.incidences);
-  EXPECT_EQ(elimination.Eliminate(kAnyInflation), (std::vector<int>{1, 3}));
+  Pipeline core(random.graph());
+  std::vector<int> open;
+  ASSERT_TRUE(core.elimination.Eliminate(kAnyInflation, &open).ok());
+  EXPECT_EQ(open, (std::vector<int>{1, 3}));
 }
 
 }  // namespace
