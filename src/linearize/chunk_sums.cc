@@ -101,8 +101,8 @@ void ChunkSums::AddTerms(int chunk, std::size_t block, double* sum, double* g) {
     products.depth = cache.residual_size;
     products.a_size = pattern.block_size(pattern.columns[block]);
     products.b_size = pattern.block_size(plans_.block_row[block]);
-    products.a_stride = J_column.row_stride % kQuad != 0 ? J_column.row_stride : 0;
-    products.b_stride = J_row.row_stride % kQuad != 0 ? J_row.row_stride : 0;
+    products.a_stride = J_column.UnpaddedStride();
+    products.b_stride = J_row.UnpaddedStride();
     products.symmetric = source.row_slot == source.column_slot;
     kernels_.accumulate_products(products, 1.0, sum);
     if (g != nullptr) {

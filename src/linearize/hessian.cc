@@ -51,11 +51,6 @@ void PackDiagonal(int size, double* padded, double* packed) {
   PackBlock(size, size, padded, packed);
 }
 
-// 0 where rows are padded, or need not be.
-int UnpaddedStride(const SlotJacobians& slot) {
-  return slot.row_stride % kQuad != 0 ? slot.row_stride : 0;
-}
-
 }  // namespace
 
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -113,8 +108,8 @@ void Hessian::BuildProducts() {
     made.products.depth = cache.residual_size;
     // The same slot for row and column: every term is a Jacobian with itself.
     made.products.symmetric = source.row_slot == source.column_slot;
-    made.products.a_stride = UnpaddedStride(cache.slots[source.column_slot]);
-    made.products.b_stride = UnpaddedStride(cache.slots[source.row_slot]);
+    made.products.a_stride = cache.slots[source.column_slot].UnpaddedStride();
+    made.products.b_stride = cache.slots[source.row_slot].UnpaddedStride();
     made.gradient.a_stride = made.products.b_stride;
     made.products.is_near = AreNear(static_cast<std::int64_t>(cache.jacobian_values.size()));
     made.gradient.a = cache.slots[source.row_slot].data;

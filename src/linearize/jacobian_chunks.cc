@@ -41,6 +41,15 @@ Status BringJacobians(const Evaluator& evaluator, int chunk) {
   return chunks != nullptr ? chunks->Bring(chunk) : Status::Ok();
 }
 
+const char* JacobianChunks::Obstacle(const FactorGraph& graph) {
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    if (graph.family(id).Prepares()) {
+      return "a family that prepares evaluations";
+    }
+  }
+  return graph.HasPins() ? "pinned variables" : nullptr;
+}
+
 std::int64_t JacobianChunks::QuadsOf(FamilyId family) const {
   const std::vector<SlotJacobians>& slots = evaluator_.families()[family].slots;
   return slots.empty() ? 0 : slots[0].factor_stride / kQuad;

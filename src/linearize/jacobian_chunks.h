@@ -25,6 +25,9 @@ struct LandmarkIncidences;
 /// evaluator; the same bits for any number.
 class JacobianChunks {
  public:
+  /// What of the graph does not allow it, in words; null: nothing does.
+  static const char* Obstacle(const FactorGraph& graph);
+
   explicit JacobianChunks(Evaluator* evaluator) : evaluator_(*evaluator) {}
 
   /// Cuts as the elimination does, once, before any pass.
@@ -32,6 +35,10 @@ class JacobianChunks {
   int num_chunks() const { return num_chunks_; }
   int Begin(int chunk, FamilyId family) const { return ends_[Entry(chunk, family)]; }
   int End(int chunk, FamilyId family) const { return ends_[Entry(chunk + 1, family)]; }
+  /// Whose record it is.
+  int FactorAt(FamilyId family, int record) const {
+    return factors_[family].empty() ? record : factors_[family][record];
+  }
   /// Doubles of the largest chunk.
   std::size_t size() const { return values_.size(); }
 
@@ -67,9 +74,6 @@ class JacobianChunks {
   void CutTheRest();
   void CutIntoPieces();
   std::int64_t QuadsOf(FamilyId family) const;
-  int FactorAt(FamilyId family, int record) const {
-    return factors_[family].empty() ? record : factors_[family][record];
-  }
   int EndOfRun(const Piece& piece, int record) const;
   Status Evaluate(int chunk, bool known_point, double* cost);
   EvaluationFailure EvaluatePiece(const Piece& piece, bool known_point, Moved* moved, double* cost);

@@ -134,12 +134,14 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
   if (!status.ok()) {
     return status;
   }
+  bool has_landmarks = false;
   // Ids before anything else asks the graph for them.
   for (const auto& pair : pairs) {
     for (const VariableId id : {pair.first, pair.second}) {
       if (!graph.HasVariable(id)) {
         return Invalid("variable " + std::to_string(id) + " does not exist");
       }
+      has_landmarks = has_landmarks || graph.role(id) == Role::kLandmark;
     }
   }
   try {
@@ -149,7 +151,7 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<do
       const auto factorize = [&system](const Pairs& /*pairs*/) { return system.Compute(); };
       status = Fill(graph, pairs, factorize, system);
     } else {
-      internal::CovarianceSystem system(graph, state, options_);
+      internal::CovarianceSystem system(graph, state, options_, has_landmarks);
       const auto factorize = [&system](const Pairs& moving) {
         const Status factored = system.Factorize();
         return factored.ok() ? system.Prepare(moving) : factored;

@@ -16,9 +16,11 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 
 }  // namespace
 
+// V of landmarks comes from their Jacobians.
 CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
-                                   const CovarianceOptions& options)
-    : normals_(graph, state, options), layout_(normals_.layout()) {
+                                   const CovarianceOptions& options, bool has_landmarks)
+    : normals_(graph, state, options, /*keeps_jacobians=*/has_landmarks),
+      layout_(normals_.layout()) {
 }
 
 // V of a frame is a unit matrix, that of a landmark zero for now.

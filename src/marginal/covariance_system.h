@@ -21,8 +21,9 @@ namespace inceres::internal {
 /// the columns of all that is wanted, and where the factor has them; else from solves.
 class CovarianceSystem {
  public:
+  /// `has_landmarks`: whether Prepare may be given any.
   CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
-                   const CovarianceOptions& options);
+                   const CovarianceOptions& options, bool has_landmarks);
 
   /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
   Status Factorize() { return normals_.Factorize(); }

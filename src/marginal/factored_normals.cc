@@ -21,18 +21,27 @@ constexpr double kShare = 0.01;
 constexpr int kMostShares = 8;
 constexpr int kMostDirections = 32;
 
+// In chunks they never leave the processor's cache. kQr reads them all.
+JacobianStorage StorageOf(const FactorGraph& graph, const CovarianceOptions& options,
+                          bool keeps_jacobians) {
+  return keeps_jacobians || options.algorithm == CovarianceAlgorithm::kQr ||
+                 JacobianChunks::Obstacle(graph) != nullptr
+             ? JacobianStorage::kBySlot
+             : JacobianStorage::kInChunks;
+}
+
 }  // namespace
 
 FactoredNormals::FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
-                                 const CovarianceOptions& options)
+                                 const CovarianceOptions& options, bool keeps_jacobians)
     // graph, options and state are the caller's: nothing of them is copied but the values.
     : graph_(graph),
       options_(options),
       executor_(options.num_threads),
       layout_(graph, /*eliminate_landmarks=*/true),
-      evaluator_(graph, layout_, executor_),
+      evaluator_(graph, layout_, executor_, StorageOf(graph, options, keeps_jacobians)),
       incidences_(evaluator_, DirectElimination::kQuadsPerChunk),
-      elimination_(evaluator_, incidences_),
+      elimination_(&evaluator_, incidences_),
       factor_(executor_) {
   evaluator_.points().SetCurrent(state);
 }
@@ -83,17 +92,16 @@ void FactoredNormals::FindDirections() {
 
 // Landmarks are tested first: one that is open has spoiled S, and would be blamed on a frame.
 Status FactoredNormals::Factorize() {
-  double cost = 0.0;
-  // Nothing was evaluated at this state before.
-  Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
-  if (!status.ok()) {
-    return status;
-  }
-  // The same from here on without S, in covariance_by_rows.cc.
+  // The same without S, in factored_rows.cc.
   if (options_.algorithm == CovarianceAlgorithm::kQr) {
-    return FactorizeRows();
+    double cost = 0.0;
+    // Nothing was evaluated at this state before.
+    const Status evaluated = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
+    return evaluated.ok() ? FactorizeRows() : evaluated;
   }
-  status = NameOpen(elimination_.Eliminate(options_.max_inflation));
+  std::vector<int> open;
+  Status status = elimination_.Eliminate(options_.max_inflation, &open);
+  status = status.ok() ? NameOpen(open) : status;
   if (!status.ok() || layout_.num_frames == 0) {
     return status;
   }

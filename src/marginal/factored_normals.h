@@ -19,8 +19,9 @@ namespace inceres::internal {
 /// determined is found out and named: a factor of a singular S often exists, thanks to rounding.
 class FactoredNormals {
  public:
+  /// `keeps_jacobians`: whether they are there after Factorize.
   FactoredNormals(const FactorGraph& graph, const std::vector<double>& state,
-                  const CovarianceOptions& options);
+                  const CovarianceOptions& options, bool keeps_jacobians);
 
   /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
   Status Factorize();

@@ -32,9 +32,15 @@ bool IsDetermined(int size, const double* P, const double* U_inv, double max_inf
 
 }  // namespace
 
-DirectElimination::DirectElimination(const Evaluator& evaluator,
-                                     const LandmarkIncidences& incidences)
-    : evaluator_(evaluator), incidences_(incidences), kernels_(BestKernels()) {
+DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkIncidences& incidences)
+    : evaluator_(*evaluator),
+      incidences_(incidences),
+      kernels_(BestKernels()),
+      chunks_(evaluator->jacobian_chunks()) {
+  if (chunks_ != nullptr) {
+    chunks_->Cut(incidences);
+    chunks_->ReadBy([this](int chunk) { AddChunk(chunk); });
+  }
   FindOwners();
   FindPattern();
 }
@@ -67,9 +73,10 @@ void DirectElimination::FindOthers(const Linearization& cache) {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, i);
     const auto is_landmark = [&](VariableId id) { return layout.LandmarkOf(id) >= 0; };
     if (std::none_of(ids, ids + cache.num_slots, is_landmark)) {
-      others_[cache.id].push_back(i);
+      others_[cache.id].push_back(cache.Record(i));
     }
   }
+  std::sort(others_[cache.id].begin(), others_[cache.id].end());
 }
 
 // Frames that share a landmark or a factor.
@@ -77,8 +84,8 @@ void DirectElimination::FindPattern() {
   const Layout& layout = evaluator_.layout();
   std::vector<std::vector<int>> coupled(static_cast<std::size_t>(layout.num_frames));
   for (const Linearization& cache : evaluator_.families()) {
-    for (const int factor : others_[cache.id]) {
-      const VariableId* ids = evaluator_.graph().Variables(cache.id, factor);
+    for (const int record : others_[cache.id]) {
+      const VariableId* ids = evaluator_.graph().Variables(cache.id, FactorAt(cache.id, record));
       for (int a = 0; a < cache.num_slots; ++a) {
         for (int b = 0; b < cache.num_slots; ++b) {
           const int i = layout.FrameOf(ids[a]), j = layout.FrameOf(ids[b]);
@@ -145,7 +152,7 @@ void DirectElimination::MakeSources() {
 }
 
 // U_inv; false of one that is not determined.
-bool DirectElimination::FactorizeLandmark(int landmark, double max_inflation) {
+bool DirectElimination::FactorizeLandmark(int landmark) {
   const double no_damping[kQuad] = {};
   double P[kQuad * kQuad] = {}, eta[kQuad] = {};
   const int size = incidences_.sizes[landmark];
@@ -155,7 +162,7 @@ bool DirectElimination::FactorizeLandmark(int landmark, double max_inflation) {
     kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
   }
   return InvertCholeskyFactor(size, P, no_damping, U_inv) &&
-         IsDetermined(size, P, U_inv, max_inflation);
+         IsDetermined(size, P, U_inv, max_inflation_);
 }
 
 void DirectElimination::EliminateLandmark(int landmark) {
@@ -170,7 +177,7 @@ void DirectElimination::EliminateLandmark(int landmark) {
 void DirectElimination::ListLandmark(int landmark) {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
-    ListFactors(*owners_[k], incidences_.factors[k].factors, incidences_.factors[k].count);
+    ListRecords(*owners_[k], incidences_.factors[k].factors, incidences_.factors[k].count);
   }
   ProductLists& lists = of_sizes_[incidences_.sizes[landmark] - 1];
   const int begin = incidences_.begin[landmark], end = incidences_.begin[landmark + 1];
@@ -186,13 +193,13 @@ void DirectElimination::ListLandmark(int landmark) {
   }
 }
 
-void DirectElimination::ListFactors(const Linearization& cache, const std::int32_t* factors,
+void DirectElimination::ListRecords(const Linearization& cache, const std::int32_t* records,
                                     int count) {
   const Layout& layout = evaluator_.layout();
   const VariableId* const ids_of_all = evaluator_.graph().Variables(cache.id, 0);
   for (int n = 0; n < count; ++n) {
-    const std::int32_t factor = factors[n];
-    const VariableId* const ids = ids_of_all + cache.Entry(factor);
+    const std::int32_t record = records[n];
+    const VariableId* const ids = ids_of_all + cache.Entry(FactorAt(cache.id, record));
     Source* of_row = sources_.data() + first_source_[cache.id];
     for (int r = 0; r < cache.num_slots; ++r, of_row += cache.num_slots) {
       const int i = layout.FrameOf(ids[r]);
@@ -200,10 +207,26 @@ void DirectElimination::ListFactors(const Linearization& cache, const std::int32
         const int j = layout.FrameOf(ids[c]);
         if (j >= 0 && j <= i) {
           of_row[c].lists.Add(BlockAt(i, j),
-                              {factor * of_row[c].column_quads, factor * of_row[c].row_quads});
+                              {record * of_row[c].column_quads, record * of_row[c].row_quads});
         }
       }
     }
+  }
+}
+
+// Those that come with the chunk: all with the last one where Jacobians are kept.
+void DirectElimination::ListOthers(int chunk) {
+  if (chunks_ == nullptr && chunk + 1 < incidences_.num_chunks()) {
+    return;
+  }
+  for (const Linearization& cache : evaluator_.families()) {
+    const std::vector<std::int32_t>& others = others_[cache.id];
+    auto begin = others.begin(), end = others.end();
+    if (chunks_ != nullptr) {
+      begin = std::lower_bound(begin, end, chunks_->Begin(chunk, cache.id));
+      end = std::lower_bound(begin, end, chunks_->End(chunk, cache.id));
+    }
+    ListRecords(cache, others.data() + (begin - others.begin()), static_cast<int>(end - begin));
   }
 }
 
@@ -212,11 +235,16 @@ void DirectElimination::AddLists() {
   products.is_near = true;
   for (Source& source : sources_) {
     const Linearization& cache = *source.cache;
-    products.a = cache.slots[source.column_slot].data;
-    products.b = cache.slots[source.row_slot].data;
+    const SlotJacobians& J_row = cache.slots[source.row_slot];
+    const SlotJacobians& J_column = cache.slots[source.column_slot];
+    products.a = J_column.data;
+    products.b = J_row.data;
+    products.a_stride = J_column.UnpaddedStride();
+    products.b_stride = J_row.UnpaddedStride();
     products.depth = cache.residual_size;
     AddProducts(products, 1.0, &source.lists);
   }
+  products.a_stride = products.b_stride = 0;
   products.a = products.b = Y_.data();
   products.tail = incidences_.tail;
   for (std::size_t k = 0; k < of_sizes_.size(); ++k) {
@@ -244,44 +272,58 @@ void DirectElimination::AddProducts(const BlockProducts& kind, double sign, Prod
   lists->Clear();
 }
 
-std::vector<int> DirectElimination::Eliminate(double max_inflation) {
+// Behind the chunks of landmarks come those of factors that touch none.
+void DirectElimination::AddChunk(int chunk) {
+  if (chunk < incidences_.num_chunks()) {
+    EliminateLandmarks(incidences_.chunk_begin[chunk], incidences_.chunk_begin[chunk + 1]);
+  }
+  ListOthers(chunk);
+  AddLists();
+}
+
+void DirectElimination::EliminateLandmarks(int first, int last) {
+  evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
+    // All factors first: one does not wait for another's roots and divisions.
+    for (int l = first + begin; l < first + end; ++l) {
+      is_open_[l] = FactorizeLandmark(l) ? 0 : 1;
+    }
+    for (int l = first + begin; l < first + end; ++l) {
+      if (is_open_[l] == 0) {
+        EliminateLandmark(l);
+      }
+    }
+  });
+  for (int l = first; l < last; ++l) {
+    if (is_open_[l] == 0) {
+      ListLandmark(l);
+    }
+  }
+}
+
+Status DirectElimination::Eliminate(double max_inflation, std::vector<int>* open) {
   const int num_landmarks = incidences_.num_landmarks();
   MakeSources();
+  max_inflation_ = max_inflation;
   S_ = ZeroedArray(static_cast<std::size_t>(pattern_.value_begin.back()));
   Y_ = ZeroedArray::Unwritten(static_cast<std::size_t>(incidences_.y_quads * kQuad));
   U_inv_ = ZeroedArray::Unwritten(static_cast<std::size_t>(num_landmarks) * kQuad * kQuad);
-  std::vector<char> is_open(static_cast<std::size_t>(num_landmarks), 0);
-  for (int chunk = 0; chunk < incidences_.num_chunks(); ++chunk) {
-    const int first = incidences_.chunk_begin[chunk], last = incidences_.chunk_begin[chunk + 1];
-    evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
-      // All factors first: one does not wait for another's roots and divisions.
-      for (int l = first + begin; l < first + end; ++l) {
-        is_open[l] = FactorizeLandmark(l, max_inflation) ? 0 : 1;
-      }
-      for (int l = first + begin; l < first + end; ++l) {
-        if (is_open[l] == 0) {
-          EliminateLandmark(l);
-        }
-      }
-    });
-    for (int l = first; l < last; ++l) {
-      if (is_open[l] == 0) {
-        ListLandmark(l);
-      }
-    }
-    AddLists();
+  is_open_.assign(static_cast<std::size_t>(num_landmarks), 0);
+  double cost = 0.0;
+  // Nothing was evaluated at this state before. Chunks are added as they come.
+  const Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
+  if (!status.ok()) {
+    return status;
   }
-  for (const Linearization& cache : evaluator_.families()) {
-    ListFactors(cache, others_[cache.id].data(), static_cast<int>(others_[cache.id].size()));
+  for (int chunk = 0; chunks_ == nullptr && chunk < incidences_.num_chunks(); ++chunk) {
+    AddChunk(chunk);
   }
-  AddLists();
-  std::vector<int> open;
+  open->clear();
   for (int l = 0; l < num_landmarks; ++l) {
-    if (is_open[l] != 0) {
-      open.push_back(l);
+    if (is_open_[l] != 0) {
+      open->push_back(l);
     }
   }
-  return open;
+  return Status::Ok();
 }
 
 }  // namespace inceres::internal

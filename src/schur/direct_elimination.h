@@ -15,7 +15,8 @@ namespace inceres::internal {
 
 /// S = C − W P⁻¹ Wᵀ of Jacobians that are looked at once, undamped and without a right-hand side:
 /// what Elimination forms for every step of a solve, without a plan of all products, which takes as
-/// long to make as to carry out. A chunk of landmarks after the other adds to S.
+/// long to make as to carry out. A chunk of landmarks after the other is evaluated and adds to S:
+/// where Jacobians come in chunks none of them leaves the processor's cache.
 ///
 /// Threads: those of the evaluator; the same bits for any number of them. Source: Triggs et al.
 /// 1999, section 6.1.
@@ -24,13 +25,13 @@ class DirectElimination {
   /// Of Y in a chunk: what stays in the second-level cache.
   static constexpr std::int64_t kQuadsPerChunk = std::int64_t{1} << 13;
 
-  /// Finds the pattern of S. The evaluator keeps Jacobians by slot.
-  DirectElimination(const Evaluator& evaluator, const LandmarkIncidences& incidences);
+  /// Finds the pattern of S. The evaluator keeps Jacobians by slot or in chunks.
+  DirectElimination(Evaluator* evaluator, const LandmarkIncidences& incidences);
 
-  /// Forms S of the evaluator's Jacobians. Returns the landmarks, ascending, that have a coordinate
-  /// whose variance for known frames exceeds that with all else known by more than max_inflation:
-  /// if there are any, S is not formed to its end.
-  std::vector<int> Eliminate(double max_inflation);
+  /// Evaluates at the current point and forms S. *open: the landmarks, ascending, that have a
+  /// coordinate whose variance for known frames exceeds that with all else known by more than
+  /// max_inflation: if there are any, S is not formed to its end.
+  Status Eliminate(double max_inflation, std::vector<int>* open);
 
   const BlockPattern& pattern() const { return pattern_; }
   const double* S() const { return S_.data(); }
@@ -52,31 +53,40 @@ class DirectElimination {
   void FindOthers(const Linearization& cache);
   void FindPattern();
   void MakeSources();
-  bool FactorizeLandmark(int landmark, double max_inflation);
+  void AddChunk(int chunk);
+  void EliminateLandmarks(int first, int last);
+  bool FactorizeLandmark(int landmark);
   void EliminateLandmark(int landmark);
   void ListLandmark(int landmark);
-  void ListFactors(const Linearization& cache, const std::int32_t* factors, int count);
+  void ListRecords(const Linearization& cache, const std::int32_t* records, int count);
+  void ListOthers(int chunk);
   void IndexBlocks();
   void AddLists();
   void AddProducts(const BlockProducts& kind, double sign, ProductLists* lists);
+  int FactorAt(FamilyId family, int record) const {
+    return chunks_ == nullptr ? record : chunks_->FactorAt(family, record);
+  }
   int BlockAt(int row, int column) const {
     return block_of_.empty() ? FindBlock(pattern_, row, column)
                              : block_of_[static_cast<std::size_t>(row_place_[row] + column)];
   }
 
-  const Evaluator& evaluator_;
+  Evaluator& evaluator_;
   const LandmarkIncidences& incidences_;
   const Kernels& kernels_;
+  JacobianChunks* chunks_;  // null: Jacobians are kept
   BlockPattern pattern_;
   std::vector<int> block_row_;  // per block
   std::vector<int> block_of_;   // by row_place_ and column; empty if few places have a block
   std::vector<std::int64_t> row_place_;  // where column 0 of a row would be: rows begin with their
                                          // first block
   std::vector<const Linearization*> owners_;       // per entry of incidences_.factors
-  std::vector<std::vector<std::int32_t>> others_;  // per family: factors without a landmark
+  std::vector<std::vector<std::int32_t>> others_;  // per family: records without a landmark
   std::vector<Source> sources_;
   std::vector<std::size_t> first_source_;  // per family
   std::vector<ProductLists> of_sizes_;     // products of Y, by the size of their landmarks less one
+  double max_inflation_ = 0.0;
+  std::vector<char> is_open_;  // per landmark
   ZeroedArray U_inv_;
   ZeroedArray Y_;  // of a chunk
   ZeroedArray S_;

@@ -87,6 +87,9 @@ struct SlotJacobians {
   // Where J is kept in single precision, with the same strides; `data` is null then, but for those
   // who linearize. Kernels for landmarks, and products of rows, read these, too.
   float* single = nullptr;
+
+  /// Of BlockProducts and VectorProducts: 0 where rows are padded, or need not be.
+  int UnpaddedStride() const { return row_stride % kQuad != 0 ? row_stride : 0; }
 };
 
 /// The factors of one landmark within one family, seen from its elimination.

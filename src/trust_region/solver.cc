@@ -113,15 +113,7 @@ const char* NeedsJacobians(const SolverOptions& options, const LoopOptions& loop
   if (options.observer != nullptr || loop.system_observer != nullptr) {
     return "an observer, who is told of each evaluation,";
   }
-  if (graph.HasPins() || graph.HasBounds()) {
-    return "pinned variables or bounds";
-  }
-  for (FamilyId id = 0; id < graph.num_families(); ++id) {
-    if (graph.family(id).Prepares()) {
-      return "a family that prepares evaluations";
-    }
-  }
-  return nullptr;
+  return graph.HasBounds() ? "bounds" : JacobianChunks::Obstacle(graph);
 }
 
 // What a structure is set up with.

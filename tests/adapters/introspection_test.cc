@@ -36,15 +36,18 @@ TEST(PointerIndex, FindsEveryPointerAndNoOther) {
   }
 }
 
-TEST(PointerIndex, KeepsTheFirstIndexOfAPointer) {
+TEST(PointerIndex, NumbersPointersAsTheyCome) {
   const double memory[3] = {};
   PointerIndex index;
   index.Reserve(3);
-  EXPECT_EQ(index.FindOrAdd(memory, 7), 7);
-  EXPECT_EQ(index.FindOrAdd(memory + 1, 8), 8);
-  EXPECT_EQ(index.FindOrAdd(memory, 9), 7);
-  EXPECT_EQ(index.Find(memory), 7);
+  EXPECT_EQ(index.FindOrAdd(memory + 1), 0);
+  EXPECT_EQ(index.FindOrAdd(memory), 1);
+  EXPECT_EQ(index.FindOrAdd(memory + 1), 0);
   EXPECT_EQ(index.Find(memory + 2), -1);
+  index.Renumber({1, 0});
+  EXPECT_EQ(index.Find(memory), 0);
+  EXPECT_EQ(index.Find(memory + 1), 1);
+  EXPECT_EQ(index.FindOrAdd(memory + 2), 2);
 }
 
 // Many are found by way of the residual blocks that touch them, unless some are touched by none.
@@ -315,6 +318,30 @@ TEST(Introspection, NoticesACostFunctionThatChangedItsSizes) {
   EXPECT_EQ(Introspect(test.problem).defect, "");
   cost->Resize(2);
   EXPECT_NE(Introspect(test.problem).defect.find("another size"), std::string::npos);
+}
+
+// Of many blocks sizes are those of cost functions, as long as these have not changed.
+TEST(Introspection, NoticesACostFunctionOfManyThatChangedItsSizes) {
+  class Mutable : public ShapeOnlyCost {
+   public:
+    using ShapeOnlyCost::ShapeOnlyCost;
+    std::vector<std::int32_t>* sizes() { return mutable_parameter_block_sizes(); }
+  };
+  constexpr std::size_t kNumBlocks = 5000;
+  std::vector<double> values(3 * kNumBlocks);
+  ceres::Problem problem;
+  Mutable* last = nullptr;
+  for (std::size_t b = 0; b < kNumBlocks; ++b) {
+    last = new Mutable(1, std::vector<int>{3});
+    problem.AddResidualBlock(last, nullptr, &values[3 * b]);
+  }
+  const ProblemView view = Introspect(problem);
+  EXPECT_EQ(view.defect, "");
+  EXPECT_EQ(view.blocks.back().ambient_size, 3);
+  (*last->sizes())[0] = 2;
+  const ProblemView changed = Introspect(problem);
+  EXPECT_NE(changed.defect.find("another size"), std::string::npos);
+  EXPECT_EQ(changed.blocks.back().ambient_size, 3);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// S without a plan against the dense H, landmarks eliminated by Eigen.
+// S without a plan against the dense H, landmarks eliminated by Eigen; the same of Jacobians in
+// chunks, to the bit for any number of threads.
 #include "schur/direct_elimination.h"
 
 #include <cstdint>
@@ -8,7 +9,6 @@
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
-#include "support/core_pipeline.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
 
@@ -16,7 +16,6 @@ namespace inceres::internal {
 namespace {
 
 using test::BundleOptions;
-using test::CorePipeline;
 using test::DenseOracle;
 using test::MakeBundle;
 using test::RandomGraph;
@@ -38,39 +37,64 @@ Eigen::MatrixXd Dense(const BlockPattern& pattern, const double* values) {
   return dense.selfadjointView<Eigen::Lower>();
 }
 
-void ExpectDenseS(const FactorGraph& graph, std::int64_t quads_per_chunk, int num_threads) {
-  const CorePipeline core(graph, true, num_threads, quads_per_chunk);
-  ASSERT_TRUE(core.status.ok()) << core.status.message;
-  DirectElimination elimination(core.evaluator, core.incidences);
-  EXPECT_EQ(elimination.Eliminate(kAnyInflation), std::vector<int>());
-  const DenseOracle oracle(graph, core.layout.variables);
-  const int n_c = core.layout.frame_size(), n_l = core.layout.size() - n_c;
+struct Pipeline {
+  explicit Pipeline(const FactorGraph& graph, JacobianStorage storage = JacobianStorage::kInChunks,
+                    std::int64_t quads_per_chunk = DirectElimination::kQuadsPerChunk,
+                    int num_threads = 1)
+      : executor(num_threads),
+        layout(graph, /*eliminate_landmarks=*/true),
+        evaluator(graph, layout, executor, storage),
+        incidences(evaluator, quads_per_chunk),
+        elimination(&evaluator, incidences) {}
+
+  Executor executor;
+  Layout layout;
+  Evaluator evaluator;
+  LandmarkIncidences incidences;
+  DirectElimination elimination;
+};
+
+Eigen::MatrixXd SOf(const FactorGraph& graph, JacobianStorage storage, std::int64_t quads_per_chunk,
+                    int num_threads) {
+  Pipeline core(graph, storage, quads_per_chunk, num_threads);
+  std::vector<int> open;
+  EXPECT_TRUE(core.elimination.Eliminate(kAnyInflation, &open).ok());
+  EXPECT_TRUE(open.empty());
+  return Dense(core.elimination.pattern(), core.elimination.S());
+}
+
+void ExpectDenseS(const FactorGraph& graph, std::int64_t quads_per_chunk) {
+  const Layout layout(graph, /*eliminate_landmarks=*/true);
+  const DenseOracle oracle(graph, layout.variables);
+  const int n_c = layout.frame_size(), n_l = layout.size() - n_c;
   const Eigen::MatrixXd W = oracle.H.topRightCorner(n_c, n_l);
   Eigen::MatrixXd S = oracle.H.topLeftCorner(n_c, n_c);
   if (n_l > 0) {
     S -= W * oracle.H.bottomRightCorner(n_l, n_l).llt().solve(W.transpose());
   }
-  EXPECT_LT(RelativeError(Dense(elimination.pattern(), elimination.S()), S), 1e-9);
+  for (const JacobianStorage storage : {JacobianStorage::kBySlot, JacobianStorage::kInChunks}) {
+    const Eigen::MatrixXd of_one_thread = SOf(graph, storage, quads_per_chunk, 1);
+    EXPECT_LT(RelativeError(of_one_thread, S), 1e-9);
+    EXPECT_EQ(SOf(graph, storage, quads_per_chunk, 2), of_one_thread);
+  }
 }
 
 TEST(DirectElimination, IsTheSchurComplement) {
-  for (const int num_threads : {1, 2}) {
-    for (const std::int64_t quads_per_chunk : {DirectElimination::kQuadsPerChunk, 100L, 1L}) {
-      BundleOptions options;
-      options.num_views = 4;
-      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
-      options.frame_sizes = {9};  // Y has a tail
-      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
-      options.frame_sizes = {6, 3, 9, 1};
-      options.landmark_sizes = {3, 1, 4, 2};
-      options.residual_sizes = {2, 3, 1};
-      options.hosted = options.by_frame = options.manifolds = options.losses = true;
-      options.constants = true;
-      options.num_views = 5;
-      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
-      options.num_landmarks = 0;
-      ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk, num_threads);
-    }
+  for (const std::int64_t quads_per_chunk : {DirectElimination::kQuadsPerChunk, 100L, 1L}) {
+    BundleOptions options;
+    options.num_views = 4;
+    ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk);
+    options.frame_sizes = {9};  // Y has a tail
+    ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk);
+    options.frame_sizes = {6, 3, 9, 1};
+    options.landmark_sizes = {3, 1, 4, 2};
+    options.residual_sizes = {2, 3, 1};
+    options.hosted = options.by_frame = options.manifolds = options.losses = true;
+    options.constants = true;
+    options.num_views = 5;
+    ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk);
+    options.num_landmarks = 0;
+    ExpectDenseS(MakeBundle(options)->graph(), quads_per_chunk);
   }
 }
 
@@ -84,7 +108,7 @@ TEST(DirectElimination, OfFramesThatAllMeetTheFirst) {
     bundle->Connect(6, {frame, 0});
     bundle->Connect(6, {0, frame});  // and once more
   }
-  ExpectDenseS(bundle->graph(), DirectElimination::kQuadsPerChunk, 1);
+  ExpectDenseS(bundle->graph(), DirectElimination::kQuadsPerChunk);
 }
 
 TEST(DirectElimination, NamesLandmarksThatAreNotDetermined) {
@@ -99,9 +123,10 @@ TEST(DirectElimination, NamesLandmarksThatAreNotDetermined) {
       random.Connect(2, {frame, landmarks.back()});
     }
   }
-  const CorePipeline core(random.graph());
-  DirectElimination elimination(core.evaluator, core.incidences);
-  EXPECT_EQ(elimination.Eliminate(kAnyInflation), (std::vector<int>{1, 3}));
+  Pipeline core(random.graph());
+  std::vector<int> open;
+  ASSERT_TRUE(core.elimination.Eliminate(kAnyInflation, &open).ok());
+  EXPECT_EQ(open, (std::vector<int>{1, 3}));
 }
 
 }  // namespace

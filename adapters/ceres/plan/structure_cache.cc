@@ -103,9 +103,14 @@ std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view
   }
   if (known == nullptr) {
     const ShapeTable shapes = FindShapes(view);
+    bool depends_on_memory = false;  // of which there may be more or less another time
+    const auto available = [&depends_on_memory] {
+      depends_on_memory = true;
+      return AvailableBytes();
+    };
     GraphPlan plan =
-        PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, AvailableBytes));
-    if (!is_small || !plan.landmarks.obstacle.empty()) {  // there may be more memory another time
+        PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, available));
+    if (!is_small || depends_on_memory || !plan.landmarks.obstacle.empty()) {
       *own = std::make_shared<GraphPlan>(std::move(plan));
       return *own;
     }

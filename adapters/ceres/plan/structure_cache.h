@@ -79,15 +79,17 @@ class LastFew {
 /// What solves of small problems leave to the next ones of the same structure, for a window
 /// estimator builds a new ceres::Problem every frame, often of a shape it had before: memory of
 /// views, plans of graphs, and solvers of the core that are set up. All are found by content, never
-/// by address, and nothing that was computed from numbers is used again. Beyond small problems
-/// set-up is a small share of a solve, and memory worth more.
+/// by address, and nothing that was computed from numbers is used again. Plans are
+/// kept of larger problems, too, for a covariance that follows a solve, or another one: making a
+/// plan takes several times as long as comparing one. Beyond that set-up is a small share, and
+/// memory worth more.
 ///
 /// Threads: any. Concurrent solves, and one within another, take a view and a solver each, and
 /// share plans, which nobody changes.
 class StructureCache {
  public:
   /// Residual blocks and slots of a problem whose plan is kept.
-  static constexpr std::size_t kMaxNumbers = 16384;
+  static constexpr std::size_t kMaxNumbers = std::size_t{1} << 17;  // two megabytes a plan
   /// Of a solver that is kept.
   static constexpr std::int64_t kMaxSolverBytes = std::int64_t{16} << 20;
 

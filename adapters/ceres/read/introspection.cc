@@ -8,6 +8,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/residual_look_ups.h"
+#include "adapters/ceres/read/touched_blocks.h"
 #include "inceres/problem/ambient_family.h"
 #include "src/base/parallel_for.h"
 
@@ -18,17 +19,6 @@ void SetDefect(ProblemView* view, std::string text) {
   if (view->defect.empty()) {
     view->defect = std::move(text);
   }
-}
-
-// Without what its manifold has to say.
-ParameterBlockView LookUpBlock(const ceres::Problem& problem, double* values) {
-  ParameterBlockView block;
-  block.values = values;
-  block.ambient_size = problem.ParameterBlockSize(values);
-  block.manifold = ManifoldOf(problem, values);
-  block.tangent_size = block.ambient_size;
-  block.constant = problem.IsParameterBlockConstant(values);
-  return block;
 }
 
 void LookUpBounds(const ceres::Problem& problem, bool may_have_bounds, std::vector<double>* bounds,
@@ -60,17 +50,18 @@ void AppendBounds(const std::vector<double>& bounds, std::size_t begin, std::siz
 // Looks every block up in Ceres's map once for each of its properties and twice for each of its
 // parameters: most of what it takes to read a problem of many points. Manifolds are asked by one
 // thread, as Ceres asks them.
-void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& pointers,
-                  int num_threads, bool may_have_bounds, ProblemView* view) {
+void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int num_threads,
+                  bool may_have_bounds, ProblemView* view) {
   constexpr std::size_t kBlocksPerTask = 1024;
-  const std::size_t count = pointers.size();
+  const std::size_t count = view->blocks.size();
   std::vector<std::vector<double>> bounds((count + kBlocksPerTask - 1) / kBlocksPerTask);
-  view->blocks.resize(count);
   ParallelFor(num_threads, static_cast<int>(bounds.size()), 1, [&](int begin, int end) {
     for (std::size_t b = At(begin) * kBlocksPerTask; b < std::min(count, At(end) * kBlocksPerTask);
          ++b) {
       ParameterBlockView& block = view->blocks[b];
-      block = LookUpBlock(problem, pointers[b]);
+      if (!have_been_looked_up) {
+        LookUpBlock(problem, &block);
+      }
       if (block.manifold == nullptr) {
         LookUpBounds(problem, may_have_bounds, &bounds[b / kBlocksPerTask], &block);
       }
@@ -88,49 +79,29 @@ void LookUpBlocks(const ceres::Problem& problem, const std::vector<double*>& poi
   }
 }
 
-// Those that residual blocks touch, in any order.
-std::vector<double*> FindTouchedBlocks(const ceres::Problem& problem, ProblemView* view) {
-  std::vector<double*> touched, blocks, before;
-  view->index.Reserve(static_cast<std::size_t>(problem.NumParameterBlocks()));
-  for (const ceres::ResidualBlockId id : view->ids) {
-    problem.GetParameterBlocksForResidualBlock(id, &blocks);
-    for (std::size_t s = 0; s < blocks.size(); ++s) {
-      // The slot of the residual block before often has the same.
-      const bool is_near = s < before.size() && before[s] == blocks[s];
-      const int next = static_cast<int>(touched.size());
-      if (!is_near && view->index.FindOrAdd(blocks[s], next) == next) {
-        touched.push_back(blocks[s]);
-      }
-    }
-    blocks.swap(before);
+// By address, as Ceres shows them, with the view's index. `touched`: empty unless residual blocks
+// have shown them all.
+void FindBlocks(const ceres::Problem& problem, int num_threads, ProblemView* view,
+                TouchedBlocks* touched) {
+  if (TouchedBlocks::Serve(At(problem.NumParameterBlocks()), view->ids.size()) &&
+      touched->Find(problem, /*looks_up=*/num_threads == 1, view)) {
+    touched->SortByAddress(view);
+    return;
   }
-  return touched;
-}
-
-// By address, as Ceres shows them, node by node of its map. Of many blocks most nodes are not in
-// the cache, and each is waited for before it is known where the next one is. What residual blocks
-// point to, mostly all of them, can be asked for some at a time.
-std::vector<double*> FindBlocks(const ceres::Problem& problem, ProblemView* view) {
-  constexpr int kMany = 4096;
-  constexpr int kMostUses = 8;  // residual blocks for each
-  const auto count = static_cast<std::size_t>(problem.NumParameterBlocks());
+  *touched = TouchedBlocks();
   std::vector<double*> pointers;
-  if (count >= kMany && view->ids.size() <= kMostUses * count) {
-    pointers = FindTouchedBlocks(problem, view);
+  problem.GetParameterBlocks(&pointers);
+  view->index.Build(pointers);
+  view->blocks.resize(pointers.size());
+  for (std::size_t b = 0; b < pointers.size(); ++b) {
+    view->blocks[b].values = pointers[b];
   }
-  if (pointers.size() == count) {
-    std::sort(pointers.begin(), pointers.end());
-  } else {
-    problem.GetParameterBlocks(&pointers);
-  }
-  return pointers;
 }
 
 void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, bool may_have_bounds,
-                         ProblemView* view) {
-  const std::vector<double*> pointers = FindBlocks(problem, view);
-  view->index.Build(pointers);
-  LookUpBlocks(problem, pointers, num_threads, may_have_bounds, view);
+                         ProblemView* view, TouchedBlocks* touched) {
+  FindBlocks(problem, num_threads, view, touched);
+  LookUpBlocks(problem, touched->have_been_looked_up(), num_threads, may_have_bounds, view);
   for (std::size_t b = 0; b < view->blocks.size(); ++b) {
     const ParameterBlockView& block = view->blocks[b];
     CheckValues(block, view);
@@ -147,12 +118,12 @@ class ResidualReader {
  public:
   explicit ResidualReader(ProblemView* view) : view_(*view) {}
 
-  void Run(const ceres::Problem& problem, int num_threads) {
+  void Run(const ceres::Problem& problem, const TouchedBlocks& touched, int num_threads) {
     count_ = static_cast<int>(view_.ids.size());
     view_.residuals.resize(view_.ids.size());
     view_.moving.reserve(view_.ids.size());
     view_.slots.reserve(3 * view_.ids.size());
-    ResidualLookUps look_ups(problem, &view_);
+    ResidualLookUps look_ups(problem, touched.slots(), &view_);
     while (next_ < count_) {
       const int num_groups = look_ups.Take(next_, num_threads);
       for (int group = 0; group < num_groups; ++group) {
@@ -265,8 +236,9 @@ void Introspect(const ceres::Problem& problem, ProblemView* view, int num_thread
                 bool may_have_bounds) {
   view->Clear();
   problem.GetResidualBlocks(&view->ids);
-  ReadParameterBlocks(problem, num_threads, may_have_bounds, view);
-  ResidualReader(view).Run(problem, num_threads);
+  TouchedBlocks touched;
+  ReadParameterBlocks(problem, num_threads, may_have_bounds, view, &touched);
+  ResidualReader(view).Run(problem, touched, num_threads);
   for (const ParameterBlockView& block : view->blocks) {
     Count(block, &view->all);
     if (block.reduced()) {

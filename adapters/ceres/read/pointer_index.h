@@ -6,16 +6,16 @@
 
 namespace inceres::internal {
 
-/// Dense indices of addresses: an open-addressing hash table filled in one go. Cost of a lookup:
-/// about one cache line.
+/// Dense indices of addresses: an open-addressing hash table of the indices, filled in one go. Cost
+/// of a lookup: about one line of the cache in the table and one in the addresses.
 class PointerIndex {
  public:
   /// Index i belongs to pointers[i]; the pointers are distinct and not null.
   template <typename T>
   void Build(const std::vector<T*>& pointers) {
     Reserve(pointers.size());
-    for (std::size_t i = 0; i < pointers.size(); ++i) {
-      FindOrAdd(pointers[i], static_cast<int>(i));
+    for (T* pointer : pointers) {
+      FindOrAdd(pointer);
     }
   }
   /// Nothing yet, and room for so many.
@@ -26,40 +26,46 @@ class PointerIndex {
     }
     shift_ = 64 - bits;
     mask_ = (std::size_t{1} << bits) - 1;
-    entries_.assign(mask_ + 1, Entry{});
+    table_.assign(mask_ + 1, -1);
+    pointers_.clear();
+    pointers_.reserve(count);
   }
-  /// The index of a pointer, not null, which is this one if it was not there.
-  int FindOrAdd(const void* pointer, int index) {
-    std::size_t place = Home(pointer);
-    while (entries_[place].pointer != nullptr && entries_[place].pointer != pointer) {
-      place = (place + 1) & mask_;
+  /// The index of a pointer, not null, which is the next one if it was not there.
+  int FindOrAdd(const void* pointer) {
+    int& index = table_[PlaceOf(pointer)];
+    if (index < 0) {
+      index = static_cast<int>(pointers_.size());
+      pointers_.push_back(pointer);
     }
-    if (entries_[place].pointer == nullptr) {
-      entries_[place] = {pointer, index};
-    }
-    return entries_[place].index;
+    return index;
   }
-
-  std::size_t Bytes() const { return entries_.capacity() * sizeof(Entry); }
-
   /// The index of a pointer, or -1.
-  int Find(const void* pointer) const {
-    if (entries_.empty()) {
-      return -1;
+  int Find(const void* pointer) const { return table_.empty() ? -1 : table_[PlaceOf(pointer)]; }
+
+  /// Index i becomes numbers[i]: a permutation.
+  void Renumber(const std::vector<int>& numbers) {
+    const std::vector<const void*> before = pointers_;
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      pointers_[static_cast<std::size_t>(numbers[i])] = before[i];
     }
-    for (std::size_t place = Home(pointer);; place = (place + 1) & mask_) {
-      const Entry& entry = entries_[place];
-      if (entry.pointer == pointer || entry.pointer == nullptr) {
-        return entry.pointer == pointer ? entry.index : -1;
-      }
+    for (int& index : table_) {
+      index = index < 0 ? -1 : numbers[static_cast<std::size_t>(index)];
     }
+  }
+
+  std::size_t Bytes() const {
+    return table_.capacity() * sizeof(int) + pointers_.capacity() * sizeof(void*);
   }
 
  private:
-  struct Entry {
-    const void* pointer = nullptr;
-    int index = -1;
-  };
+  // Where the pointer's index is, or else would be.
+  std::size_t PlaceOf(const void* pointer) const {
+    std::size_t place = Home(pointer);
+    while (table_[place] >= 0 && pointers_[static_cast<std::size_t>(table_[place])] != pointer) {
+      place = (place + 1) & mask_;
+    }
+    return place;
+  }
 
   // Fibonacci hashing: the high bits of the product depend on all address bits, also when blocks
   // lie at a regular stride.
@@ -68,7 +74,8 @@ class PointerIndex {
         (reinterpret_cast<std::uintptr_t>(pointer) * UINT64_C(0x9E3779B97F4A7C15)) >> shift_);
   }
 
-  std::vector<Entry> entries_;
+  std::vector<int> table_;
+  std::vector<const void*> pointers_;
   std::size_t mask_ = 0;
   int shift_ = 0;
 };

@@ -16,8 +16,9 @@ class ResidualLookUps {
   static constexpr int kGroup = 512;  ///< residual blocks in a group, if there are as many left
 
   /// The view has its parameter blocks, the ids of its residual blocks, and room for these.
-  ResidualLookUps(const ceres::Problem& problem, ProblemView* view)
-      : problem_(problem), view_(*view) {}
+  /// `slots`: of all residual blocks, which have been read (TouchedBlocks), or empty.
+  ResidualLookUps(const ceres::Problem& problem, const std::vector<int>& slots, ProblemView* view)
+      : problem_(problem), known_slots_(slots), view_(*view) {}
 
   /// Fills in the residual blocks of some groups from `first` on, but for first_slot, which is into
   /// SlotsOf their group. Returns the number of these groups.
@@ -30,12 +31,22 @@ class ResidualLookUps {
     std::vector<double*> pointers;  // of one residual block
     std::vector<int> sorted;        // its blocks, if there are many
     std::vector<int> slots;
+
+    // Where so many slots go.
+    int* MakeRoom(int first, int count) {
+      if (slots.size() < At(first + count)) {
+        slots.resize(2 * At(first + count));
+      }
+      return slots.data() + first;
+    }
   };
 
   void LookUp(int begin, int end, Group* group);
+  bool Read(int r, int previous, int first, Group* group);
   static bool AreDistinct(const int* blocks, int count, std::vector<int>* sorted);
 
   const ceres::Problem& problem_;
+  const std::vector<int>& known_slots_;
   ProblemView& view_;
   std::vector<Group> groups_;
 };

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <ceres/problem.h>
+
+#include "adapters/ceres/read/introspection.h"
+
+namespace inceres::internal {
+
+/// The parameter blocks of a problem as its residual blocks show them, and what these have to say
+/// of themselves, in one pass over them.
+///
+/// Ceres shows parameter blocks by address, node by node of its map. Of many blocks most nodes are
+/// not in the cache, and each is waited for before it is known where the next one is. What residual
+/// blocks point to, mostly all of them, can be asked for some at a time.
+class TouchedBlocks {
+ public:
+  /// Whether that is the faster way for so many parameter blocks and residual blocks.
+  static bool Serve(std::size_t num_blocks, std::size_t num_residual_blocks);
+
+  /// Reads the residual blocks whose ids the view has. Writes to the view their costs, losses,
+  /// numbers of residuals and of slots, where in slots() these begin, and whether they are `sound`
+  /// but for blocks that are there twice. False if a parameter block is touched by none, or a cost
+  /// function has other sizes than when it was added: then nothing of this is of use.
+  ///
+  /// `looks_up`: parameter blocks are looked up as they are met, when most of what there is of them
+  /// has just come to the cache.
+  bool Find(const ceres::Problem& problem, bool looks_up, ProblemView* view);
+  /// Gives the view its blocks, by address. Now slots() and the view's index go by that order.
+  void SortByAddress(ProblemView* view);
+
+  /// Of all residual blocks; empty before Find.
+  const std::vector<int>& slots() const { return slots_; }
+  /// Whether parameter blocks are, but for their bounds and what their manifolds have to say.
+  bool have_been_looked_up() const { return have_been_looked_up_; }
+
+ private:
+  std::vector<ParameterBlockView> blocks_;  // in the order in which they are met
+  std::vector<int> slots_;
+  bool have_been_looked_up_ = false;
+};
+
+/// Asks for all of a block but its bounds and what its manifold has to say; for its size only if
+/// that is not known yet, but 0.
+void LookUpBlock(const ceres::Problem& problem, ParameterBlockView* block);
+
+}  // namespace inceres::internal
