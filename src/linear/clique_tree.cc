@@ -28,17 +28,20 @@ namespace {
 constexpr std::size_t kLastShare = 4;
 
 // While a clique is worked on, the one so many places behind it comes from memory, and of one as
-// far behind that what tells where it is. On M3500, beside batch solves that empty the caches,
-// Updates take 14 % less time with it.
+// far behind that what tells where it is. On M3500, beside batch solves that empty the caches, all
+// Updates take 8 % less time with it, for 1 % more instructions.
 constexpr std::size_t kCliquesAhead = 2;
 
-// No more than its first lines: further on in a large array the processor does it by itself.
-void Fetch(const AlignedVector<double>& array) {
-  constexpr std::size_t kPerLine = 8, kMost = 64;
-  const std::size_t end = std::min(array.size(), kMost);
-  for (std::size_t k = 0; k < end; k += kPerLine) {
-    __builtin_prefetch(array.data() + k);
+// No more than the first lines: further on in a large array the processor does it by itself.
+void Fetch(const void* memory, std::size_t bytes) {
+  constexpr std::size_t kLine = 64, kMost = 2048;
+  for (std::size_t at = 0; at < std::min(bytes, kMost); at += kLine) {
+    __builtin_prefetch(static_cast<const char*>(memory) + at);
   }
+}
+template <typename Vector>
+void FetchArray(const Vector& array) {
+  Fetch(array.data(), array.size() * sizeof(array[0]));
 }
 
 // Classes of sizes, four to each power of two: the class of a size, and what all of it fits into.
@@ -57,11 +60,11 @@ std::size_t ClassOf(std::size_t size, std::size_t* room) {
 }  // namespace
 
 void Clique::FetchAhead() const {
-  Fetch(L);
-  Fetch(y);
-  __builtin_prefetch(rows.data());
-  __builtin_prefetch(places.data());
-  __builtin_prefetch(children.data());
+  FetchArray(L);
+  FetchArray(y);
+  FetchArray(rows);
+  FetchArray(places);
+  FetchArray(children);
 }
 
 AlignedVector<double> CliqueMemory::Take(std::size_t size) {
@@ -110,9 +113,7 @@ bool CliqueTree::AreCoupled(int row, int other) const {
 // A clique before the arrays that it points to.
 void CliqueTree::FetchAfter(const std::vector<int>& cliques, std::size_t k) const {
   if (k + 2 * kCliquesAhead < cliques.size()) {
-    const Clique& clique = cliques_[cliques[k + 2 * kCliquesAhead]];
-    __builtin_prefetch(&clique);
-    __builtin_prefetch(&clique.L);
+    Fetch(&cliques_[cliques[k + 2 * kCliquesAhead]], sizeof(Clique));
   }
   if (k + kCliquesAhead < cliques.size()) {
     cliques_[cliques[k + kCliquesAhead]].FetchAhead();
