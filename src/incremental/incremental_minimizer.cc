@@ -23,8 +23,6 @@ Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning)
   if (IsPlain(system)) {
     rules.share = rules.plain_share;
     rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
-  } else {
-    rules.foreseen_growth = HUGE_VAL;
   }
   return rules;
 }
@@ -89,39 +87,11 @@ bool IncrementalMinimizer::Run() {
       }
       return false;
     }
-    double rest = 0.0;
-    if (ForeseesLittle(&rest)) {
-      context_.summary->remaining_decrease = rest;
-      return EndForeseen();
-    }
     if (!linearization_.Relinearize()) {
       return false;
     }
   }
   return false;
-}
-
-// A step was taken that tells of those to come. What it has made stale waits for the next Update,
-// which may find more to do with it; Jacobians that were old before the step are no ground for
-// that, by whatever rule they were kept.
-bool IncrementalMinimizer::ForeseesLittle(double* rest) {
-  const double cost = context_.system.cost();
-  return context_.row().step_is_successful && context_.stop.ForeseesLittle(cost, rest) &&
-         !context_.mostly_new && context_.shares.truncation == 0.0 &&
-         !context_.control.IsDampedHard() && frame_solve_.step().work().converged &&
-         context_.options.relinearization == RelinearizationRule::kResidualError &&
-         context_.shares.relinearization <= context_.tuning.relinearize.refresh_share &&
-         !context_.relinearization.RefreshAged(context_.Tolerance());
-}
-
-// After the row of the step.
-bool IncrementalMinimizer::EndForeseen() {
-  if (!context_.EndIteration()) {
-    return false;
-  }
-  context_.system.LetDirtyWait();
-  FinishConverged();
-  return true;
 }
 
 // With what the claim rests on.
@@ -218,9 +188,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
   const double remaining = context_.summary->remaining_decrease;
   // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
   // after each step of the frames.
-  return landmarks_.StepIfTheyDominate(landmark_gain, remaining)
-             ? Verdict::kGoOn
-             : TakeStep(remaining, earlier == EarlierFactor::Verdict::kStep);
+  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
+                                                                 : TakeStep(remaining);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there
@@ -255,19 +224,15 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
   return Verdict::kGoOn;
 }
 
-IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining,
-                                                             bool by_earlier_factor) {
+IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   // From here on the step under construction has entries: it is accepted or rejected below.
   SelectActive(remaining);
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
     NoteDamping();
-    // A step by an earlier factor is shorter or longer for that alone.
-    const double length =
-        by_earlier_factor || !context_.stop.Foresees() ? 0.0 : context_.system.step().ScaledNorm();
     attempts_.Accept();
-    NoteStep(gain_ratio, length);
+    NoteStep(gain_ratio);
     return Verdict::kGoOn;
   }
   TrialStep& step = context_.system.step();
@@ -382,7 +347,7 @@ void IncrementalMinimizer::SelectActive(double remaining) {
 // What a step tells of the next: μ by its gain ratio, the stopping rule by its promise, and whether
 // the factor of S from before it may be asked. A shortened step, or one that bounds cut off,
 // promised something else than what was seen left, so it tells nothing of the series.
-void IncrementalMinimizer::NoteStep(double gain_ratio, double length) {
+void IncrementalMinimizer::NoteStep(double gain_ratio) {
   context_.control.Accept(gain_ratio, context_.row().shortened);
   const bool shortened = context_.row().shortened || context_.system.step().is_cut_off();
   // The norm of the rest is a pass over all frames.
@@ -391,7 +356,7 @@ void IncrementalMinimizer::NoteStep(double gain_ratio, double length) {
         shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
   }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
-                          context_.row().cost_change, gain_ratio, shortened ? 0.0 : length);
+                          context_.row().cost_change, gain_ratio);
   has_looked_ = false;
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();

@@ -51,19 +51,17 @@ class IncrementalMinimizer {
 
   bool Begin();
   bool Run();  // whether it has converged, and the model says what is left
-  bool ForeseesLittle(double* rest);
-  bool EndForeseen();
   void FinishConverged();
   Verdict Iterate();
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
-  Verdict TakeStep(double remaining, bool by_earlier_factor);
+  Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
   void LookAtStep();
   double Negligible() const;
   void NoteDamping();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
-  void NoteStep(double gain_ratio, double length);
+  void NoteStep(double gain_ratio);
   Verdict Retreat(bool refreshed);
 
   UpdateContext context_;

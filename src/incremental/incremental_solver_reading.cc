@@ -64,10 +64,8 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   }
   // The undamped S has a factor of its own.
   const bool damped = options.accuracy != CovarianceAccuracy::kUndamped;
-  // An Update that has foreseen its end leaves what its last step has made stale to the next one.
-  const bool is_ready =
-      live != nullptr && live->NumDirtyFactors() == 0 &&
-      (minimizer_->frame_step().HasFactorOf(live->schur()) || (!damped && live->IsUpToDate()));
+  const bool is_ready = live != nullptr && (minimizer_->frame_step().HasFactorOf(live->schur()) ||
+                                            (!damped && live->IsUpToDate()));
   if (status.ok() && !is_ready) {
     status = PrepareAnew(damped);
   } else if (status.ok() && damped && live->schur().changes().num_unfactored() > 0) {

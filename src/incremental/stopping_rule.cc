@@ -66,22 +66,6 @@ bool StoppingRule::IsBorneOut(double remaining, double cost) const {
          (falls_steadily || last_gain_ <= tuning_.rest_share * Tolerance(cost));
 }
 
-// Before the step R was promised, φ times as much as before the one that led there. What weak
-// directions hold of it hardly shows in φ, but in the lengths: a direction in which steps shrink by
-// q is left with q² of its share, and the weaker it is the more of the length it has. On M3500
-// what the model then saw was at most 0.17 T; by 10 φ alone it was 1.2 T once, where lengths had
-// fallen by no more than 0.6.
-bool StoppingRule::ForeseesLittle(double cost, double* rest) const {
-  const double factor =
-      std::max(tuning_.foreseen_growth * previous_factor_, length_factor_ * length_factor_);
-  *rest = std::max(1.0, last_gain_ratio_) * factor * last_remaining_ / (1.0 - factor);
-  // A factor of 0 is one that is not known; of a negative rest no use is made.
-  return !has_refused_ && last_length_ > 0.0 && previous_factor_ > 0.0 &&
-         factor < tuning_.steady_factor &&
-         std::fabs(last_gain_ratio_ - 1.0) <= tuning_.foreseen_kept &&
-         *rest <= tuning_.rest_share * Tolerance(cost);
-}
-
 // Of the old rest it is known what steps make of it; what has come since is held against what may
 // be left without a step.
 bool StoppingRule::HasBeenClaimed(double remaining, double landmark_gain, double cost) const {

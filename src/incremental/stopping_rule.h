@@ -15,9 +15,7 @@ namespace inceres::internal {
 ///     or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
 ///     or the Update before ended by that with R₀ and nothing much has come since,
 ///     s R₀ / (T / 2) + max(0, R − R₀) / (σ T) ≤ 1 with its s = a / (1 − φ) and G = 0,
-///     or so many iterations have together gained no more than T, and R ≤ T,
-///     or a step was taken and, R being what was promised before it, those to come gain little:
-///     a ψ R / (1 − ψ) ≤ T / 2,   ψ = max(10 φ, (‖Dδ‖ / ‖Dδ_last‖)²).
+///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
 /// c is by how much landmarks gained more than they promised in their last pass, a the same of the
 /// last step of the frames, and φ the factor by which what is left fell with it.
@@ -63,12 +61,6 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
-  /// Whether the step just taken, by the model of where it began, lets expect little of all to
-  /// come: `rest`. On a graph without landmarks and losses; nothing behind the step need be
-  /// linearized or solved for that.
-  bool ForeseesLittle(double cost, double* rest) const;
-  /// Whether it ever may: it is told the lengths of steps then.
-  bool Foresees() const { return std::isfinite(tuning_.foreseen_growth); }
   /// After a claim that has passed all trust rules: true if no step bears it out. The next claim
   /// then needs that, or a step.
   bool WaitForStep() {
@@ -91,11 +83,9 @@ class StoppingRule {
   }
 
   /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken),
-  /// with this gain, gain ratio and length ‖Dδ‖, 0 where it tells nothing of the next.
-  void StepTaken(double remaining, double gain, double gain_ratio, double length) {
+  /// with this gain and gain ratio.
+  void StepTaken(double remaining, double gain, double gain_ratio) {
     has_stepped_ = true;
-    length_factor_ = last_length_ > 0.0 ? length / last_length_ : HUGE_VAL;
-    last_length_ = length;
     previous_factor_ = remaining > 0.0 && last_remaining_ > 0.0 ? remaining / last_remaining_ : 0.0;
     last_remaining_ = remaining;
     last_gain_ = gain;
@@ -145,8 +135,6 @@ class StoppingRule {
   bool has_refused_ = false;
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
-  double last_length_ = 0.0;
-  double length_factor_ = HUGE_VAL;  // by which it had changed; infinite: it is not known
   double last_gain_ = 0.0;
   double last_gain_ratio_ = 1.0;
   double landmark_creep_ = 1.0;  // c

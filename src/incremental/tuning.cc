@@ -75,8 +75,6 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.rest_share", &tuning->stop.rest_share);
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.factor_growth", &tuning->stop.factor_growth);
-  real("stop.foreseen_growth", &tuning->stop.foreseen_growth);
-  real("stop.foreseen_kept", &tuning->stop.foreseen_kept);
   real("stop.nothing_share", &tuning->stop.nothing_share);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
   count("stop.stagnation", &tuning->stop.stagnation);

@@ -27,11 +27,6 @@ struct Tuning {
     /// From one step to the next that factor may grow so much: if it does by more, a direction
     /// shows in which the model is worse than in those that have been gone.
     double factor_growth = 10.0;
-    /// The same, for what is expected before anything behind a step is solved for; of a graph with
-    /// landmarks or losses nothing is.
-    double foreseen_growth = 10.0;
-    /// Of its promise: such a step gained as much, give or take this share.
-    double foreseen_kept = 0.1;
     /// Of the tolerance: no more than this needs no steps that tell how what is left falls.
     double nothing_share = 1e-3;
     /// Times: landmarks that creep gain more than they promise, and are counted so often there.

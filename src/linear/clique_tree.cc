@@ -28,8 +28,8 @@ namespace {
 constexpr std::size_t kLastShare = 4;
 
 // While a clique is worked on, the one so many places behind it comes from memory, and of one as
-// far behind that what tells where it is. On M3500, beside batch solves that empty the caches,
-// Updates take 14 % less time with it.
+// far behind that what tells where it is. On M3500, beside batch solves that empty the caches, all
+// Updates take 8 % less time with it, for 1 % more instructions.
 constexpr std::size_t kCliquesAhead = 2;
 
 // No more than the first lines: further on in a large array the processor does it by itself.
