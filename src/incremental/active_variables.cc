@@ -36,8 +36,8 @@ double ActiveVariables::Norm() const {
   return std::sqrt(squared);
 }
 
-DampedLandmarks ActiveVariables::DampingOfLandmarks() const {
-  DampedLandmarks sums;
+double ActiveVariables::DampedSquareOfLandmarks() const {
+  double sum = 0.0;
   landmarks_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
     const double* P = schur_.blocks().P(l);
@@ -46,11 +46,9 @@ DampedLandmarks ActiveVariables::DampingOfLandmarks() const {
     for (int k = 0; k < landmark.size; ++k) {
       squared += P[k * kQuad + k] * moved[k] * moved[k];
     }
-    const double held_back = schur_.blocks().lambda(l) * squared;
-    sums.held_back += held_back;
-    sums.square += schur_.blocks().lambda(l) * held_back;
+    sum += schur_.blocks().lambda(l) * schur_.blocks().lambda(l) * squared;
   });
-  return sums;
+  return sum;
 }
 
 void ActiveVariables::LeaveOut(std::int32_t landmark) {

@@ -9,12 +9,6 @@
 
 namespace inceres::internal {
 
-/// What landmarks' damping λ takes part with in a step, D² = diag P, summed over those that move.
-struct DampedLandmarks {
-  double held_back = 0.0;  ///< Σ λ_l ‖D_l δ_l‖²
-  double square = 0.0;     ///< Σ ‖λ_l D_l δ_l‖²
-};
-
 /// The variables that a step moves, and the step, padded, of all variables: zero where nothing
 /// moves.
 class ActiveVariables {
@@ -63,7 +57,8 @@ class ActiveVariables {
   /// ‖Dδ‖, D² = diag H; and ‖δ‖.
   double ScaledNorm() const;
   double Norm() const;
-  DampedLandmarks DampingOfLandmarks() const;
+  /// Σ ‖λ_l D_l δ_l‖² of the landmarks that move, D² = diag P and λ their damping.
+  double DampedSquareOfLandmarks() const;
   /// The landmark stays where it is after all.
   void LeaveOut(std::int32_t landmark);
   /// Nothing moves.

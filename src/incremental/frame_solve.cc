@@ -36,19 +36,6 @@ bool FrameSolve::SeesLeft(double landmark_gain) {
   return sees;
 }
 
-// Along a direction with a gradient g, in which S is as stiff as s, the step is δ = g / (s + μ) and
-// damping takes part with h = μδ². All that there is to gain, ½ g² / s, is ½ h (s + μ)² / (μ s):
-// where s is small beside μ, ½ h μ / s. Long chains without landmarks have many directions of s
-// somewhat above μ, in which h is much less than 2R, and nothing hides.
-bool FrameSolve::MayHide() const {
-  const Tuning::Stop& tuning = context_.tuning.stop;
-  const double held_back = context_.control.mu() * scaled_square_ + held_back_of_landmarks_;
-  const bool is_most = context_.system.schur().structure().num_landmarks() > 0 ||
-                       held_back >= context_.summary->remaining_decrease;
-  return context_.options.damping == DampingForm::kHybrid && is_most &&
-         0.5 * held_back > tuning.below_floor * tuning.rest_share * context_.Tolerance();
-}
-
 void FrameSolve::Refresh() {
   const StageTimer timer(&context_.summary->solve_seconds);
   step_.Refresh(context_.options.damping, context_.control.mu(), &context_.system.schur());

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cmath>
-
 #include "inceres/status.h"
 #include "incremental/frame_step.h"
 #include "incremental/update_context.h"
@@ -24,15 +22,6 @@ class FrameSolve {
   bool SeesLeft(double landmark_gain);
   /// Takes over changes of S and b only.
   void Refresh();
-  /// An Update begins. Of one that goes on from another solver's steps nothing is known.
-  void BeginToLook(bool knows_nothing) { NoteStep(knows_nothing ? HUGE_VAL : 0.0, 0.0); }
-  /// The whole step of the frames, and DampedLandmarks::held_back of what of it is taken.
-  void NoteStep(double held_back_of_landmarks) {
-    NoteStep(step_.ScaledSquare(), held_back_of_landmarks);
-  }
-  /// Whether damping may hide more to gain than may be left undone along a direction that the step
-  /// noted last has gone.
-  bool MayHide() const;
   /// Factors S with the least damping, between Updates; counted nowhere.
   Status FactorizeAnew() {
     return step_.FactorizeOnly(context_.options.damping, context_.options.min_damping,
@@ -47,16 +36,9 @@ class FrameSolve {
   const FrameStep& step() const { return step_; }
 
  private:
-  void NoteStep(double scaled_square, double held_back_of_landmarks) {
-    scaled_square_ = scaled_square;
-    held_back_of_landmarks_ = held_back_of_landmarks;
-  }
-
   UpdateContext& context_;
   FrameStep step_;
-  double factored_mu_ = -1.0;   // of the factor there is
-  double scaled_square_ = 0.0;  // δᵀ diag C δ of the step noted last
-  double held_back_of_landmarks_ = 0.0;
+  double factored_mu_ = -1.0;  // of the factor there is
 };
 
 }  // namespace inceres::internal

@@ -140,14 +140,6 @@ double FrameStep::AddGain(double start) const {
   return sum;
 }
 
-double FrameStep::ScaledSquare() const {
-  double squared = 0.0;
-  for (std::size_t k = 0; k < values_.size(); ++k) {
-    squared += reduced_.weights()[k] * values_[k] * values_[k];
-  }
-  return squared;
-}
-
 // In the variables' own units.
 double FrameStep::Norm() const {
   double squared = 0.0;

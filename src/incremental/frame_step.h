@@ -31,8 +31,7 @@ class FrameStep {
   }
   /// ½ bᵀδ, added to `start`.
   double AddGain(double start) const;
-  /// δᵀ diag C δ, and ‖δ_c‖, of the step that is still to take.
-  double ScaledSquare() const;
+  /// ‖δ_c‖ of the step that is still to take.
   double Norm() const;
   /// What was applied of these frames' steps is no longer part of the step still to take.
   void TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system);

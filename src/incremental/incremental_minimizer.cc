@@ -136,7 +136,6 @@ bool IncrementalMinimizer::Begin() {
     summary.initial_cost = system.cost();
   }
   earlier_factor_.Begin(begins);
-  frame_solve_.BeginToLook(/*knows_nothing=*/!begins);
   const bool go_on = !begins || context_.EndIteration();
   return go_on && (!new_frames_first || (new_frames_.Run() && linearization_.Relinearize()));
 }
@@ -230,7 +229,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
-    NoteDamping();
+    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
     attempts_.Accept();
     NoteStep(gain_ratio);
     return Verdict::kGoOn;
@@ -265,7 +264,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
   if (!context_.control.IsDampedHard()) {
     // What the last step tells is cheap, and what the next one does, more to the point.
-    if (linearization_.MayHide() || frame_solve_.MayHide()) {
+    if (linearization_.MayHide()) {
       LookAtStep();
     }
     switch (linearization_.FreeHeldLandmarks()) {
@@ -274,11 +273,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
       case UpdateLinearization::Freed::kFailed:
         return Verdict::kFailed;
       default:
-        if (!frame_solve_.MayHide() || !context_.control.GoBelow()) {
-          return Verdict::kConverged;
-        }
-        linearization_.ForgetFreed();
-        return Verdict::kGoOn;
+        return Verdict::kConverged;
     }
   }
   // μ was at its floor, steps were refused there, and it has risen again.
@@ -308,7 +303,7 @@ void IncrementalMinimizer::LookAtStep() {
                          {-1.0, Negligible(), context_.summary->remaining_decrease},
                          &context_.system);
   has_looked_ = true;
-  NoteDamping();
+  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
   context_.system.step().Reject();
 }
 
@@ -316,12 +311,6 @@ void IncrementalMinimizer::LookAtStep() {
 // not taken.
 double IncrementalMinimizer::Negligible() const {
   return has_looked_ ? 0.0 : frame_solve_.Wildfire();
-}
-
-void IncrementalMinimizer::NoteDamping() {
-  const DampedLandmarks landmarks = context_.system.step().DampingOfLandmarks();
-  linearization_.NoteDampedSquare(landmarks.square);
-  frame_solve_.NoteStep(landmarks.held_back);
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step

@@ -58,7 +58,6 @@ class IncrementalMinimizer {
   Verdict ClaimConvergence();
   void LookAtStep();
   double Negligible() const;
-  void NoteDamping();
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);

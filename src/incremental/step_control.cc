@@ -16,7 +16,6 @@ StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options
       stop_(tuning.stop),
       min_damping_(options.min_damping),
       max_damping_(options.max_damping),
-      floor_(options.min_damping),
       mu_(std::clamp(mu, options.min_damping, options.initial_damping)),
       refused_mu_(options.min_damping) {
 }
@@ -41,7 +40,8 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
     num_shortened_ = 0;
   }
   // μ max(1/3, 1 − (2ϱ − 1)³): falls for ϱ > ½, at most to a third, and grows below.
-  mu_ = std::max(floor_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
+  mu_ =
+      std::max(min_damping_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   // Evidence from refusals is void once a step was taken near the floor.
   const bool hard = IsDampedHard();
@@ -54,8 +54,6 @@ bool StepControl::Refuse(double remaining, bool blindly) {
   refused_mu_ = mu_;
   remaining_when_refused_ = remaining;
   refused_blindly_ |= blindly;
-  may_go_below_ = false;
-  floor_ = min_damping_;
   // Tenfold times ν: from a floor of tiny damping doubling would refuse many steps before one is
   // turned.
   mu_ *= tuning_.damping_growth * nu_;
@@ -71,19 +69,6 @@ bool StepControl::RelaxOnce() {
   // ν too: refusals before are not to make the first one at the floor count double.
   mu_ = min_damping_;
   nu_ = 2.0;
-  return true;
-}
-
-// Below its floor μ goes on falling with steps that keep their promise.
-bool StepControl::GoBelow() {
-  const double least = stop_.least_floor * min_damping_;
-  if (!may_go_below_ || mu_ <= least) {
-    return false;
-  }
-  if (mu_ <= min_damping_) {
-    floor_ = least;
-  }
-  mu_ = mu_ > min_damping_ ? min_damping_ : std::max(least, stop_.below_floor * mu_);
   return true;
 }
 

@@ -46,11 +46,6 @@ class StepControl {
   /// Before success the damping goes to its floor, once only while no step is taken there: where
   /// steps are refused it grows again. True if it was lowered.
   bool RelaxOnce();
-  /// Near the floor damping may hold back what a claim is to see: it goes to the floor, and then
-  /// below it, until steps are refused there. True if it was lowered; the floor is back for the
-  /// next Update.
-  bool GoBelow();
-  bool is_below_floor() const { return mu_ < min_damping_; }
   enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
   /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if
   /// little was left near the floor, too. Otherwise all that speaks for it are the refusals: as far
@@ -63,8 +58,6 @@ class StepControl {
   Tuning::Stop stop_;
   double min_damping_;
   double max_damping_;
-  double floor_;  // min_damping, or what GoBelow has made of it
-  bool may_go_below_ = true;
   double mu_;
   double nu_ = 2.0;
   double radius_ = HUGE_VAL;

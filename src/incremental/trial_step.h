@@ -63,8 +63,8 @@ class TrialStep {
   double ScaledNorm() const { return active_.ScaledNorm(); }
   /// ‖δ‖ of the step as it stands.
   double Norm() const { return active_.Norm(); }
-  /// Of the step as it stands.
-  DampedLandmarks DampingOfLandmarks() const { return active_.DampingOfLandmarks(); }
+  /// Σ ‖λ_l D_l δ_l‖² of the step as it stands: what the landmarks' damping takes part with.
+  double DampedSquareOfLandmarks() const { return active_.DampedSquareOfLandmarks(); }
   /// ‖δ_i‖_∞ over the factor's variables.
   double Largest(FactorRef ref) const;
   /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this

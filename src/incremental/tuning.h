@@ -36,10 +36,6 @@ struct Tuning {
     /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
     /// weak directions could gain.
     double near_floor = 100.0;
-    /// Of min_damping: where that much damping may hold back more than may be left undone, a claim
-    /// is tried with less of it, and with still less, down to the second one.
-    double below_floor = 1e-2;
-    double least_floor = 1e-4;
     /// Two dampings that differ by less than this factor are as good as the same.
     double fine_damping = 3.0;
   };

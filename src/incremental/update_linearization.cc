@@ -69,10 +69,8 @@ bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& wor
 // g is λδ, and ½ (λδ)² / μ the most that is hidden.
 bool UpdateLinearization::MayHide() const {
   const Tuning::Landmarks& landmarks = context_.tuning.landmarks;
-  const double mu = context_.control.mu();
-  const double least = context_.control.is_below_floor()
-                           ? mu
-                           : std::max(mu, landmarks.least_seen * landmarks.min_damping);
+  const double least =
+      std::max(context_.control.mu(), landmarks.least_seen * landmarks.min_damping);
   return 0.5 * damped_square_ > least * context_.tuning.stop.rest_share * context_.Tolerance();
 }
 

@@ -27,7 +27,7 @@ class UpdateLinearization {
   /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
   /// may be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
-  /// DampedLandmarks::square of a step of the frames; 0: there was none.
+  /// TrialStep::DampedSquareOfLandmarks of a step of the frames; 0: there was none.
   void NoteDampedSquare(double damped_square) { damped_square_ = damped_square; }
   /// Whether landmarks damped by more than the frames may hide more to gain than may be left undone
   /// along a direction that the step noted last has gone.

@@ -436,32 +436,5 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesOfAFrameIsSeenBeforeAClaim)
   EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
 }
 
-// Of two coordinates of a frame the sum is held well, and the difference by a ten-thousandth of
-// what the least damping holds it with: of 250 tolerances the model sees 0.05. The last residual is
-// the rest of the cost.
-TEST(IncrementalTrust, WhatTheLeastDampingOfAFrameHidesIsSeenBeforeAClaim) {
-  const auto function = [](int, const double* const* p, double* f, double** J) {
-    f[0] = p[0][0] + p[0][1] - 1.0;
-    f[1] = p[1][0];
-    f[2] = 1e-6 * (p[0][0] - p[0][1] - 1.6e4);
-    f[3] = 1.0;
-    if (J != nullptr && J[0] != nullptr) {
-      const double rows[8] = {1.0, 1.0, 0.0, 0.0, 1e-6, -1e-6, 0.0, 0.0};
-      std::copy_n(rows, 8, J[0]);
-    }
-    if (J != nullptr && J[1] != nullptr) {
-      const double rows[4] = {0.0, 1.0, 0.0, 0.0};
-      std::copy_n(rows, 4, J[1]);
-    }
-    return true;
-  };
-  const double frame[2] = {0.0, 0.0}, landmark = 0.0;
-  double found[2];
-  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
-  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-  EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance)
-      << summary.FullReport();
-}
-
 }  // namespace
 }  // namespace inceres
