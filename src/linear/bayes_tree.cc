@@ -123,7 +123,6 @@ Status BayesTree::FactorizeAsPlanned(const ReducedMatrix& A) {
   factored_ = Status::Ok();
   std::size_t done = 0;
   for (; done < stale_.size(); ++done) {
-    tree_.FetchAfter(stale_, done);
     const int failed = Eliminate(A, stale_[done]);
     if (failed >= 0) {
       factored_ = NotPositiveDefinite(failed, &work_);

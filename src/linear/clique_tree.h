@@ -29,9 +29,6 @@ struct Clique {
   AlignedVector<double> L, U, y;
   bool is_factored = false;     // L and U belong to S
   bool is_substituted = false;  // y belongs to L and b
-
-  /// Has what an elimination or a substitution reads first come from memory: it is needed soon.
-  void FetchAhead() const;
 };
 
 /// Memory of cliques that are gone, for those to come, by size: what is handed out is at most a
@@ -77,8 +74,6 @@ class CliqueTree {
 
   Clique& clique(int c) { return cliques_[c]; }
   const Clique& clique(int c) const { return cliques_[c]; }
-  /// In a pass over these, which lie anywhere in memory, at the k-th: the next ones are fetched.
-  void FetchAfter(const std::vector<int>& cliques, std::size_t k) const;
   const std::vector<Clique>& cliques() const { return cliques_; }
   const std::vector<int>& roots() const { return roots_; }
   int num_rows() const { return static_cast<int>(rows_.size()); }

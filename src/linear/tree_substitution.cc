@@ -71,18 +71,16 @@ int TreeSubstitution::Forward(const double* b) {
   is_fresh_.resize(tree_.cliques().size(), 0);
   gains_.Grow(tree_.cliques().size());
   int num_rows = 0;
-  for (std::size_t k = 0; k < unsubstituted_.size(); ++k) {
-    const int c = unsubstituted_[k];
-    tree_.FetchAfter(unsubstituted_, k);
+  for (const int c : unsubstituted_) {
     Clique& clique = tree_.clique(c);
     clique.is_substituted = true;
     is_fresh_[c] = 1;
     num_rows += clique.num_pivots;
     // The padding too, which the kernels read.
     std::fill(clique.y.begin(), clique.y.end(), 0.0);
-    for (int pivot = 0; pivot < clique.num_pivots; ++pivot) {
-      const int row = clique.rows[pivot];
-      std::copy_n(b + packing_[row], tree_.SizeOf(row), clique.y.begin() + clique.places[pivot]);
+    for (int k = 0; k < clique.num_pivots; ++k) {
+      const int row = clique.rows[k];
+      std::copy_n(b + packing_[row], tree_.SizeOf(row), clique.y.begin() + clique.places[k]);
     }
     for (const int child : clique.children) {
       const Clique& below = tree_.clique(child);
@@ -164,7 +162,6 @@ void TreeSubstitution::PushChildren(int c) {
                          std::any_of(clique.rows.begin() + clique.num_pivots, clique.rows.end(),
                                      [this](int row) { return moved_[row] == num_solves_; });
     if (reached) {
-      clique.FetchAhead();
       waiting_.push_back(child);
     }
   }
