@@ -341,7 +341,9 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
     for (int r = 0; r < size; ++r) {
       gradient_[offset + r] = -eta[r];
       diagonal_[offset + r] = P[r * kQuad + r];
-      below = std::copy_n(P + r * kQuad, r, below);
+      for (int c = 0; c < r; ++c) {
+        *below++ = P[r * kQuad + c];
+      }
     }
   }
 }
@@ -349,8 +351,11 @@ void Hessian::AccumulateLandmarks(int begin, int end) {
 void Hessian::GetP(int l, double* P) const {
   const double* below = below_diagonal_.data() + l * below_stride_;
   const double* const diagonal = diagonal_.data() + OffsetOf(l);
-  for (int r = 0; r < incidences_.sizes[l]; below += r++) {
-    std::copy_n(below, r, P + r * kQuad);
+  const int size = incidences_.sizes[l];
+  for (int r = 0; r < size; ++r) {
+    for (int c = 0; c < r; ++c) {
+      P[r * kQuad + c] = *below++;
+    }
     P[r * kQuad + r] = diagonal[r];
   }
 }

@@ -28,28 +28,21 @@ class BorrowedCosts final : public AmbientFamily<BorrowedCosts> {
   const char* Name() const override { return "ceres::CostFunction"; }
   std::string Describe(int i) const override { return DescribeObject("cost function", &at(i)); }
 
-  void Prefetch(int i) const { __builtin_prefetch(&at(i)); }
-  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
-                   double** jacobians) const {
-    if (At(i) + kAhead < costs_.size()) {
-      FetchAround(costs_[At(i) + kAhead]);
-    }
-    return at(i).Evaluate(parameters, residuals, jacobians);
-  }
-
- private:
-  static constexpr std::size_t kAhead = 8;  // some microseconds
-
   // Two lines of it, and the one before, where the allocator has mostly put what it was made of:
   // new AutoDiffCostFunction<F, ...>(new F(...)).
-  static void FetchAround(const ceres::CostFunction* cost) {
+  void Prefetch(int i) const {
     constexpr std::ptrdiff_t kLine = 64;
-    const auto* const line = reinterpret_cast<const char*>(cost);
+    const auto* const line = reinterpret_cast<const char*>(costs_[At(i)]);
     __builtin_prefetch(line - kLine);
     __builtin_prefetch(line);
     __builtin_prefetch(line + kLine - 1);
   }
+  bool EvaluateOne(int i, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    return at(i).Evaluate(parameters, residuals, jacobians);
+  }
 
+ private:
   const ceres::CostFunction& at(int i) const { return *costs_[At(i)]; }
 
   std::vector<const ceres::CostFunction*> costs_;

@@ -26,6 +26,7 @@ int ResidualLookUps::Take(int first, int num_threads) {
 // What a residual block says of itself, and its slots to group->slots from `first` on, behind those
 // of the one before. Whether it is sound but for blocks that are there twice.
 bool ResidualLookUps::Read(int r, int previous, int first, Group* group) {
+  const ParameterBlockView* const known = view_.blocks.data();
   ResidualBlockView& residual = view_.residuals[At(r)];
   const ceres::ResidualBlockId id = view_.ids[At(r)];
   residual.cost = problem_.GetCostFunctionForResidualBlock(id);
@@ -33,21 +34,25 @@ bool ResidualLookUps::Read(int r, int previous, int first, Group* group) {
   residual.num_residuals = residual.cost->num_residuals();
   problem_.GetParameterBlocksForResidualBlock(id, &group->pointers);
   double* const* const pointers = group->pointers.data();
-  residual.num_slots = static_cast<int>(group->pointers.size());
-  int* const blocks = group->MakeRoom(first, residual.num_slots);
+  const int num_slots = static_cast<int>(group->pointers.size());
+  const int num_near = first - previous;
+  residual.num_slots = num_slots;
+  int* const blocks = group->MakeRoom(first, num_slots);
   const int* const near = group->slots.data() + previous;
   const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-  bool sound = sizes.size() == At(residual.num_slots) && residual.num_residuals > 0;
-  for (int s = 0; s < residual.num_slots; ++s) {
+  bool sound = sizes.size() == At(num_slots) && residual.num_residuals > 0;
+  for (int s = 0; s < num_slots; ++s) {
     // The slot of the residual block before often has the same.
-    const bool is_near = s < first - previous && view_.block(near[s]).values == pointers[s];
-    blocks[s] = is_near ? near[s] : view_.index.Find(pointers[s]);
-    sound = sound && sizes[At(s)] == view_.block(blocks[s]).ambient_size;
+    const bool is_near = s < num_near && known[near[s]].values == pointers[s];
+    const int b = is_near ? near[s] : view_.index.Find(pointers[s]);
+    blocks[s] = b;
+    sound = sound && sizes[At(s)] == known[b].ambient_size;
   }
   return sound;
 }
 
 void ResidualLookUps::LookUp(int begin, int end, Group* group) {
+  const ParameterBlockView* const known = view_.blocks.data();
   int first = 0;     // where this residual block has its slots, unless it shares those
   int previous = 0;  // of the one before
   for (int r = begin; r < end; ++r) {
@@ -63,12 +68,13 @@ void ResidualLookUps::LookUp(int begin, int end, Group* group) {
     const int* const near = group->slots.data() + previous;
     const int num_slots = residual.num_slots;
     bool repeats = sound && num_slots == first - previous;
-    for (int s = 0; s < num_slots && repeats; ++s) {  // one or two, mostly: no call
-      repeats = blocks[s] == near[s];
+    bool fixed = true;
+    for (int s = 0; s < num_slots; ++s) {
+      repeats = repeats && blocks[s] == near[s];
+      fixed = fixed && known[blocks[s]].constant;
     }
     residual.sound = repeats || (sound && AreDistinct(blocks, num_slots, &group->sorted));
-    residual.fixed = std::all_of(blocks, blocks + num_slots,
-                                 [this](int block) { return view_.block(block).constant; });
+    residual.fixed = fixed;
     residual.like_previous =
         repeats && r > begin && residual.num_residuals == view_.residuals[At(r - 1)].num_residuals;
     if (!repeats) {
