@@ -186,6 +186,7 @@ TEST(RecomputedJacobiansAskedFor, AreRefusedWhereTheyCannotBe) {
 TEST(RecomputedJacobiansAskedFor, HoldForSmallProblems) {
   test::BundleOptions bundle;
   bundle.num_frames = 2;
+  bundle.num_views = 2;
   bundle.num_landmarks = 4;
   bundle.perturbation = 0.1;
   const auto kept = MakeBundle(bundle), anew = MakeBundle(bundle);
