@@ -54,25 +54,22 @@ void ChunkSums::Begin(std::size_t block, double* C, double* gradient, double* di
   }
 }
 
-int ChunkSums::EndOfTerms(int chunk, int s) const {
+// Whether the segment has this term, in the chunk or one before.
+bool ChunkSums::HasCome(int chunk, int s, int term) const {
   const ProductPlan::Segment& segment = plans_.hessian.segments[s];
   const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
   const Linearization& cache = evaluator_.families()[source.family];
-  const std::ptrdiff_t limit = evaluator_.jacobian_chunks()->End(chunk, source.family) *
-                               (cache.slots[source.column_slot].factor_stride / kQuad);
-  const ProductTerm* const terms = plans_.hessian.terms.data() + segment.first_term;
-  int end = next_term_[s];
-  while (end < segment.count && terms[end].a < limit) {
-    ++end;
-  }
-  return end;
+  const std::ptrdiff_t quads = cache.slots[source.column_slot].factor_stride / kQuad;
+  return term < segment.count &&
+         plans_.hessian.terms[segment.first_term + term].a <
+             evaluator_.jacobian_chunks()->End(chunk, source.family) * quads;
 }
 
 bool ChunkSums::HasTerms(int chunk, std::size_t block) const {
   bool has = false;
   for (int s = plans_.hessian.segments_begin[block];
        !has && s < plans_.hessian.segments_begin[block + 1]; ++s) {
-    has = EndOfTerms(chunk, s) > next_term_[s];
+    has = HasCome(chunk, s, next_term_[s]);
   }
   return has;
 }
@@ -83,40 +80,29 @@ void ChunkSums::AddTerms(int chunk, std::size_t block, double* sum, double* g) {
   const BlockPattern& pattern = plans_.pattern;
   for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
        ++s) {
-    const int end = EndOfTerms(chunk, s);
-    if (end == next_term_[s]) {
+    const int first = next_term_[s];
+    while (HasCome(chunk, s, next_term_[s])) {
+      ++next_term_[s];
+    }
+    if (next_term_[s] == first) {
       continue;
     }
     const ProductPlan::Segment& segment = plans_.hessian.segments[s];
     const FramePlans::HessianSource& source = plans_.hessian_sources[segment.source];
     const Linearization& cache = evaluator_.families()[source.family];
-    const SlotJacobians& J_row = cache.slots[source.row_slot];
-    const SlotJacobians& J_column = cache.slots[source.column_slot];
-    BlockProducts products;
-    // The kernel's C has the rows of b and the columns of a.
-    products.a = J_column.data;
-    products.b = J_row.data;
-    products.terms = plans_.hessian.terms.data() + segment.first_term + next_term_[s];
-    products.count = end - next_term_[s];
-    products.depth = cache.residual_size;
+    BlockProducts products = ProductsOf(cache, source.row_slot, source.column_slot);
+    products.terms = plans_.hessian.terms.data() + segment.first_term + first;
+    products.count = next_term_[s] - first;
     products.a_size = pattern.block_size(pattern.columns[block]);
     products.b_size = pattern.block_size(plans_.block_row[block]);
-    products.a_stride = J_column.UnpaddedStride();
-    products.b_stride = J_row.UnpaddedStride();
-    products.symmetric = source.row_slot == source.column_slot;
     kernels_.accumulate_products(products, 1.0, sum);
     if (g != nullptr) {
-      VectorProducts gradient;
-      gradient.a = products.b;
-      gradient.v = cache.residuals.data();
+      VectorProducts gradient = GradientOf(cache, source.row_slot);
       gradient.terms = products.terms;  // of a product with itself: .b says where f is
       gradient.count = products.count;
-      gradient.depth = products.depth;
       gradient.a_size = products.b_size;
-      gradient.a_stride = products.b_stride;
       kernels_.accumulate_vectors(gradient, 1.0, g);
     }
-    next_term_[s] = end;
   }
 }
 

@@ -23,7 +23,7 @@ class ChunkSums {
 
  private:
   void Begin(std::size_t block, double* C, double* gradient, double* diagonal);
-  int EndOfTerms(int chunk, int segment) const;
+  bool HasCome(int chunk, int segment, int term) const;
   bool HasTerms(int chunk, std::size_t block) const;
   void AddTerms(int chunk, std::size_t block, double* sum, double* g);
   void AddToBlock(int chunk, std::size_t block, double* C, double* gradient, double* diagonal);

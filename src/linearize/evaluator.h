@@ -94,7 +94,11 @@ class Evaluator {
       memory_budget_->Take(bytes, what);
     }
   }
-  void GiveBack(std::int64_t bytes) const { Take(-bytes, "what is given back"); }
+  void GiveBack(std::int64_t bytes) const {
+    if (memory_budget_ != nullptr) {
+      memory_budget_->GiveBack(bytes);
+    }
+  }
   /// Whether he may still take so many.
   bool HasRoomFor(std::int64_t bytes) const {
     return memory_budget_ == nullptr || memory_budget_->HasRoomFor(bytes);

@@ -102,19 +102,10 @@ void Hessian::BuildProducts() {
     Source made;
     made.family = source.family;
     made.keeps_singles = cache.keeps_singles();
-    // The kernel's C has the rows of b and the columns of a.
-    made.products.a = cache.slots[source.column_slot].data;
-    made.products.b = cache.slots[source.row_slot].data;
-    made.products.depth = cache.residual_size;
-    // The same slot for row and column: every term is a Jacobian with itself.
-    made.products.symmetric = source.row_slot == source.column_slot;
-    made.products.a_stride = cache.slots[source.column_slot].UnpaddedStride();
-    made.products.b_stride = cache.slots[source.row_slot].UnpaddedStride();
-    made.gradient.a_stride = made.products.b_stride;
+    made.products = ProductsOf(cache, source.row_slot, source.column_slot);
     made.products.is_near = AreNear(static_cast<std::int64_t>(cache.jacobian_values.size()));
-    made.gradient.a = cache.slots[source.row_slot].data;
-    made.gradient.v = cache.keeps_singles() ? nullptr : cache.residuals.data();
-    made.gradient.depth = cache.residual_size;
+    made.gradient = GradientOf(cache, source.row_slot);
+    made.gradient.v = cache.keeps_singles() ? nullptr : made.gradient.v;
     sources_.push_back(made);
   }
 }

@@ -146,12 +146,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   for (std::size_t l = 0; l < sizes.size(); ++l) {
     for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
       const LandmarkFactors& entry = factors[k];
-      // A family is recognized by the address of its slots.
-      if (owner == nullptr || owner->slots.data() != entry.jacobians) {
-        owner = &*std::find_if(
-            evaluator.families().begin(), evaluator.families().end(),
-            [&](const Linearization& cache) { return cache.slots.data() == entry.jacobians; });
-      }
+      owner = &OwnerOf(entry, evaluator.families(), owner);
       std::int32_t* const targets = y_targets_[owner->id].data();
       const VariableId* const ids = graph.Variables(owner->id, 0);
       const int first_incidence = begin.back();

@@ -100,12 +100,7 @@ void JacobianChunks::CutByLandmarks(const LandmarkIncidences& incidences) {
     for (int k = begin[incidences.chunk_begin[chunk]]; k < begin[incidences.chunk_begin[chunk + 1]];
          ++k) {
       const LandmarkFactors& entry = incidences.factors[k];
-      const auto family =
-          static_cast<std::size_t>(std::find_if(families.begin(), families.end(),
-                                                [&](const Linearization& cache) {
-                                                  return cache.slots.data() == entry.jacobians;
-                                                }) -
-                                   families.begin());
+      const FamilyId family = OwnerOf(entry, families).id;
       end[family] = std::max(end[family], entry.factors[entry.count - 1] + 1);
     }
     ends_.insert(ends_.end(), end.begin(), end.end());

@@ -162,6 +162,41 @@ std::ptrdiff_t PackRows(Linearization* factors) {
   return PadToQuad(size);
 }
 
+const Linearization& OwnerOf(const LandmarkFactors& factors,
+                             const std::vector<Linearization>& families,
+                             const Linearization* guess) {
+  const auto is_owner = [&](const Linearization& family) {
+    return family.slots.data() == factors.jacobians;
+  };
+  return guess != nullptr && is_owner(*guess)
+             ? *guess
+             : *std::find_if(families.begin(), families.end(), is_owner);
+}
+
+// The kernel's C has the rows of b and the columns of a.
+BlockProducts ProductsOf(const Linearization& factors, int row_slot, int column_slot) {
+  const SlotJacobians& row = factors.slots[row_slot];
+  const SlotJacobians& column = factors.slots[column_slot];
+  BlockProducts products;
+  products.a = column.data;
+  products.b = row.data;
+  products.depth = factors.residual_size;
+  // The same slot for row and column: every term is a Jacobian with itself.
+  products.symmetric = row_slot == column_slot;
+  products.a_stride = column.UnpaddedStride();
+  products.b_stride = row.UnpaddedStride();
+  return products;
+}
+
+VectorProducts GradientOf(const Linearization& factors, int slot) {
+  VectorProducts products;
+  products.a = factors.slots[slot].data;
+  products.v = factors.residuals.data();
+  products.depth = factors.residual_size;
+  products.a_stride = factors.slots[slot].UnpaddedStride();
+  return products;
+}
+
 std::ptrdiff_t FactorSize(const Linearization& factors) {
   return std::accumulate(factors.slots.begin(), factors.slots.end(), std::ptrdiff_t{0},
                          [&](std::ptrdiff_t sum, const SlotJacobians& slot) {

@@ -191,6 +191,17 @@ struct Linearization {
 /// from factor to factor.
 std::ptrdiff_t PackRows(Linearization* factors);
 
+/// Whose factors these are: a family is recognized by the address of its slots. `guess` is looked
+/// at first.
+const Linearization& OwnerOf(const LandmarkFactors& factors,
+                             const std::vector<Linearization>& families,
+                             const Linearization* guess = nullptr);
+
+/// J_rᵀJ_c of two slots, with the rows of r and the columns of c, and Jᵀf of one: terms, their
+/// number and the sizes of the block are the caller's.
+BlockProducts ProductsOf(const Linearization& factors, int row_slot, int column_slot);
+VectorProducts GradientOf(const Linearization& factors, int slot);
+
 /// Entries of J of one factor that a pass over J reads.
 std::ptrdiff_t FactorSize(const Linearization& factors);
 

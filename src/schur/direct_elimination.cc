@@ -45,18 +45,12 @@ DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkInciden
   FindPattern();
 }
 
-// A family is recognized by the address of its slots.
 void DirectElimination::FindOwners() {
   const std::vector<Linearization>& families = evaluator_.families();
   std::vector<int> num_of_landmarks(families.size(), 0);
   owners_.reserve(incidences_.factors.size());
   for (const LandmarkFactors& entry : incidences_.factors) {
-    const auto is_owner = [&](const Linearization& cache) {
-      return cache.slots.data() == entry.jacobians;
-    };
-    owners_.push_back(!owners_.empty() && is_owner(*owners_.back())
-                          ? owners_.back()
-                          : &*std::find_if(families.begin(), families.end(), is_owner));
+    owners_.push_back(&OwnerOf(entry, families, owners_.empty() ? nullptr : owners_.back()));
     num_of_landmarks[owners_.back()->id] += entry.count;
   }
   others_.resize(families.size());
@@ -231,25 +225,15 @@ void DirectElimination::ListOthers(int chunk) {
 }
 
 void DirectElimination::AddLists() {
-  BlockProducts products;
-  products.is_near = true;
   for (Source& source : sources_) {
-    const Linearization& cache = *source.cache;
-    const SlotJacobians& J_row = cache.slots[source.row_slot];
-    const SlotJacobians& J_column = cache.slots[source.column_slot];
-    products.a = J_column.data;
-    products.b = J_row.data;
-    products.a_stride = J_column.UnpaddedStride();
-    products.b_stride = J_row.UnpaddedStride();
-    products.depth = cache.residual_size;
-    AddProducts(products, 1.0, &source.lists);
+    AddProducts(ProductsOf(*source.cache, source.row_slot, source.column_slot), 1.0, &source.lists);
   }
-  products.a_stride = products.b_stride = 0;
-  products.a = products.b = Y_.data();
-  products.tail = incidences_.tail;
+  BlockProducts of_Y;
+  of_Y.a = of_Y.b = Y_.data();
+  of_Y.tail = incidences_.tail;
   for (std::size_t k = 0; k < of_sizes_.size(); ++k) {
-    products.depth = static_cast<int>(k) + 1;
-    AddProducts(products, -1.0, &of_sizes_[k]);
+    of_Y.depth = static_cast<int>(k) + 1;
+    AddProducts(of_Y, -1.0, &of_sizes_[k]);
   }
 }
 
@@ -258,6 +242,7 @@ void DirectElimination::AddProducts(const BlockProducts& kind, double sign, Prod
   const std::vector<ProductLists::List>& sorted = lists->Sort();
   evaluator_.executor().For(static_cast<int>(sorted.size()), kBlocksATask, [&](int begin, int end) {
     BlockProducts products = kind;
+    products.is_near = true;
     for (int n = begin; n < end; ++n) {
       const ProductLists::List& list = sorted[static_cast<std::size_t>(n)];
       const int row = block_row_[list.block], column = pattern_.columns[list.block];
