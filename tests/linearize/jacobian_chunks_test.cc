@@ -152,7 +152,7 @@ TEST_P(Chunks, HaveTheSumsOfJacobiansThatAreKept) {
   ExpectClose(anew.core.hessian.gradient(), kept.core.hessian.gradient());
   ExpectClose(anew.core.hessian.diagonal(), kept.core.hessian.diagonal());
   for (int l = 0; l < kept.core.layout.num_landmarks(); ++l) {
-    std::array<double, kQuad * kQuad> expected = {}, P = {};
+    std::array<double, kQuad*kQuad> expected = {}, P = {};
     kept.core.hessian.GetP(l, expected.data());
     anew.core.hessian.GetP(l, P.data());
     EXPECT_EQ(P, expected);
