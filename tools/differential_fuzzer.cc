@@ -34,6 +34,9 @@ DEFINE_uint64(seed, 1, "The same seed gives the same lives.");
 DEFINE_uint64(first_life, 0, "Begins with this life of the seed.");
 DEFINE_uint64(lives, 100, "How many lives in each mode.");
 DEFINE_int32(edits, 60, "Edits of a life; it is solved after every few.");
+DEFINE_int32(max_threads, 2,
+             "Most threads of a solve, 1 or 2. With 1 a life of a session repeats: two threads "
+             "shuffle the addresses of memory that comes back, and a session's sums follow them.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
 DEFINE_bool(verbose, false,
             "Print every edit and solve, and the iterations of the one that is a defect.");
@@ -87,9 +90,10 @@ void Print(const Defect& defect) {
                static_cast<std::uintmax_t>(plan.seed), static_cast<std::uintmax_t>(plan.life),
                defect.edits, defect.solves, defect.finding.detail.c_str());
   std::fprintf(out,
-               "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d\n",
+               "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d "
+               "--max_threads %d\n",
                plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
-               static_cast<std::uintmax_t>(plan.life), plan.max_edits);
+               static_cast<std::uintmax_t>(plan.life), plan.max_edits, plan.max_threads);
   std::fflush(out);
 }
 
@@ -107,8 +111,9 @@ ModeResult RunMode(const std::string& mode) {
   const auto begin = std::chrono::steady_clock::now();
   tools::ProgressLines progress(tools::ProgressOutput());
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
-    const LifePlan plan{FLAGS_seed, FLAGS_first_life + result.lives, mode, FLAGS_edits,
-                        FLAGS_verbose};
+    const LifePlan plan{
+        FLAGS_seed,   FLAGS_first_life + result.lives, mode, FLAGS_edits, FLAGS_max_threads,
+        FLAGS_verbose};
     if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
       Print(*defect);
       result.defects.push_back(*defect);
@@ -161,8 +166,8 @@ int RunSibling(const DropInMode& mode) {
     setenv("INCERES_MODE", mode.environment, 1);
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
-    for (const char* flag : {"seed", "first_life", "lives", "edits", "seconds", "json", "verbose",
-                             "quiet", "progress"}) {
+    for (const char* flag : {"seed", "first_life", "lives", "edits", "max_threads", "seconds",
+                             "json", "verbose", "quiet", "progress"}) {
       words.push_back(std::string("--") + flag + "=" +
                       gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }
@@ -192,6 +197,10 @@ int RunModes(const std::vector<std::string>& wanted) {
   if (FLAGS_verbose && tools::Out() != stdout) {
     return tools::Fail(ExitCode::kExitUsage,
                        "--verbose prints, which --quiet and --json - do not let it");
+  }
+  if (FLAGS_max_threads < 1 || FLAGS_max_threads > 2) {
+    return tools::Fail(ExitCode::kExitUsage,
+                       "--max_threads is " + std::to_string(FLAGS_max_threads) + ", not 1 or 2");
   }
   const std::vector<std::string> modes_here = Modes();
   const auto is_here = [&](const std::string& mode) {

@@ -41,10 +41,10 @@ def run(program, *flags, planted=None):
     return done.returncode, done.stdout + done.stderr, lines
 
 
-def fuzz(program, mode, seed, first_life, lives, edits, planted=None):
+def fuzz(program, mode, seed, first_life, lives, edits, *flags, planted=None):
     """The line of JSON of some lives; the exit code must agree with it."""
     code, output, lines = run(program, f"--mode={mode}", f"--seed={seed}", f"--first_life={first_life}", f"--lives={lives}",
-                              f"--edits={edits}", planted=planted)
+                              f"--edits={edits}", *flags, planted=planted)
     assert len(lines) == 1 and code == (1 if lines[0]["defects"] else 0), f"exit code {code}\n{output}"
     return lines[0], output
 
@@ -71,7 +71,8 @@ def test_lives(program, mode):
 def test_seeds(program, mode):
     failed = []
     for seed, life, edits, state in listed_seeds(mode):
-        report, output = fuzz(program, mode, seed, life, 1, edits)
+        # With one thread, so that the life is the same one every time.
+        report, output = fuzz(program, mode, seed, life, 1, edits, "--max_threads=1")
         print(f"{mode} {seed} {life} {edits} {state}: {'defect' if report['defects'] else 'no defect'}")
         if report["defects"] and state == "mended":
             failed.append(output)
@@ -97,6 +98,8 @@ def test_teeth(program, defect):
 def test_usage(program):
     assert run(program, "--mode=exact,nonsense", "--lives=1")[0] == 2
     assert run(program, "surplus")[0] == 2
+    for threads in ("0", "3"):
+        assert run(program, "--mode=exact", "--lives=1", f"--max_threads={threads}")[0] == 2
     code, output, _ = run(program, "--help")
     assert code == 0 and "--first_life" in output
     done = subprocess.run([program, "--mode=exact", "--lives=1", "--json=/nowhere/file"], capture_output=True, text=True, check=False)
@@ -104,6 +107,9 @@ def test_usage(program):
     code, output, lines = run(program, "--mode=incremental", "--seed=3", "--lives=2", "--edits=10", "--verbose")
     assert "edit 1: " in output and "solve 1: " in output and lines[0]["lives"] == 2, output
     assert run(program, "--mode=incremental", "--seed=3", "--lives=1000000", "--seconds=0.2")[2][0]["lives"] < 1000000
+    # The life is one that two threads lead to other ends from run to run.
+    long_life = ("--mode=session", "--seed=1264", "--lives=1", "--edits=2611", "--max_threads=1")
+    assert len({run(program, *long_life)[1].split(" in ")[0] for _ in range(10)}) == 1, "one thread, and other lives"
     twice = [run(program, "--mode=session", "--seed=3", "--lives=20", "--edits=20")[2][0] for _ in range(2)]
     for report in twice:
         del report["seconds"]

@@ -1,5 +1,6 @@
 #include "tools/fuzz/life.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -81,8 +82,11 @@ std::optional<Finding> Life::Solve() {
     OrderPointsFirst(world_, &options_);
   }
   ++solves_;
+  // The life's own options keep their threads, so that its dice fall alike for any limit.
+  ceres::Solver::Options options = options_;
+  options.num_threads = std::min(options.num_threads, plan_.max_threads);
   std::optional<Finding> finding =
-      SolveAndCheck(options_, &world_, solver_.get(), &checks_, counts_);
+      SolveAndCheck(options, &world_, solver_.get(), &checks_, counts_);
   if (plan_.verbose) {
     double cost = 0.0;
     world_.problem().Evaluate({}, &cost, nullptr, nullptr, nullptr);

@@ -14,6 +14,7 @@ struct LifePlan {
   std::uint64_t life = 0;
   std::string mode;
   int max_edits = 60;
+  int max_threads = 2;   ///< of a solve
   bool verbose = false;  ///< prints every edit and solve
 };
 
