@@ -158,6 +158,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
   frames_.reserve(schur.frames().size());
   landmarks_.clear();
   landmarks_.reserve(schur.landmarks().size());
+  listed_.Grow(schur.landmarks().size());
   // The partial step has to gain the whole gain but for the budget; frames that it makes move
   // carry their neighbors' share, so it is asked first.
   if (limits.remaining_decrease >= 0.0 && partial_step_.IsWorthwhile(schur) &&
@@ -170,22 +171,23 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
     NameCandidates(frame_step, reduced, solved, limits.negligible, schur);
     CutOff(frame_step, reduced.damping(), limits.remaining_decrease, system);
   }
-  const auto visit = [&](std::int32_t landmark) {
-    if (schur.IsInS(landmark) && !system->step().Visited(landmark)) {
-      system->step().Visit(landmark);
+  const auto list = [&](std::int32_t landmark) {
+    if (schur.IsInS(landmark) && listed_.Add(landmark)) {
       landmarks_.push_back(landmark);
     }
   };
   // Leaves below a frame that moves must follow, or their residuals would tear off.
   for (const std::int32_t frame : frames_) {
     std::for_each(schur.frames()[frame].landmarks.begin(), schur.frames()[frame].landmarks.end(),
-                  visit);
+                  list);
   }
   // A landmark without a moved frame may still have a gradient of its own, as a new one has. Its
   // share of the budget keeps the sum of what is left out below the budget.
   const double share = limits.remaining_decrease / std::max(1, schur.structure().num_landmarks());
   const std::vector<std::int32_t>& eager = schur.gains().Above(share);
-  std::for_each(eager.begin(), eager.end(), visit);
+  std::for_each(eager.begin(), eager.end(), list);
+  listed_.Clear();
+  system->step().Visit(landmarks_);
 }
 
 }  // namespace inceres::internal

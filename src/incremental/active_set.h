@@ -5,6 +5,7 @@
 
 #include "inceres/linear/reduced_solver.h"
 #include "incremental/incremental_system.h"
+#include "incremental/index_set.h"
 #include "incremental/partial_step.h"
 #include "incremental/reduced_vectors.h"
 #include "incremental/tuning.h"
@@ -61,6 +62,7 @@ class ActiveSet {
   std::vector<double> costs_;             // per rank: what leaving this frame behind too adds
   PartialStep partial_step_;
   std::vector<std::int32_t> frames_;
+  IndexSet listed_;  // landmarks of the list, while it is made
   std::vector<std::int32_t> landmarks_;
 };
 

@@ -282,6 +282,32 @@ void LandmarkBlocks::RenewZ(std::int32_t l, const double* eta, double* rhs) {
                                Y_.data(), change, rhs);
 }
 
+void LandmarkBlocks::FetchPlaces(std::int32_t l) const {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  __builtin_prefetch(&landmark.id);
+  __builtin_prefetch(&landmark.places);
+  __builtin_prefetch(&incidences_[l]);
+  __builtin_prefetch(z(l));
+  __builtin_prefetch(UInv(l));
+  __builtin_prefetch(UInv(l) + 8);
+}
+
+void LandmarkBlocks::FetchLists(std::int32_t l) const {
+  const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];
+  __builtin_prefetch(landmark.factors.data());
+  __builtin_prefetch(landmark.frames.data());
+  __builtin_prefetch(incidences_[l].data());
+}
+
+void LandmarkBlocks::FetchBlocks(std::int32_t l) const {
+  if (!incidences_[l].empty()) {
+    const double* y = Y(l);
+    for (std::ptrdiff_t k = 0; k < SizeOfY(l); k += 8) {
+      __builtin_prefetch(y + k);
+    }
+  }
+}
+
 // Frames that do not move have zeros in padded_step and contribute nothing.
 void LandmarkBlocks::BackSubstitute(std::int32_t l, double* padded_step) const {
   const IncrementalStructure::Landmark& landmark = structure_.landmarks()[l];

@@ -54,6 +54,11 @@ class LandmarkBlocks {
   void RenewZ(std::int32_t l, const double* eta, double* rhs);
   /// δ_l from the padded step of the frames, into the same vector.
   void BackSubstitute(std::int32_t l, double* padded_step) const;
+  /// Ask for what BackSubstitute reads, and do not wait: in this order, since each reads what the
+  /// one before it has asked for.
+  void FetchPlaces(std::int32_t l) const;
+  void FetchLists(std::int32_t l) const;
+  void FetchBlocks(std::int32_t l) const;
 
   double lambda(std::int32_t l) const { return lambda_[l]; }
   const double* P(std::int32_t l) const { return P_.data() + std::ptrdiff_t{l} * kBlock; }

@@ -54,6 +54,26 @@ void TrialStep::Visit(std::int32_t landmark) {
   }
 }
 
+// Between two Updates their fields, lists and blocks leave the cache, and each is behind a pointer
+// in the one before: so they are asked for in turns, landmarks ahead of their substitution.
+void TrialStep::Visit(const std::vector<std::int32_t>& landmarks) {
+  constexpr std::size_t kPlacesAhead = 12, kListsAhead = 8, kBlocksAhead = 4;
+  const LandmarkBlocks& blocks = schur_.blocks();
+  const std::size_t count = landmarks.size();
+  for (std::size_t k = 0; k < count; ++k) {
+    if (k + kPlacesAhead < count) {
+      blocks.FetchPlaces(landmarks[k + kPlacesAhead]);
+    }
+    if (k + kListsAhead < count) {
+      blocks.FetchLists(landmarks[k + kListsAhead]);
+    }
+    if (k + kBlocksAhead < count) {
+      blocks.FetchBlocks(landmarks[k + kBlocksAhead]);
+    }
+    Visit(landmarks[k]);
+  }
+}
+
 template <typename Variable>
 void TrialStep::Move(const Variable& moved) {
   const double* step = active_.step(moved.quad);

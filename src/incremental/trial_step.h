@@ -51,6 +51,8 @@ class TrialStep {
   }
   /// Back-substitutes a landmark from the frame steps set so far.
   void Visit(std::int32_t landmark);
+  /// The same for each of the list.
+  void Visit(const std::vector<std::int32_t>& landmarks);
   bool Visited(std::int32_t landmark) const { return active_.landmarks().Has(landmark); }
 
   /// Whether bounds have shortened this step, or the last one if it has ended.
