@@ -278,6 +278,30 @@ TEST(SessionRecognition, TheSameManifoldWithOtherContents) {
   EXPECT_NEAR(x[1], 4.0, 1e-6);
 }
 
+// A cost function that is revised while its block is moved is another one from then on, even where
+// the solve ends at a residual of zero, or where the one before it has ended.
+TEST(SessionRecognition, WhatIsRevisedWhileItsBlockIsMovedIsNotTakenForWhatItWas) {
+  for (const bool ends_at_zero : {true, false}) {
+    ceres::Problem problem(Borrowing());
+    Pull a(1.0, 1.0), b(0.0, 1.0);
+    double x = 3.0;
+    problem.AddResidualBlock(&a, nullptr, &x);
+    problem.AddResidualBlock(&b, nullptr, &x);
+    Session session;
+    session.Solve(&problem);
+    EXPECT_NEAR(x, 0.5, 1e-6);
+    x = ends_at_zero ? 0.0 : 3.0;
+    a.target = ends_at_zero ? 0.0 : 1.0;
+    a.weight = b.weight = ends_at_zero ? 1.0 : 2.0;
+    session.Solve(&problem);
+    EXPECT_NEAR(x, ends_at_zero ? 0.0 : 0.5, 1e-6);
+    a.target = a.weight = b.weight = 1.0;
+    session.Solve(&problem);
+    EXPECT_NEAR(x, 0.5, 1e-6);
+    EXPECT_NEAR(session.summary.final_cost, 0.25, 1e-6);
+  }
+}
+
 // Losses.
 
 TEST(SessionRecognition, TheSameLossWithOtherContentsAndAnotherLoss) {

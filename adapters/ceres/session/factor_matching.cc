@@ -175,8 +175,13 @@ bool FactorMatching::MustLinearize(const Correspondence::Factor& factor,
   const int* slots = view_.SlotsOf(residual);
   const bool revalued = std::any_of(slots, slots + residual.num_slots,
                                     [this](int b) { return variables_.IsRevalued(b); });
-  return !revalued &&
-         !known_.families[At(factor.family)].family->Recognize(factor.id.index, residual.cost);
+  RememberingFamily& family = *known_.families[At(factor.family)].family;
+  if (revalued) {
+    // It is linearized anyway, and not asked whether it is the same function still.
+    family.Doubt(factor.id.index);
+    return false;
+  }
+  return !family.Recognize(factor.id.index, residual.cost);
 }
 
 // What was not met again goes; what touches a variable that goes does so by itself.

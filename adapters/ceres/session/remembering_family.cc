@@ -63,6 +63,12 @@ void RememberingFamily::PlaceBorrowed(int i, const ceres::CostFunction* cost) {
   }
 }
 
+void RememberingFamily::Doubt(int i) {
+  if (remembers_) {
+    memory_[At(i)] = Memory::kNone;
+  }
+}
+
 // Whether a cost-only call says the same as the Jacobian call is asked once. What is recorded then
 // follows the parameters, unless it would prove nothing there.
 void RememberingFamily::Remember(int i, const double* const* parameters) {

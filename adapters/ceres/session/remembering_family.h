@@ -31,6 +31,8 @@ class RememberingFamily final : public CeresCostFamily {
   /// forgotten. Null: no cost function is there any more.
   void PlaceBorrowed(int i, const ceres::CostFunction* cost);
 
+  /// What is remembered of the place may be another function's: it is to be linearized anew.
+  void Doubt(int i);
   /// Prepares a place that was linearized to be recognized at these values of its parameters.
   void Remember(int i, const double* const* parameters);
   /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if
