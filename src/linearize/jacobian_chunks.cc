@@ -20,7 +20,7 @@ namespace inceres::internal {
 
 namespace {
 
-// Records that a task evaluates.
+// Records that a task evaluates, at most.
 constexpr int kPieceSize = 256;
 
 // Where factors are written and read whose records from `record` on lie at `first`. The address of
@@ -142,8 +142,11 @@ void JacobianChunks::CutIntoPieces() {
   pieces_begin_.assign(1, 0);
   for (int chunk = 0; chunk < num_chunks_; ++chunk) {
     for (const Linearization& cache : evaluator_.families()) {
-      for (int begin = Begin(chunk, cache.id); begin < End(chunk, cache.id); begin += kPieceSize) {
-        pieces_.push_back({cache.id, begin, std::min(begin + kPieceSize, End(chunk, cache.id))});
+      // Costly families (user code) are cut finer, for one thread too: costs are summed by piece.
+      const int size = (std::clamp(cache.family->TaskSize(), 1, kPieceSize) + kSumSize - 1) /
+                       kSumSize * kSumSize;
+      for (int begin = Begin(chunk, cache.id); begin < End(chunk, cache.id); begin += size) {
+        pieces_.push_back({cache.id, begin, std::min(begin + size, End(chunk, cache.id))});
       }
       any_moved = any_moved || !cache.records.empty();
       most_slots = std::max(most_slots, cache.slots.size());

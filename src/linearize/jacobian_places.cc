@@ -118,15 +118,18 @@ void PlaceBySlot(int num_places, Linearization* cache) {
   cache->tangent_offsets.resize(cache->parameters.size(), -1);
 }
 
-// Landmarks ascend, in families of any size; empty where they do so anyway.
+// Landmarks ascend, in families of any size; empty where they do so anyway, with few factors that
+// touch none between them, for these go with the next landmark's chunk.
 std::vector<std::int32_t> RecordsInChunks(const FactorGraph& graph, const Layout& layout,
                                           FamilyId id) {
-  int last = -1;
+  constexpr int kFew = 1024;
+  int last = -1, num_others = 0;
   for (int i = 0; i < graph.NumFactors(id); ++i) {
     const int landmark = LandmarkOfFactor(graph, layout, id, i);
-    if (landmark >= 0 && landmark < last) {
+    if (landmark >= 0 && (landmark < last || num_others > kFew)) {
       return SortByLandmark(graph, layout, id);
     }
+    num_others = landmark < 0 ? num_others + 1 : 0;
     last = std::max(last, landmark);
   }
   return {};

@@ -132,13 +132,16 @@ void DirectElimination::IndexBlocks() {
 void DirectElimination::MakeSources() {
   const auto num_blocks = static_cast<int>(pattern_.columns.size());
   for (const Linearization& cache : evaluator_.families()) {
+    // Each pair of slots has lists of its own: counts for all blocks are for families with products
+    // in many of them.
+    const bool is_small = cache.num_factors < num_blocks / 8;
     first_source_.push_back(sources_.size());
     for (int r = 0; r < cache.num_slots; ++r) {
       for (int c = 0; c < cache.num_slots; ++c) {
         sources_.push_back({&cache, r, c,
                             static_cast<std::int32_t>(cache.slots[r].factor_stride / kQuad),
                             static_cast<std::int32_t>(cache.slots[c].factor_stride / kQuad),
-                            ProductLists(num_blocks)});
+                            ProductLists(is_small ? 0 : num_blocks)});
       }
     }
   }

@@ -20,7 +20,7 @@ namespace inceres::internal {
 /// little, stay where they are.
 ///
 /// What it is for: points seen at a small angle are strongly curved in depth, and the joint step,
-/// which sees the first order only, creeps towards them for tens of iterations. Source: Jeong et
+/// which sees the first order only, creeps toward them for tens of iterations. Source: Jeong et
 /// al., "Pushing the Envelope of Modern Methods for Bundle Adjustment", 2012 (embedded point
 /// iterations); Ceres's inner iterations.
 ///

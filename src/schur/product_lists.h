@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -16,10 +17,12 @@ class ProductLists {
     int count;
   };
 
+  /// With a count for each block; 0: without, for where there are far more blocks than products.
+  /// Sort then takes n log n of them.
   explicit ProductLists(int num_blocks) : next_(static_cast<std::size_t>(num_blocks), 0) {}
 
   void Add(int block, ProductTerm term) {
-    if (next_[static_cast<std::size_t>(block)]++ == 0) {
+    if (!next_.empty() && next_[static_cast<std::size_t>(block)]++ == 0) {
       lists_.push_back({block, 0, 0});
     }
     if (num_added_ == added_.size()) {
@@ -30,6 +33,9 @@ class ProductLists {
 
   /// What was added since Clear, in that order within each list. Cost: linear in it.
   const std::vector<List>& Sort() {
+    if (next_.empty()) {
+      return SortFew();
+    }
     int end = 0;
     for (List& list : lists_) {
       int& next = next_[static_cast<std::size_t>(list.block)];
@@ -48,8 +54,10 @@ class ProductLists {
   const ProductTerm* terms() const { return terms_.data(); }
 
   void Clear() {
-    for (const List& list : lists_) {
-      next_[static_cast<std::size_t>(list.block)] = 0;
+    if (!next_.empty()) {
+      for (const List& list : lists_) {
+        next_[static_cast<std::size_t>(list.block)] = 0;
+      }
     }
     lists_.clear();
     num_added_ = 0;
@@ -60,6 +68,21 @@ class ProductLists {
     int block;
     ProductTerm term;
   };
+  // Without counts.
+  const std::vector<List>& SortFew() {
+    std::stable_sort(added_.begin(), added_.begin() + static_cast<std::ptrdiff_t>(num_added_),
+                     [](const Added& a, const Added& b) { return a.block < b.block; });
+    terms_.resize(added_.size());
+    for (std::size_t n = 0; n < num_added_; ++n) {
+      if (n == 0 || added_[n].block != added_[n - 1].block) {
+        lists_.push_back({added_[n].block, static_cast<int>(n), 0});
+      }
+      ++lists_.back().count;
+      terms_[n] = added_[n].term;
+    }
+    return lists_;
+  }
+
   std::vector<int> next_;  // per block: how many were added, or where the next one goes
   std::vector<List> lists_;
   std::vector<Added> added_;  // and room for more

@@ -127,6 +127,7 @@ struct Workspace {
         dynamic_sparsity(options.dynamic_sparsity),
         conjugate_gradients(options.conjugate_gradients),
         recompute_jacobians(options.recompute_jacobians),
+        max_memory_bytes(options.max_memory_bytes),
         eliminated(EliminatedBy(loop)) {
     const JacobianStorage storage =
         recomputes ? JacobianStorage::kInChunks : StorageOf(options, loop, graph, layout);
@@ -213,8 +214,11 @@ struct Workspace {
            options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
            options.dynamic_sparsity == dynamic_sparsity &&
            options.conjugate_gradients == conjugate_gradients &&
-           options.recompute_jacobians == recompute_jacobians && structure.has_value() &&
-           structure->IsThatOf(graph);
+           options.recompute_jacobians == recompute_jacobians &&
+           options.max_memory_bytes == max_memory_bytes &&
+           // Without a budget it recomputes where memory was short then, which it may not be now.
+           (max_memory_bytes > 0 || recompute_jacobians || !Recomputes()) &&
+           structure.has_value() && structure->IsThatOf(graph);
   }
 
   // taken when the first solve is over: who solves once does not pay for it
@@ -226,6 +230,7 @@ struct Workspace {
   bool dynamic_sparsity;
   ConjugateGradientsOptions conjugate_gradients;
   bool recompute_jacobians;
+  std::int64_t max_memory_bytes;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
   VariableLookUp look_up;              // unbound: families have tables
   std::optional<Evaluator> evaluator;

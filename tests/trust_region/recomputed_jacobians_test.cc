@@ -2,8 +2,11 @@
 // memory.
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -196,6 +199,90 @@ TEST(RecomputedJacobiansAskedFor, HoldForSmallProblems) {
   const Summary summary = Solve(options, &anew->graph());
   EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-9 * (1.0 + expected.final_cost));
   EXPECT_TRUE(summary.recomputed_jacobians);
+}
+
+// What an earlier solve of the same structure was allowed does not bind a later one.
+TEST(RecomputedJacobiansOfAReusedSolver, FollowTheBudgetOfEachSolve) {
+  SolverOptions options = Options(2);
+  const auto solve = [&](Solver* solver, std::int64_t budget) {
+    options.max_memory_bytes = budget;
+    const auto bundle = MakeBundle(Large(/*by_frame=*/true));
+    return solver->Solve(options, &bundle->graph());
+  };
+  Solver solver(std::int64_t{1} << 30);
+  const std::int64_t bytes = solve(&solver, 0).work.bytes;
+  for (int round = 0; round < 2; ++round) {
+    const Summary tight = solve(&solver, bytes);
+    EXPECT_TRUE(tight.IsSolutionUsable() && tight.recomputed_jacobians) << tight.message;
+    const Summary ample = solve(&solver, 0);
+    EXPECT_TRUE(ample.IsSolutionUsable() && !ample.recomputed_jacobians) << ample.message;
+    EXPECT_EQ(solve(&solver, bytes / 100).termination, Termination::kFailure);
+  }
+}
+
+// Factors that are costly are few to a task; the first call waits for a second one beside it.
+TEST(RecomputedJacobiansAskedFor, AreEvaluatedByAllThreadsHoweverFewFactorsAChunkHas) {
+  constexpr int kFactors = 200;
+  FactorGraph graph;
+  const double one = 1.0;
+  std::atomic<int> num_inside = 0;
+  std::atomic<bool> met = false;
+  const auto family = graph.AddFamily(std::make_shared<test::FunctionFamily>(
+      1, std::vector<FactorFamily::Slot>{{1, 1}},
+      [&](int, const double* const* parameters, double* residuals, double** jacobians) {
+        ++num_inside;
+        for (int ms = 0; ms < 10000 && !met; ++ms) {
+          met = met || num_inside > 1;
+          std::this_thread::sleep_for(std::chrono::milliseconds(met ? 0 : 1));
+        }
+        --num_inside;
+        residuals[0] = parameters[0][0];
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          jacobians[0][0] = 1.0;
+        }
+        return true;
+      }));
+  for (int i = 0; i < kFactors; ++i) {
+    graph.AddFactor(family, 0, {graph.AddVariable(&one, 1, Role::kFrame)});
+  }
+  SolverOptions options;
+  options.num_threads = 2;
+  options.recompute_jacobians = true;
+  options.max_num_iterations = 0;
+  EXPECT_TRUE(Solve(options, &graph).IsSolutionUsable());
+  EXPECT_TRUE(met);
+}
+
+// Factors of constant points, which no chunk of landmarks needs, do not make one of them large.
+TEST(RecomputedJacobiansAskedFor, TakeNoMoreWhereConstantPointsLieBetweenOthers) {
+  std::vector<double> bytes;
+  for (const bool between : {false, true}) {
+    test::RandomGraph random(3);
+    std::vector<VariableId> frames(20);
+    for (VariableId& frame : frames) {
+      frame = random.AddFrame(6);
+      random.Connect(6, {frame});
+    }
+    const auto add_points = [&](int count, bool constant) {
+      for (int k = 0; k < count; ++k) {
+        const VariableId point = random.AddLandmark(3);
+        random.graph().SetConstant(point, constant);
+        for (int view = 0; view < 4; ++view) {
+          random.Connect(2, {frames[static_cast<std::size_t>(k + view) % frames.size()], point});
+        }
+      }
+    };
+    add_points(between ? 1 : 2, false);
+    add_points(10000, true);
+    add_points(between ? 1 : 0, false);
+    SolverOptions options;
+    options.max_num_iterations = 1;
+    options.recompute_jacobians = true;
+    const Summary summary = Solve(options, &random.graph());
+    ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    bytes.push_back(static_cast<double>(summary.work.bytes));
+  }
+  EXPECT_LT(bytes[1], 1.5 * bytes[0]);
 }
 
 // Factors of two chunks that cannot be evaluated a second time where they are: no step is made of
