@@ -56,7 +56,8 @@ void TrialStep::Visit(std::int32_t landmark) {
 
 // Between two Updates their fields, lists and blocks leave the cache, and each is behind a pointer
 // in the one before: so they are asked for in turns, landmarks ahead of their substitution.
-void TrialStep::Visit(const std::vector<std::int32_t>& landmarks) {
+template <typename Work>
+void TrialStep::FetchAndDo(const std::vector<std::int32_t>& landmarks, const Work& work) const {
   constexpr std::size_t kPlacesAhead = 12, kListsAhead = 8, kBlocksAhead = 4;
   const LandmarkBlocks& blocks = schur_.blocks();
   const std::size_t count = landmarks.size();
@@ -70,8 +71,12 @@ void TrialStep::Visit(const std::vector<std::int32_t>& landmarks) {
     if (k + kBlocksAhead < count) {
       blocks.FetchBlocks(landmarks[k + kBlocksAhead]);
     }
-    Visit(landmarks[k]);
+    work(landmarks[k]);
   }
+}
+
+void TrialStep::Visit(const std::vector<std::int32_t>& landmarks) {
+  FetchAndDo(landmarks, [this](std::int32_t l) { Visit(l); });
 }
 
 template <typename Variable>
@@ -199,7 +204,10 @@ void TrialStep::Shorten(double scaled_norm) {
 // z_old).
 int TrialStep::UpdateRhs() {
   reached_.ForEach([this](std::int32_t i) { schur_.TakeChange(i); });
-  ForEachUpdated([this](std::int32_t l) { schur_.RefreshResidual(l); });
+  for (const IndexSet* updated : {&active_.landmarks(), &stale_landmarks_}) {
+    updated->CopyTo(&updated_);
+    FetchAndDo(updated_, [this](std::int32_t l) { schur_.RefreshResidual(l); });
+  }
   return active_.landmarks().count() + stale_landmarks_.count();
 }
 

@@ -107,6 +107,8 @@ class TrialStep {
 
  private:
   void Begin() { is_cut_off_ = is_cut_off_ && !active_.empty(); }
+  template <typename Work>
+  void FetchAndDo(const std::vector<std::int32_t>& landmarks, const Work& work) const;
   template <typename Variable>
   void CutOff(const Variable& moved);
   template <typename Variable>
@@ -131,9 +133,10 @@ class TrialStep {
   bool is_cut_off_ = false;
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
-  bool touched_named_ = false;  // the two above and the two below are those of the step
-  IndexSet stale_landmarks_;    // not visited, but seen from a frame that moves
-  IndexSet reached_;            // frames of touched factors and of their landmarks
+  bool touched_named_ = false;         // the two above and the two below are those of the step
+  std::vector<std::int32_t> updated_;  // landmarks whose right-hand sides follow
+  IndexSet stale_landmarks_;           // not visited, but seen from a frame that moves
+  IndexSet reached_;                   // frames of touched factors and of their landmarks
   DoglegPath path_;
   LandmarkSearches searches_;
 };
