@@ -3,6 +3,7 @@
 #include "adapters/ceres/fallback/gate.h"
 
 #include <limits>
+#include <vector>
 
 #include <glog/logging.h>
 #include <gtest/gtest.h>
@@ -123,6 +124,22 @@ TEST(Gate, WhatStockAbortsOn) {
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   };
   ExpectStrictRefuses(empty_ordering, "linear_solver_ordering is empty");
+}
+
+TEST(Gate, PreconditionersThatTheLinearSolverDoesNotHave) {
+  const auto with = [](ceres::LinearSolverType solver, ceres::PreconditionerType preconditioner) {
+    return [=](TestProblem* test, Options* o) {
+      o->linear_solver_type = solver;
+      o->preconditioner_type = preconditioner;
+      std::vector<ceres::ResidualBlockId> blocks;
+      test->problem.GetResidualBlocks(&blocks);
+      o->residual_blocks_for_subset_preconditioner = {blocks.begin(), blocks.end()};
+    };
+  };
+  ExpectStrictRefuses(with(ceres::CGNR, ceres::SCHUR_JACOBI),
+                      "preconditioner_type SCHUR_JACOBI with CGNR");
+  ExpectStrictRefuses(with(ceres::ITERATIVE_SCHUR, ceres::SUBSET),
+                      "preconditioner_type SUBSET with ITERATIVE_SCHUR");
 }
 
 // Problems.

@@ -94,7 +94,7 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
   const bool known = preconditioner == ceres::IDENTITY || preconditioner == ceres::JACOBI ||
                      ((preconditioner == ceres::SCHUR_JACOBI || IsByClusters(preconditioner)) &&
                       options.linear_solver_type == ceres::ITERATIVE_SCHUR) ||
-                     preconditioner == ceres::SUBSET;
+                     (preconditioner == ceres::SUBSET && options.linear_solver_type == ceres::CGNR);
   if (obstacle.empty() && IsIterative(options.linear_solver_type) && !known) {
     return std::string("preconditioner_type ") + ceres::PreconditionerTypeToString(preconditioner) +
            " with " + ceres::LinearSolverTypeToString(options.linear_solver_type);
