@@ -96,6 +96,10 @@ bool Draw(const std::vector<Point>& points, const std::vector<Contender>& fits, 
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 2 || (argc == 2 && argv[1][0] == '-')) {
+    std::fprintf(stderr, "usage: 04_robust_losses [PICTURE.svg]\n");
+    return 2;
+  }
   const std::vector<Point> points = Measure();
   const Circle start = {3.0, 2.0, 4.0};
   // [quoted in docs/lessons/04_robust_losses.md]

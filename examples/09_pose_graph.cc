@@ -96,6 +96,10 @@ bool Draw(const Poses& before, const Poses& after, const char* path) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 2 || (argc == 2 && argv[1][0] == '-')) {
+    std::fprintf(stderr, "usage: 09_pose_graph [PICTURE.svg]\n");
+    return 2;
+  }
   Poses before, after;
   const inceres::Summary summary = Optimize(&before, &after);
   if (!summary.IsSolutionUsable()) {

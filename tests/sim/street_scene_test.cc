@@ -122,7 +122,7 @@ TEST(StreetScene, UnknownPresetListsTheKnownOnes) {
   EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
   EXPECT_EQ(status.message,
             "no preset 'atlantis'; known are ladybug-like, venice11, cathedral, path-400, "
-            "path-1800, path-1000, path-10000");
+            "path-1800, path-1000, path-10000, city-N, collection-N");
   EXPECT_EQ(options.num_cameras, 77);
 }
 

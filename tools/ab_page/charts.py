@@ -74,7 +74,7 @@ def latency_range(solves):
 
 
 def histogram(solves, width, height):
-    """Two histograms back to back over one logarithmic axis: ours upwards, stock downwards."""
+    """Two histograms back to back over one logarithmic axis: ours upward, stock downward."""
     canvas = Canvas(width, height, "Distribution of solve times of both solvers", left=14)
     low, high = latency_range(solves)
     x = Axis(low, high, canvas.left, canvas.right, logarithmic=True)

@@ -157,8 +157,8 @@ std::string HistogramCard(const BalPageContent& content) {
                                      " errors are not finite, and not among these.</p>"
                                : "";
   return "<section class=\"card half\" id=\"errors\"><h2>Reprojection errors</h2><p "
-         "class=\"note\">How many observations have which, in pixels: upwards after the solve, "
-         "downwards before.</p>" +
+         "class=\"note\">How many observations have which, in pixels: upward after the solve, "
+         "downward before.</p>" +
          TwoWidths("Histogram of the reprojection errors before and after", 12.0,
                    [&](const SvgFrame& frame, double width) {
                      return ErrorHistogramShapes(histogram, frame, width > 400.0 ? 6 : 4);

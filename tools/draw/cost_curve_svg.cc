@@ -9,7 +9,7 @@
 namespace inceres::tools {
 namespace {
 
-// Positions in the cost curve: iterations to the right, logarithm of the cost upwards.
+// Positions in the cost curve: iterations to the right, logarithm of the cost upward.
 struct CurveScale {
   SvgFrame frame;
   double low;   // log10

@@ -44,7 +44,7 @@ std::vector<std::size_t> Count(const std::vector<double>& values, const ErrorHis
   return counts;
 }
 
-// The bars of one sample from the middle of the frame, `sign` 1 for upwards.
+// The bars of one sample from the middle of the frame, `sign` 1 for upward.
 void AppendBars(const char* style, const std::vector<double>& edges,
                 const std::vector<std::size_t>& counts, std::size_t largest, double sign,
                 const SvgFrame& frame, std::string* svg) {

@@ -23,8 +23,8 @@ struct ErrorHistogram {
 ErrorHistogram SortErrors(const std::vector<double>& before, const std::vector<double>& after,
                           std::size_t num_bins);
 
-/// The histogram back to back over one axis: <rect class="after"> upwards, <rect class="before">
-/// downwards, each with its count as a tooltip; labels below the frame. `num_labels` is how many
+/// The histogram back to back over one axis: <rect class="after"> upward, <rect class="before">
+/// downward, each with its count as a tooltip; labels below the frame. `num_labels` is how many
 /// have room.
 std::string ErrorHistogramShapes(const ErrorHistogram& histogram, const SvgFrame& frame,
                                  std::size_t num_labels);

@@ -17,7 +17,7 @@ constexpr std::array<double, 3> kGapLines = {1e-2, 1e-3, 1e-4};
 constexpr std::array<const char*, 7> kCurveColors = {"#0b6e4f", "#c1440e", "#3a86c8", "#8d6e63",
                                                      "#7b2d8b", "#b58900", "#444444"};
 
-// Logarithms of seconds to the right, of gaps upwards.
+// Logarithms of seconds to the right, of gaps upward.
 struct GapScale {
   double first = 1e300, last = 0.0;  // seconds
   double largest = 1e-1;             // gap

@@ -75,11 +75,15 @@ std::vector<std::pair<std::string, std::string>> Figures(const PoseGraphRun& run
     rows.emplace_back("found to be wrong",
                       Text("%d of %zu suspects", run.gnc->num_outliers, run.gnc->verdicts.size()));
   }
-  if (run.score.has_value()) {
+  if (run.score.has_value() && !run.gnc.has_value()) {
+    rows.emplace_back("wrong loops", Text("%d, not looked for (--gnc)", run.score->num_wrong));
+  } else if (run.score.has_value()) {
     rows.emplace_back("wrong loops found",
                       Text("%d of %d", run.score->num_wrong_found, run.score->num_wrong));
     rows.emplace_back("right loops lost",
                       Text("%d of %d", run.score->num_right_lost, run.score->num_right));
+  }
+  if (run.score.has_value()) {
     rows.emplace_back("RMS from without them",
                       Text("%.6g, %.4g %% of the extent", run.score->rms_difference,
                            100.0 * run.score->rms_difference / run.score->extent));

@@ -15,7 +15,7 @@ constexpr double kMaxHeight = 12.0;  // of what is seen of a facade, on a street
 constexpr double kRelief = 0.1;      // points stand out by up to this part of their distance
 constexpr int kMaxTries = 400;
 
-// A car drives in the street with a camera on its roof, looking a little upwards and from side to
+// A car drives in the street with a camera on its roof, looking a little upward and from side to
 // side.
 SimulatedCamera MakeCamera(const CityRoute& route, double s, int index, Random* random) {
   SimulatedCamera camera;

@@ -17,9 +17,11 @@ std::vector<std::string> PresetNames(const Presets& presets) {
   return names;
 }
 
-/// Points *found at the preset of that name; kInvalidArgument names those that there are.
+/// Points *found at the preset of that name; kInvalidArgument names those that there are, and
+/// `others`, which begins with a comma if there is any.
 template <typename Presets, typename Preset>
-Status FindPreset(const Presets& presets, const std::string& name, const Preset** found) {
+Status FindPreset(const Presets& presets, const std::string& name, const Preset** found,
+                  const char* others = "") {
   std::string known;
   for (const Preset& preset : presets) {
     if (name == preset.name) {
@@ -29,7 +31,7 @@ Status FindPreset(const Presets& presets, const std::string& name, const Preset*
     known += std::string(known.empty() ? "" : ", ") + preset.name;
   }
   return Status::Error(StatusCode::kInvalidArgument,
-                       "no preset '" + name + "'; known are " + known);
+                       "no preset '" + name + "'; known are " + known + others);
 }
 
 }  // namespace inceres::internal

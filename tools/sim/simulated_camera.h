@@ -19,7 +19,7 @@ struct SimulatedCamera {
 constexpr double kHalfWidth = 0.9, kHalfHeight = 0.7;
 constexpr double kMinDepth = 2.0;
 
-/// Lets the camera with this number look along the heading, a little upwards and from side to side,
+/// Lets the camera with this number look along the heading, a little upward and from side to side,
 /// and gives it a focal length and a distortion.
 void LookAround(double heading, int index, Random* random, SimulatedCamera* camera);
 

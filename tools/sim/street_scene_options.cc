@@ -72,7 +72,8 @@ std::vector<std::string> StreetScenePresets() {
 
 Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options) {
   const Preset* preset = nullptr;
-  if (Status status = internal::FindPreset(kPresets, name, &preset); !status.ok()) {
+  if (Status status = internal::FindPreset(kPresets, name, &preset, ", city-N, collection-N");
+      !status.ok()) {
     return status;
   }
   *options = StreetSceneOptions();

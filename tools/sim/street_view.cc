@@ -24,7 +24,7 @@ StreetView::StreetView(const StreetSceneOptions& options, double spacing)
   }
 }
 
-// Somebody walks through the street with a camera in the hand, looking a little upwards and from
+// Somebody walks through the street with a camera in the hand, looking a little upward and from
 // side to side.
 StreetCamera StreetView::MakeCamera(int index, Random* random) const {
   StreetCamera camera;

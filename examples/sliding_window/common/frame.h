@@ -11,7 +11,7 @@ namespace sliding_window {
 /// What the sensors deliver with one image, and the states that are estimated from it.
 struct ImuSample {
   double time = 0.0;    // s
-  Eigen::Vector3d acc;  // m/s^2, body axes; +g upwards at rest
+  Eigen::Vector3d acc;  // m/s^2, body axes; +g upward at rest
   Eigen::Vector3d gyr;  // rad/s, body axes
 };
 
