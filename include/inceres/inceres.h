@@ -2,7 +2,8 @@
 
 /// All of the core in one include: problem, factors, solvers, the estimator. Files of problems and
 /// saved graphs (inceres/io, inceres/storage) are another library, inceres::io; Eigen's types need
-/// inceres/eigen.h; the shim for Ceres inceres/ceres/solve.h. Headers of their own compile faster.
+/// inceres/eigen.h; the adapter for Ceres is inceres/ceres/solve.h. Headers of their own compile
+/// faster.
 
 #include "inceres/autodiff/autodiff_family.h"
 #include "inceres/autodiff/derivatives.h"

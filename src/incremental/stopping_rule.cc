@@ -52,7 +52,7 @@ bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, d
 }
 
 // What is left falls by φ = Σ r_i² R_i / Σ R_i, where the model's curvature in direction i is off
-// by a share of r_i; so φ rises, towards the largest r_i², as far as steps are a linear iteration.
+// by a share of r_i; so φ rises, toward the largest r_i², as far as steps are a linear iteration.
 // A first step tells of the directions in which there was most to gain. Where another one is a
 // saddle, r_i > 1, and little was left of it, that comes to light when φ jumps.
 bool StoppingRule::IsBorneOut(double remaining, double cost) const {

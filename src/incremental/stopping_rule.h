@@ -117,7 +117,7 @@ class StoppingRule {
   // Of the cost: a change that is rounding, some half of its last bits.
   static constexpr double kUnmoved = 1e-15;
   // Gain ratio of a step along which the cost is straight: of what its slope promises, the model's
-  // curvature takes half. Above that the cost curves downwards.
+  // curvature takes half. Above that the cost curves downward.
   static constexpr double kCurvesDown = 2.0;
 
   Tuning::Stop tuning_;

@@ -55,7 +55,7 @@ constexpr std::int64_t kRecordBytes[] = {
 constexpr const char* kRecordNames[] = {"observation", "camera", "point"};
 
 // FNV-1a, 64 bits, by words: records are whole ones.
-// The shift is not part of FNV: multiplying moves bits only upwards, and it brings the upper ones
+// The shift is not part of FNV: multiplying moves bits only upward, and it brings the upper ones
 // back down. Bytes beyond the last whole word would be left out; none of the records has any.
 std::uint64_t Checksum(const char* bytes, std::size_t count, std::uint64_t hash) {
   for (std::size_t k = 0; k + 8 <= count; k += 8) {

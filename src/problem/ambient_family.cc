@@ -9,7 +9,7 @@
 // From ambient Jacobians, as formulas and user code write them, to tangent ones: J_tangent =
 // J_ambient M with M = ∂(x ⊞ δ)/∂δ (docs/algorithms.md, "Linearization"). The map was classified
 // once for its variable, so most calls are copies. Where a product is needed, its sums run over k
-// upwards as Ceres's do.
+// upward as Ceres's do.
 //
 // What nobody has written is found without a flag per entry: memory is filled with an impossible
 // value beforehand (kUnwritten), and a look at the sum of magnitudes tells that all is finite and
@@ -43,7 +43,7 @@ void SelectColumns(const TangentMap& map, const double* J_ambient, int num_rows,
 }
 
 // kWidth columns of the product from column `first` on, summed in registers. The sum over k runs
-// upwards, as in a plain matrix product, so that results agree with Ceres's to the last bit; where
+// upward, as in a plain matrix product, so that results agree with Ceres's to the last bit; where
 // M is the identity there is nothing to add.
 template <int kWidth>
 void MultiplyColumns(const TangentMap& map, int first, const double* J_ambient, int num_rows,

@@ -189,7 +189,7 @@ struct Kernels {
   ColumnTake (*find_take)(int rows, int ambient_size, int columns);
   /// The same of Jacobians with 7 columns, of a position and a quaternion: J_n M_n, of whose M_n (7
   /// × 6) the first three rows and columns are those of the identity. Sums run over the rows of M
-  /// upwards, each term rounded, as in a plain loop.
+  /// upward, each term rounded, as in a plain loop.
   bool (*take_poses)(const double* const* M, int count, const double* J, int rows, double* out,
                      std::ptrdiff_t factor_stride, int row_stride);
   /// The same with 4 columns, of a quaternion: M_n is 4 × 3.

@@ -7,7 +7,7 @@
 namespace inceres::internal {
 namespace {
 
-// Armijo's search, φ(t) ≤ φ(0) + c₁ φ'(0) t from t = 1 downwards (docs/ceres_contract.md, "Line
+// Armijo's search, φ(t) ≤ φ(0) + c₁ φ'(0) t from t = 1 downward (docs/ceres_contract.md, "Line
 // search for bounds"; Nocedal & Wright, sections 3.1 and 3.5). The order of tests, and what is
 // counted when, are those of Ceres 2.1: with the same numbers the same t are tried.
 

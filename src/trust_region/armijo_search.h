@@ -19,7 +19,7 @@ struct LineFunction {
   std::function<FunctionSample(double t)> sample;
 };
 
-/// The first t, from 1 downwards, with φ(t) ≤ φ(0) + c₁ φ'(0) t; none if the options' limits come
+/// The first t, from 1 downward, with φ(t) ≤ φ(0) + c₁ φ'(0) t; none if the options' limits come
 /// first. A t that cannot be evaluated is found wanting. Counts steps and polynomial seconds in
 /// `summary`. Source: Nocedal & Wright, section 3.1 and 3.5; order of tests and choice of the next
 /// t of Ceres 2.1's ArmijoLineSearch.

@@ -143,7 +143,7 @@ void Dogleg::ChooseWithinRadius(LinearModel* model, double* step) {
   std::transform(p_.begin(), p_.end(), w_.begin(), step, std::divides<>());
 }
 
-// The dog-leg point: from zero to the Cauchy point a, on towards the Gauss–Newton point b, which
+// The dog-leg point: from zero to the Cauchy point a, on toward the Gauss–Newton point b, which
 // lies outside, up to where this path leaves the sphere.
 void Dogleg::FollowTraditionalPath(double alpha, const LinearModel& model) {
   const double gradient_norm = Norm(model, gradient_);

@@ -83,7 +83,7 @@ TEST(Iteration32, gradient_max_norm) {
 }
 
 // In the ambient space: on the sphere of radius 5 from (0, 3, 4), at atan(4/3), by an angle of ½ ·
-// ½ · 5 · 3/5 = 0.75 upwards; from Ceres 2.2 on its manifold has no halves.
+// ½ · 5 · 3/5 = 0.75 upward; from Ceres 2.2 on its manifold has no halves.
 TEST(Iteration32, gradient_max_norm_is_measured_in_the_ambient_space) {
   World world;
   double* x = world.Add({0.0, 3.0, 4.0});

@@ -169,7 +169,7 @@ TEST(DropinInside, EveryEditIsSeen) {
   double x[2] = {3.0, 3.0};
   double y = 1.0;
   manifolds::SubsetManifold second_held(2, {1});
-  // x₀ x₁ − 6 and small pulls towards (2, 3), so that there is one minimum, and it is not zero.
+  // x₀ x₁ − 6 and small pulls toward (2, 3), so that there is one minimum, and it is not zero.
   struct Product {
     bool operator()(const double* const v, double* r) const {
       r[0] = v[0] * v[1] - 6.0;

@@ -132,7 +132,7 @@ TEST(IncrementalLimits, AStopAskedForBeforeAnUpdateWithNothingToDoEndsThatOne) {
   EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
 }
 
-// One variable that creeps towards its minimum: every evaluation waits until the other thread has
+// One variable that creeps toward its minimum: every evaluation waits until the other thread has
 // asked for the stop.
 TEST(IncrementalLimits, AStopFromAnotherThreadEndsTheUpdateThatRuns) {
   std::atomic<bool> running{false};

@@ -48,7 +48,7 @@ void ExpectSame(const MatrixXd& J, const VectorXd& r, const Dense& dense, double
   EXPECT_LT((J.transpose() * r - dense.b).norm(), tolerance * dense.b.norm());
 }
 
-// A pull of a pose towards another, with a full Jacobian, so that everything is well determined.
+// A pull of a pose toward another, with a full Jacobian, so that everything is well determined.
 class Pull : public ceres::CostFunction {
  public:
   Pull(int size, RandomState* random) : A_(size, size), b_(size) {

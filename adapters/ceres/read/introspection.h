@@ -55,8 +55,8 @@ struct ProblemTotals {
   int num_residuals = 0;
 };
 
-/// All the shim knows of a ceres::Problem: one pass through its public API. Nothing of the user's
-/// but the memory of its parameter blocks and size getters is touched; no cost function is
+/// All the adapter knows of a ceres::Problem: one pass through its public API. Nothing of the
+/// user's but the memory of its parameter blocks and size getters is touched; no cost function is
 /// evaluated.
 struct ProblemView {
   static constexpr std::size_t kMaxKeptBytes = std::size_t{2} << 20;

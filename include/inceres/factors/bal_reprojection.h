@@ -5,7 +5,7 @@
 
 namespace inceres {
 
-/// An observed image point in pixels, origin at the image center, y upwards.
+/// An observed image point in pixels, origin at the image center, y upward.
 struct BalReprojectionMeasurement {
   double x = 0.0;  ///< to the right, pixels
   double y = 0.0;  ///< up, pixels

@@ -32,7 +32,7 @@ struct INCERES_EXPORT CrossCheckOptions {
 
   /// Largest relative difference of costs, of each iteration and at the end: |a − b| / max(a, b,
   /// ε·initial cost), where ε is the machine's epsilon. Exact 1e-9; incremental
-  /// `function_tolerance`, and only upwards.
+  /// `function_tolerance`, and only upward.
   std::optional<double> cost_tolerance;
   /// Largest difference of a component of a parameter block, relative to the largest magnitude in
   /// its block at the start or the end (1e-3 if all are smaller). Exact 1e-6; incremental not
