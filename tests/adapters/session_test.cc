@@ -213,6 +213,41 @@ TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
 }
 
+// An automatic session that has solved exactly calls user code once more, for what it remembers.
+TEST(Session, AnExceptionOutOfAnyCallOfAnAutomaticSessionLeavesMemoryAsItWas) {
+  int num_thrown = 0;
+  for (int good_calls = 0; good_calls < 40; ++good_calls) {
+    ceres::Problem problem(Borrowing());
+    Pull a(1.0, 1.0), b(0.0, 1.0);
+    double x = 3.0;
+    problem.AddResidualBlock(&a, nullptr, &x);
+    problem.AddResidualBlock(&b, nullptr, &x);
+    int num_calls = 0;
+    b.on_call = [&] {
+      if (num_calls++ == good_calls) {
+        throw std::runtime_error("user");
+      }
+    };
+    SessionOptions automatic;
+    automatic.automatic = true;
+    automatic.exact_windows = false;
+    CeresSession session(automatic);
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    for (int solve = 0; solve < 3; ++solve, a.target += 0.5) {
+      const double start = x;
+      try {
+        session.Solve(options, &problem, &summary);
+      } catch (const std::runtime_error&) {
+        ++num_thrown;
+        EXPECT_EQ(x, start) << "call " << good_calls << ", solve " << solve;
+      }
+    }
+  }
+  EXPECT_GT(num_thrown, 10);
+}
+
 TEST(Session, AnExceptionOutOfUserCodeLeavesMemoryAsItWasAndForgets) {
   Tug tug;
   tug.b.on_call = [] { throw std::runtime_error("user"); };

@@ -126,8 +126,11 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   }
   IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
   if (options.automatic && RemembersLittle(core)) {
+    // What is remembered calls the user's code after the solve, and an exception may come of that.
+    internal::StartValues start(view);
     SolveExactlyFor("auto: most of the problem is not remembered", call, &input);
     BeginToRemember(call, input, core);
+    start.Keep();
     return;
   }
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
