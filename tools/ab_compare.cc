@@ -23,6 +23,7 @@
 #include "tools/problems/problem_source.h"
 #include "tools/solve/run_solver.h"
 #include "tools/solve/solver_flags.h"
+#include "tools/solve/stock_threads.h"
 
 DEFINE_string(problem, "",
               "The problem: bal:FILE (text, .gz or .bz2), g2o:FILE, vio:FILE or vio:PRESET (cubic, "
@@ -265,6 +266,7 @@ int Main() {
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);
   }
+  KeepStockOnItsThreads(settings.num_threads);
   std::unique_ptr<ProblemSource> source;
   std::unique_ptr<ProblemSource> own_source;  // ours, where it is not the same
   status = OpenProblem(FLAGS_problem, &source,

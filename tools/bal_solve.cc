@@ -23,6 +23,7 @@
 #include "tools/problems/problem_source.h"
 #include "tools/solve/run_solver.h"
 #include "tools/solve/solver_flags.h"
+#include "tools/solve/stock_threads.h"
 
 DEFINE_string(input, "", "The BAL file to solve: text, .gz or .bz2. Required.");
 DEFINE_string(solver, "inceres", "inceres, or ceres for stock Ceres.");
@@ -202,6 +203,7 @@ int Main() {
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);
   }
+  KeepStockOnItsThreads(plan.settings.num_threads);
   BalProblem bal;
   status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, ProgressOutput()),
                    ReadOptionsFromFlags());

@@ -22,6 +22,7 @@
 #include "tools/replay/replay_report.h"
 #include "tools/replay/replay_run.h"
 #include "tools/replay_problem.h"
+#include "tools/solve/stock_threads.h"
 
 DECLARE_string(problem);
 DECLARE_int32(seed);
@@ -303,6 +304,7 @@ Status CheckLength(const ReplayScript& script) {
 int Main() {
   ReplayScript script;
   Status status = CheckFlags();
+  KeepStockOnItsThreads(FLAGS_num_threads);
   status = status.ok() ? MakeScriptFromFlags(FLAGS_num_threads, &script) : status;
   status = status.ok() ? CheckLength(script) : status;
   if (!status.ok()) {
