@@ -1,6 +1,11 @@
 // Solves a BAL file with inceres or stock Ceres.
 
+#include <unistd.h>
+
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
@@ -62,6 +67,17 @@ struct Solved {
   std::string description;
   std::string solver;
 };
+
+// Before a solve that may take an hour, not after it.
+Status CheckOutput() {
+  const std::filesystem::path folder = std::filesystem::path(FLAGS_output).parent_path();
+  if (FLAGS_output.empty() || access(folder.empty() ? "." : folder.c_str(), W_OK) == 0) {
+    return Status::Ok();
+  }
+  return Status::Error(
+      StatusCode::kIo,
+      "--output " + FLAGS_output + ": cannot write into its folder: " + std::strerror(errno));
+}
 
 Status ReadPlan(RunPlan* plan) {
   Status status = ReadSolverFlags(&plan->settings);
@@ -202,6 +218,9 @@ int Main() {
   Status status = ReadPlan(&plan);
   if (!status.ok()) {
     return Fail(kExitUsage, status.message);
+  }
+  if (status = CheckOutput(); !status.ok()) {
+    return Fail(kExitFailure, status.message);
   }
   KeepStockOnItsThreads(plan.settings.num_threads);
   BalProblem bal;

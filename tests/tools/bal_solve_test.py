@@ -161,6 +161,9 @@ class BalSolveTest(unittest.TestCase):
         for flag in ("--output", "--json", "--picture"):
             message = self.fails(1, "--input", self.small, flag, self.file("no/such/folder.txt"))
             self.assertIn("no/such/folder.txt", message)
+        # Before anything is read, let alone solved.
+        message = self.fails(1, "--input", self.file("nowhere.txt"), "--output", self.file("no/such/folder.txt"))
+        self.assertIn("no/such/folder.txt", message)
 
     def test_flags_that_make_no_sense(self):
         for flag, value in (("--trust_region", "newton"), ("--linear_solver", "magic"), ("--num_threads", "0"),
