@@ -134,9 +134,9 @@ class TrialStep {
   std::vector<IndexSet> touched_;  // per family: with a variable that moves
   std::vector<std::vector<std::int32_t>> touched_lists_;
   bool touched_named_ = false;         // the two above and the two below are those of the step
-  std::vector<std::int32_t> updated_;  // landmarks whose right-hand sides follow
   IndexSet stale_landmarks_;           // not visited, but seen from a frame that moves
   IndexSet reached_;                   // frames of touched factors and of their landmarks
+  std::vector<std::int32_t> updated_;  // scratch of UpdateRhs
   DoglegPath path_;
   LandmarkSearches searches_;
 };

@@ -89,9 +89,7 @@ void Evaluator::BuildChunks(FamilyId id) {
   const int num_factors = families_[id].num_factors;
   // Costly families (user code) are cut finer where there are threads to share them.
   const int task_size = executor_.num_threads() > 1 ? families_[id].family->TaskSize() : kChunkSize;
-  // Up to a multiple of kSumSize, so that a group never belongs to two chunks.
-  const int chunk_size =
-      (std::clamp(task_size, 1, kChunkSize) + kSumSize - 1) / kSumSize * kSumSize;
+  const int chunk_size = InWholeSums(task_size, kChunkSize);
   const bool gaps = graph_->NumFreePlaces(id) > 0;
   for (int begin = 0; begin < num_factors;) {
     // Cut at multiples of chunk_size from the family's beginning, so that a free place shifts no

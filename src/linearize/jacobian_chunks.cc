@@ -143,8 +143,7 @@ void JacobianChunks::CutIntoPieces() {
   for (int chunk = 0; chunk < num_chunks_; ++chunk) {
     for (const Linearization& cache : evaluator_.families()) {
       // Costly families (user code) are cut finer, for one thread too: costs are summed by piece.
-      const int size = (std::clamp(cache.family->TaskSize(), 1, kPieceSize) + kSumSize - 1) /
-                       kSumSize * kSumSize;
+      const int size = InWholeSums(cache.family->TaskSize(), kPieceSize);
       for (int begin = Begin(chunk, cache.id); begin < End(chunk, cache.id); begin += size) {
         pieces_.push_back({cache.id, begin, std::min(begin + size, End(chunk, cache.id))});
       }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "linearize/linearization.h"
 #include "linearize/robustify.h"
 
@@ -7,6 +9,12 @@ namespace inceres::internal {
 
 /// Factors per sum of costs, at most.
 constexpr int kSumSize = 16;
+
+/// Factors of a task that is to have so many, at most `most`: up to a multiple of kSumSize, so that
+/// none of these sums is cut in two. `most` is one.
+inline int InWholeSums(int task_size, int most) {
+  return (std::clamp(task_size, 1, most) + kSumSize - 1) / kSumSize * kSumSize;
+}
 
 /// ½ Σ ρ of up to kSumSize factors [begin, end) of a family, in their order, where they were
 /// evaluated last: at the candidate, or linearized. These are robustified on the way; `failure`

@@ -125,10 +125,10 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     return;
   }
   IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
+  internal::StartValues start(view);
   if (options.automatic && RemembersLittle(core)) {
-    // What is remembered calls the user's code after the solve, and an exception may come of that.
-    internal::StartValues start(view);
     SolveExactlyFor("auto: most of the problem is not remembered", call, &input);
+    // It calls the user's code after the solve, and an exception may come of that.
     BeginToRemember(call, input, core);
     start.Keep();
     return;
@@ -140,7 +140,6 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     working = NewLiving(core);
   }
   core.max_num_iterations = std::min(core.max_num_iterations, ModeChoice::kPatience);
-  internal::StartValues start(view);
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     solved = !IsUnfinished(input, core, *report, *summary) ||
