@@ -77,10 +77,10 @@ bool AutomaticSolver::TreeIsCheaper(const ReducedMatrix& A, const Rows& changed)
     resumed_.MissFactorize(changed);
     return true;
   }
-  // What the resumed factor takes beyond the same change done twice, plan.flops - plan.again, is
+  // What the resumed factor takes beyond the same change done twice, plan.cost - plan.again, is
   // the price of its absence. The savings so far are set against it.
   const ResumedSolver::Plan plan = resumed_.PlanFor(A, changed);
-  const double resumed = plan.again + std::max(0.0, plan.flops - plan.again - saving_);
+  const double resumed = plan.again + std::max(0.0, plan.cost - plan.again - saving_);
   if (tree_is_behind || resumed <= kCheap || !LooksAtTree(A, resumed)) {
     return false;
   }

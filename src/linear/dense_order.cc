@@ -117,7 +117,7 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
     order.entries +=
         rows * (order.offsets[k] - order.offsets[order.first[k]]) + 0.5 * rows * (rows + 1.0);
   }
-  order.flops = FlopsOfRows(order.first.data(), order.offsets.data(), 0, pattern.num_blocks());
+  order.flops = WorkOfRows(order.first.data(), order.offsets.data(), 0, pattern.num_blocks()).flops;
   return order;
 }
 

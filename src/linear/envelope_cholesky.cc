@@ -1,6 +1,7 @@
 #include "linear/envelope_cholesky.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include "base/growth_count.h"
 #include "linear/envelope_order.h"
@@ -23,44 +24,11 @@ namespace inceres::internal {
 
 namespace {
 
-// X := X L⁻ᵀ for a kSize × kSize block X, its columns side by side, so that all rows are solved at
-// once: the operations of SolveAgainstDiagonal, in their order.
-template <int kSize>
-void SolveSquareAgainstDiagonal(const double* L, std::ptrdiff_t ldl, const double* inverse_pivots,
-                                double* X, std::ptrdiff_t ldx) {
-  double columns[kSize][kSize];
-  for (int r = 0; r < kSize; ++r) {
-    for (int c = 0; c < kSize; ++c) {
-      columns[c][r] = X[r * ldx + c];
-    }
-  }
-#pragma GCC unroll 6
-  for (int c = 0; c < kSize; ++c) {
-#pragma GCC unroll 6
-    for (int k = 0; k < c; ++k) {
-      for (int r = 0; r < kSize; ++r) {
-        columns[c][r] -= columns[k][r] * L[c * ldl + k];
-      }
-    }
-    for (int r = 0; r < kSize; ++r) {
-      columns[c][r] *= inverse_pivots[c];
-    }
-  }
-  for (int r = 0; r < kSize; ++r) {
-    for (int c = 0; c < kSize; ++c) {
-      X[r * ldx + c] = columns[c][r];
-    }
-  }
-}
-
 // X := X L⁻ᵀ for a rows × size block X left of the lower triangular diagonal block L; both
 // row-major. Each row of X is solved for by itself, and in it column c needs the columns before it.
 // The reciprocals of the diagonal were kept by FactorSmall.
 void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
                           const double* inverse_pivots, double* X, int ldx) {
-  if (rows == 6 && size == 6) {  // poses
-    return SolveSquareAgainstDiagonal<6>(L, ldl, inverse_pivots, X, ldx);
-  }
   for (int c = 0; c < size; ++c) {
     const double* L_row = L + static_cast<std::ptrdiff_t>(c) * ldl;
     for (int r = 0; r < rows; ++r) {
@@ -71,6 +39,23 @@ void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
       }
       row[c] = sum * inverse_pivots[c];
     }
+  }
+}
+
+// A padded block of S. Rows of poses are copied without a call.
+void CopyBlock(int rows, int columns, const double* block, double* out, std::ptrdiff_t stride) {
+  const auto copy = [&](auto constant_columns) {
+    for (int r = 0; r < rows; ++r) {
+      std::copy_n(block + r * PadToQuad(constant_columns), int{constant_columns}, out + r * stride);
+    }
+  };
+  switch (columns) {
+    case 3:
+      return copy(std::integral_constant<int, 3>());
+    case 6:
+      return copy(std::integral_constant<int, 6>());
+    default:
+      return copy(columns);
   }
 }
 
@@ -85,7 +70,7 @@ bool EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& or
   const int num_rows = order.num_places();
   // Rows that failed last time, or that no longer exist, are not to be built upon.
   const int first = std::min({first_changed, num_valid_rows_, num_rows});
-  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
+  MakeRows(num_rows);
   num_rows_ = num_rows;
   offsets_.resize(first + 1);
   for (int i = first; i < num_rows; ++i) {
@@ -103,14 +88,22 @@ bool EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& or
   return true;
 }
 
+void EnvelopeCholesky::MakeRows(int num_rows) {
+  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
+  memory_.resize(rows_.size());
+}
+
 // For steps of part of the frames, whose size is bounded: once reserved, no step allocates.
 void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
-  rows_.resize(std::max(rows_.size(), static_cast<std::size_t>(num_rows)));
-  for (Row& row : rows_) {
-    const GrowthCount of_values(row.values, &list_bytes_);
-    const GrowthCount of_pivots(row.inverse_pivots, &list_bytes_);
-    row.values.reserve(row_entries);
-    row.inverse_pivots.reserve(size);
+  MakeRows(num_rows);
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    RowMemory& memory = memory_[i];
+    const GrowthCount of_values(memory.values, &list_bytes_);
+    const GrowthCount of_pivots(memory.inverse_pivots, &list_bytes_);
+    memory.values.reserve(row_entries);
+    memory.inverse_pivots.reserve(size);
+    rows_[i].values = memory.values.data();
+    rows_[i].inverse_pivots = memory.inverse_pivots.data();
   }
   offsets_.reserve(static_cast<std::size_t>(num_rows) + 1);
 }
@@ -118,21 +111,24 @@ void EnvelopeCholesky::Reserve(int num_rows, int row_entries, int size) {
 // Row i of A, where row i of L will be. The memory of the row that had this place is used again.
 void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& order,
                                const double* damping, const char* held, int i) {
-  Row& row = rows_[i];
-  const GrowthCount of_values(row.values, &list_bytes_);
-  const GrowthCount of_pivots(row.inverse_pivots, &list_bytes_);
+  EnvelopeRow& row = rows_[i];
+  RowMemory& memory = memory_[i];
+  const GrowthCount of_values(memory.values, &list_bytes_);
+  const GrowthCount of_pivots(memory.inverse_pivots, &list_bytes_);
   const int size = BlockSize(i);
   row.first_column = FirstFreeColumn(S, held, order, i);
   row.held = IsHeld(held, order.row(i));
   // The start belongs to the structure of S and to what is held, not to values.
   row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
-  row.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
-  row.inverse_pivots.resize(size);
+  memory.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
+  memory.inverse_pivots.resize(size);
+  row.values = memory.values.data();
+  row.inverse_pivots = memory.inverse_pivots.data();
   if (!row.held) {
     CopyBlocks(S, order, held, i);
   }
-  double* diagonal = row.values.data() + offsets_[i] - row.start;
+  double* diagonal = row.values + offsets_[i] - row.start;
   for (int r = 0; r < size; ++r) {
     diagonal[static_cast<std::ptrdiff_t>(r) * row.stride + r] +=
         // Of a held row the identity: it never spoils the factor.
@@ -144,21 +140,16 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
 // place (-1) are left out.
 void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order,
                                   const char* held, int i) {
-  Row& row = rows_[i];
+  EnvelopeRow& row = rows_[i];
   const int size = BlockSize(i);
   for (const SymmetricBlockRows::Entry& entry : S.row(order.row(i))) {
     const int j = order.place(entry.column);
     if (j < 0 || j > i || IsHeld(held, entry.column)) {
       continue;
     }
-    const int columns = BlockSize(j);
     // In S this block is left of the diagonal, or on it, and its place comes before or is i.
-    const double* block = S.values(entry.offset);
-    double* out = row.values.data() + offsets_[j] - row.start;
-    for (int r = 0; r < size; ++r) {
-      std::copy_n(block + r * PadToQuad(columns), columns,
-                  out + static_cast<std::ptrdiff_t>(r) * row.stride);
-    }
+    CopyBlock(size, BlockSize(j), S.values(entry.offset), row.values + offsets_[j] - row.start,
+              row.stride);
   }
   for (const int other : S.below(order.row(i))) {
     const int j = order.place(other);
@@ -166,7 +157,7 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
       continue;
     }
     const double* block = S.values(S.Find(other, order.row(i)));  // the transpose
-    double* out = row.values.data() + offsets_[j] - row.start;
+    double* out = row.values + offsets_[j] - row.start;
     for (int c = 0; c < BlockSize(j); ++c) {
       for (int r = 0; r < size; ++r) {
         out[static_cast<std::ptrdiff_t>(r) * row.stride + c] = block[c * PadToQuad(size) + r];
@@ -176,30 +167,42 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
 }
 
 // All block columns from the first on, whether S has a block there or not: inside the envelope
-// there is fill.
+// there is fill. The diagonal block at last; the kernels fill its square, and its lower triangle is
+// what FactorSmall reads.
 bool EnvelopeCholesky::FactorRow(int i) {
-  const Kernels& kernels = BestKernels();
-  Row& row = rows_[i];
+  const EnvelopeRow& row = rows_[i];
   const int size = BlockSize(i);
-  for (int j = row.first_column; j < i; ++j) {
-    const Row& other = rows_[j];
-    const int columns = BlockSize(j);
-    // Both rows are zero before their starts, so the sum begins at the later one, which is a whole
-    // quad.
-    const int begin = std::max(row.start, other.start);
-    double* block = row.values.data() + offsets_[j] - row.start;
-    kernels.subtract_row_dots(
-        size, columns, offsets_[j] - begin, row.values.data() + begin - row.start, row.stride,
-        other.values.data() + begin - other.start, other.stride, block, row.stride);
-    SolveAgainstDiagonal(size, columns, other.values.data() + offsets_[j] - other.start,
-                         other.stride, other.inverse_pivots.data(), block, row.stride);
+  const bool is_small = size == 3 || size == 6 || size == 9;
+  for (int j = row.first_column; j <= i;) {
+    int end = j;
+    while (is_small && end < i && BlockSize(end) == size) {
+      ++end;
+    }
+    if (is_small && (end > j || end == i)) {
+      BestSmallKernels().solve_envelope_run(size, rows_.data(), offsets_.data(), i, j, end);
+      j = end < i ? end : i + 1;
+    } else {
+      SolveBlock(i, j);
+      ++j;
+    }
   }
-  double* diagonal = row.values.data() + offsets_[i] - row.start;
-  // The diagonal block at last, with all of the row's other blocks done. The kernel fills the
-  // square; the lower triangle is what FactorSmall reads.
-  kernels.subtract_row_dots(size, size, offsets_[i] - row.start, row.values.data(), row.stride,
-                            row.values.data(), row.stride, diagonal, row.stride);
-  return FactorSmall(size, diagonal, row.stride, row.inverse_pivots.data());
+  return FactorSmall(size, row.values + offsets_[i] - row.start, row.stride, row.inverse_pivots);
+}
+
+// Both rows are zero before their starts: the sum begins at the later one, which is a whole quad.
+void EnvelopeCholesky::SolveBlock(int i, int j) {
+  const EnvelopeRow& row = rows_[i];
+  const EnvelopeRow& other = rows_[j];
+  const int begin = std::max(row.start, other.start);
+  const int depth = offsets_[j] - begin;
+  double* A = row.values + begin - row.start;
+  const double* B = other.values + begin - other.start;
+  BestKernels().subtract_row_dots(BlockSize(i), BlockSize(j), depth, A, row.stride, B, other.stride,
+                                  A + depth, row.stride);
+  if (j < i) {
+    SolveAgainstDiagonal(BlockSize(i), BlockSize(j), B + depth, other.stride, other.inverse_pivots,
+                         A + depth, row.stride);
+  }
 }
 
 void EnvelopeCholesky::Solve(const double* b, double* x) const {
@@ -212,7 +215,7 @@ void EnvelopeCholesky::Solve(const double* b, double* x) const {
 void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double* y) const {
   const Kernels& kernels = BestKernels();
   for (int i = first_row; i < num_rows(); ++i) {
-    const Row& row = rows_[i];
+    const EnvelopeRow& row = rows_[i];
     const int size = BlockSize(i);
     double* y_i = y + offsets_[i];
     // b of a held row is not looked at.
@@ -223,9 +226,9 @@ void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double*
     std::copy_n(b + offsets_[i], size, y_i);
     // The product is with the y of the rows before, which is right up to here.
     const int length = offsets_[i] - row.start;
-    kernels.subtract_row_dots(size, 1, length, row.values.data(), row.stride, y + row.start, length,
-                              y_i, 1);
-    const double* L = row.values.data() + length;
+    kernels.subtract_row_dots(size, 1, length, row.values, row.stride, y + row.start, length, y_i,
+                              1);
+    const double* L = row.values + length;
     for (int r = 0; r < size; ++r, L += row.stride) {
       double sum = y_i[r];
       for (int k = 0; k < r; ++k) {
@@ -237,14 +240,14 @@ void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double*
 }
 
 void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
-  const Row& row = rows_[i];
+  const EnvelopeRow& row = rows_[i];
   const int size = BlockSize(i);
   const int length = offsets_[i] - row.start;
   // x and rest may be the same vector: an entry of rest is read before x takes its place.
   double* x_i = x + offsets_[i];
   const double* rest_i = rest + offsets_[i];
   for (int c = size - 1; c >= 0; --c) {
-    const double* L = row.values.data() + length + c;  // column c of the diagonal block
+    const double* L = row.values + length + c;  // column c of the diagonal block
     double sum = rest_i[c];
     for (int r = c + 1; r < size; ++r) {
       sum -= L[static_cast<std::ptrdiff_t>(r) * row.stride] * x_i[r];
@@ -252,14 +255,14 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
     x_i[c] = sum * row.inverse_pivots[c];
   }
   // The block row stored by rows is its transpose stored by columns.
-  BestKernels().subtract_outer(length, 1, size, row.values.data(), row.stride, x_i, 1,
-                               rest + row.start, length);
+  BestKernels().subtract_outer(length, 1, size, row.values, row.stride, x_i, 1, rest + row.start,
+                               length);
 }
 
 std::int64_t EnvelopeCholesky::NumEntries() const {
   std::int64_t entries = 0;
   for (int i = 0; i < num_rows_; ++i) {
-    entries += static_cast<std::int64_t>(rows_[i].values.size());
+    entries += static_cast<std::int64_t>(memory_[i].values.size());
   }
   return entries;
 }

@@ -7,6 +7,7 @@
 #include "base/aligned_vector.h"
 #include "linear/block_rows.h"
 #include "linear/row_order.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -57,16 +58,13 @@ class EnvelopeCholesky {
   std::int64_t NumEntries() const;
   /// Memory held.
   std::size_t Bytes() const {
-    return rows_.capacity() * sizeof(Row) + offsets_.capacity() * sizeof(int) + list_bytes_;
+    return rows_.capacity() * sizeof(EnvelopeRow) + memory_.capacity() * sizeof(RowMemory) +
+           offsets_.capacity() * sizeof(int) + list_bytes_;
   }
 
  private:
-  struct Row {
-    int first_column = 0;  // block
-    // first scalar column stored: a multiple of four, so that rows meet on vector boundaries
-    int start = 0;
-    int stride = 0;  // distance between the block row's scalar rows
-    bool held = false;
+  // What a row points to.
+  struct RowMemory {
     AlignedVector<double> values;
     std::vector<double> inverse_pivots;
   };
@@ -74,10 +72,13 @@ class EnvelopeCholesky {
   void CopyRow(const SymmetricBlockRows& S, const RowOrder& order, const double* damping,
                const char* held, int i);
   void CopyBlocks(const SymmetricBlockRows& S, const RowOrder& order, const char* held, int i);
+  void MakeRows(int num_rows);
   bool FactorRow(int i);
+  void SolveBlock(int i, int j);
   int BlockSize(int i) const { return offsets_[i + 1] - offsets_[i]; }
 
-  std::vector<Row> rows_;  // those from num_rows_ on are kept for their memory
+  std::vector<EnvelopeRow> rows_;
+  std::vector<RowMemory> memory_;  // of rows from num_rows_ on it is kept
   int num_rows_ = 0;
   std::vector<int> offsets_{0};
   int num_valid_rows_ = 0;

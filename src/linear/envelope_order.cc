@@ -60,20 +60,22 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrde
 // For each block of the row its sum is as deep as both rows reach back together. A multiplication
 // and an addition count as two, the triangular solve as columns², and of the diagonal block one
 // half is computed.
-double FlopsOfRows(const int* first, const int* offset, int begin, int end) {
-  double flops = 0.0;
+RowWork WorkOfRows(const int* first, const int* offset, int begin, int end) {
+  RowWork work;
   for (int i = begin; i < end; ++i) {
     const double rows = offset[i + 1] - offset[i];
     for (int j = first[i]; j <= i; ++j) {
       const double columns = offset[j + 1] - offset[j];
       const double depth = offset[j] - offset[std::max(first[i], first[j])];
-      flops += rows * columns * (2.0 * depth + columns) * (j == i ? 0.5 : 1.0);
+      const double entries = rows * columns * (j == i ? 0.5 : 1.0);
+      work.flops += entries * (2.0 * depth + columns);
+      work.entries += entries;
     }
   }
-  return flops;
+  return work;
 }
 
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+RowWork EnvelopeWork(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
                      int first_place, std::vector<int>* workspace) {
   const int num_places = order.num_places();
   // Per place its first column, then per place from the lowest of those on its offset; one offset
@@ -94,7 +96,7 @@ double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrd
   for (int i = lowest; i < num_places; ++i) {
     offset[i + 1] = offset[i] + S.size_of(order.row(i));
   }
-  return FlopsOfRows(first, offset, first_place, num_places);
+  return WorkOfRows(first, offset, first_place, num_places);
 }
 
 const std::vector<int>& EnvelopeOrdering::Reorder(const SymmetricBlockRows& S,

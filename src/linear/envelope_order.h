@@ -11,18 +11,25 @@ namespace inceres::internal {
 /// null); k itself if none before it is.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k);
 
-/// Flops of the rows [begin, end) of a Cholesky factor whose block row i begins in block column
-/// first[i]; offset[i] is its first scalar row, of all up to offset[end].
-double FlopsOfRows(const int* first, const int* offset, int begin, int end);
+/// What rows of a factor take, and how many entries they have, those of the diagonal blocks by
+/// halves.
+struct RowWork {
+  double flops = 0.0;
+  double entries = 0.0;
+};
 
-/// Flops that EnvelopeCholesky takes for the rows from first_place on. Cost: one operation a block
-/// that those rows span; no allocation beyond the growth of the workspace.
-double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+/// Of the rows [begin, end) of a Cholesky factor whose block row i begins in block column first[i];
+/// offset[i] is its first scalar row, of all up to offset[end].
+RowWork WorkOfRows(const int* first, const int* offset, int begin, int end);
+
+/// Of the rows that EnvelopeCholesky computes from first_place on. Cost: one operation a block that
+/// those rows span; no allocation beyond the growth of the workspace.
+RowWork EnvelopeWork(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
                      int first_place, std::vector<int>* workspace);
 inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
                             int first_place) {
   std::vector<int> workspace;
-  return EnvelopeFlops(S, held, order, first_place, &workspace);
+  return EnvelopeWork(S, held, order, first_place, &workspace).flops;
 }
 
 /// An order of the rows from some place on that keeps the envelope small, for when the order as it

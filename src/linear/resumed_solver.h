@@ -53,7 +53,10 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
 
   struct Plan {
     double flops = 0.0;  // of the second half
-    double again = 0.0;  // of taking up the same change once more after it
+    // What that takes, and taking up the same change once more after it, as so many flops: an
+    // entry takes some beside its own.
+    double cost = 0.0;
+    double again = 0.0;
   };
   Plan PlanFor(const ReducedMatrix& A, const Rows& changed);
   Status FactorizeAsPlanned(const ReducedMatrix& A);

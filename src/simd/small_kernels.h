@@ -50,6 +50,16 @@ struct SmallProducts {
   int depth = 0;
 };
 
+/// A block row of an envelope factor. Offsets of block columns are given beside it.
+struct EnvelopeRow {
+  double* values = nullptr;          ///< from scalar column `start`, a whole quad, on
+  double* inverse_pivots = nullptr;  ///< of its block on the diagonal
+  int first_column = 0;              ///< block
+  bool held = false;                 ///< a row of the identity
+  int start = 0;
+  int stride = 0;  ///< between scalar rows: whole quads
+};
+
 /// Largest block of a path of tiles.
 constexpr int kMostTileScalars = 8;
 
@@ -90,6 +100,12 @@ struct SmallKernels {
   /// y := L⁻ᵀ y, where the section behind the path and the anchor's have their solution already.
   void (*solve_path_backward)(int size, int count, const double* tiles, const double* anchor,
                               double* y);
+
+  /// Blocks [first, end) of row i of an envelope factor, all of them and the row of `size`, 3, 6 or
+  /// 9: L_ij = (A_ij − Σ L_ik L_jkᵀ) L_jj⁻ᵀ; and where end = i the block on the diagonal, A_ii − Σ
+  /// L_ik L_ikᵀ. Those before `first` are solved.
+  void (*solve_envelope_run)(int size, const EnvelopeRow* rows, const int* offsets, int i,
+                             int first, int end);
 };
 
 /// The table of an instruction set, or null where KernelsFor is.

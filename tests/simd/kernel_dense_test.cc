@@ -1,5 +1,6 @@
 // The kernels of dense matrices on odd sizes and strides; what lies outside the given rows stays as
 // it was.
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -363,6 +364,122 @@ TEST_P(DenseKernels, APathThatIsNotDefiniteNamesTheScalar) {
       }
       EXPECT_EQ(small_kernels().eliminate_path(size, 4, tiles.data(), nullptr),
                 pivot == 0.0 ? 0 : 2 * size + 1);
+    }
+  }
+}
+
+// A lower triangular L of blocks, each block row from its first column on, and rows as an envelope
+// factor has them: from a whole quad on. What is behind the block on the diagonal is no number.
+class EnvelopeRows {
+ public:
+  EnvelopeRows(const EnvelopeRows&) = delete;
+  EnvelopeRows& operator=(const EnvelopeRows&) = delete;
+  EnvelopeRows(int size, int lead, std::vector<int> first_columns, test::Random* random)
+      : size_(size), values_(first_columns.size()), pivots_(first_columns.size()) {
+    // The first block is as large as `lead`, so that the others begin anywhere in a quad.
+    for (int i = 0; i < static_cast<int>(first_columns.size()); ++i) {
+      offsets_.push_back(offsets_.back() + (i == 0 ? lead : size));
+      EnvelopeRow row;
+      row.first_column = first_columns[static_cast<std::size_t>(i)];
+      row.start = Offset(row.first_column) / kQuad * kQuad;
+      row.stride = PadToQuad(Offset(i + 1) - row.start);
+      const int height = Offset(i + 1) - Offset(i);
+      AlignedVector<double>& values = values_[static_cast<std::size_t>(i)];
+      values.assign(static_cast<std::size_t>(height * row.stride), std::nan(""));
+      pivots_[static_cast<std::size_t>(i)].resize(static_cast<std::size_t>(height));
+      row.values = values.data();
+      row.inverse_pivots = pivots_[static_cast<std::size_t>(i)].data();
+      rows_.push_back(row);
+      for (int r = 0; r < height; ++r) {
+        for (int k = row.start; k < Offset(i + 1); ++k) {
+          const double entry = k == Offset(i) + r ? 3.0 + random->Unit() : random->Unit();
+          At(i, r, k) = k < Offset(row.first_column) || k > Offset(i) + r ? 0.0 : entry;
+        }
+        rows_.back().inverse_pivots[r] = 1.0 / At(i, r, Offset(i) + r);
+      }
+    }
+  }
+
+  int Offset(int i) const { return offsets_[static_cast<std::size_t>(i)]; }
+  double& At(int i, int r, int k) const {
+    const EnvelopeRow& row = rows_[static_cast<std::size_t>(i)];
+    return row.values[r * row.stride + k - row.start];
+  }
+  // Entry (Offset(i) + r, Offset(j) + c) of the first columns of L times its transpose.
+  double Product(int i, int r, int j, int c, int columns) const {
+    double sum = 0.0;
+    for (int k = std::max(rows_[static_cast<std::size_t>(i)].start,
+                          rows_[static_cast<std::size_t>(j)].start);
+         k < columns; ++k) {
+      sum += At(i, r, k) * At(j, c, k);
+    }
+    return sum;
+  }
+  int Start(int i) const { return rows_[static_cast<std::size_t>(i)].start; }
+  int FirstColumn(int i) const { return rows_[static_cast<std::size_t>(i)].first_column; }
+  AlignedVector<double>& Row(int i) { return values_[static_cast<std::size_t>(i)]; }
+  // Row i of L Lᵀ from block column `first` on, in place of that of L.
+  void MultiplyRow(int i, int first) {
+    std::vector<double> products;
+    for (int r = 0; r < size_; ++r) {
+      for (int j = first; j <= i; ++j) {
+        for (int c = 0; c < size_; ++c) {
+          products.push_back(Product(i, r, j, c, Offset(j + 1)));
+        }
+      }
+    }
+    auto product = products.begin();
+    for (int r = 0; r < size_; ++r) {
+      for (int k = Offset(first); k < Offset(i + 1); ++k) {
+        At(i, r, k) = *product++;
+      }
+    }
+  }
+  void Run(const SmallKernels& kernels, int i, int first, int end) const {
+    kernels.solve_envelope_run(size_, rows_.data(), offsets_.data(), i, first, end);
+  }
+
+ private:
+  int size_;
+  std::vector<int> offsets_{0};
+  std::vector<AlignedVector<double>> values_;
+  std::vector<std::vector<double>> pivots_;
+  std::vector<EnvelopeRow> rows_;
+};
+
+TEST_P(DenseKernels, RunsOfAnEnvelopeRowSolveItsBlocks) {
+  for (const int size : {3, 6, 9}) {
+    for (const int lead : {1, 2, 3, 4}) {
+      // Row 4 has nothing in the columns before, row 5 little, and row 6 reaches far back.
+      EnvelopeRows rows(size, lead, {0, 0, 1, 2, 4, 3, 0, 2, 2}, &random_);
+      for (int i = 1; i < 9; ++i) {
+        const int first = std::max(1, rows.FirstColumn(i));
+        const int middle = (first + i) / 2;
+        const AlignedVector<double> own = rows.Row(i);
+        rows.MultiplyRow(i, first);
+        // In two runs, the second with the block on the diagonal.
+        if (middle > first) {
+          rows.Run(small_kernels(), i, first, middle);
+        }
+        rows.Run(small_kernels(), i, middle, i);
+        const AlignedVector<double> solved = rows.Row(i);
+        rows.Row(i) = own;
+        const auto at = [&](int r, int k) {
+          return static_cast<std::size_t>(&rows.At(i, r, k) - &rows.At(i, 0, rows.Start(i)));
+        };
+        for (int r = 0; r < size; ++r) {
+          for (int k = rows.Start(i); k < rows.Offset(i); ++k) {
+            EXPECT_NEAR(solved[at(r, k)], own[at(r, k)], 1e-9) << size << ", row " << i;
+          }
+          for (int c = 0; c < size; ++c) {
+            double square = 0.0;
+            for (int k = rows.Offset(i); k < rows.Offset(i + 1); ++k) {
+              square += own[at(r, k)] * own[at(c, k)];
+            }
+            EXPECT_NEAR(solved[at(r, rows.Offset(i) + c)], square, 1e-9) << size << ", row " << i;
+          }
+        }
+      }
     }
   }
 }
