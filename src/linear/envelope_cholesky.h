@@ -24,6 +24,10 @@ namespace inceres::internal {
 /// Systems", 1981, chapter 4 (the envelope method).
 class EnvelopeCholesky {
  public:
+  EnvelopeCholesky() = default;
+  EnvelopeCholesky(const EnvelopeCholesky&) = delete;  // its rows point to its memory
+  EnvelopeCholesky& operator=(const EnvelopeCholesky&) = delete;
+
   /// Brings L up to date with S in this order (rows of S that have no place are left out), whose
   /// rows < first_changed are as they were at the last call, in the same places, with the same
   /// damping and mask. `damping` has one entry a scalar row, ≥ 0; those of the rows before
