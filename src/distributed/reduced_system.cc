@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 
 #include "base/stopwatch.h"
 
@@ -10,7 +11,7 @@ namespace inceres::internal {
 // (S + Λ_c) v over ranks, S not formed. Each rank applies C − Y Yᵀ of its own factors and landmarks
 // to the v of the frames it has; the parts are summed by the owners, who add Λ_c v once:
 //
-//     Spread v;   y_here = C v − Y (Yᵀ v);   Collect y_here;   y += Λ_c v.
+//     Spread v;   y_here = S_here v;   Collect y_here;   y += Λ_c v.
 //
 // Vectors between calls have the entries owned here, without padding, so dot products over all
 // ranks count each frame once. The kernels read vectors whose frames begin on quads, in the order
@@ -31,16 +32,15 @@ ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& fram
       hessian_(hessian),
       elimination_(elimination),
       exchange_(*exchange),
-      block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare),
-      product_(plans.pattern) {
+      block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare) {
   // The values of C stay where they are while they are formed anew.
   for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
     blocks_.push_back(hessian.FrameBlock(static_cast<int>(k)));
   }
-  no_damping_.assign(static_cast<std::size_t>(exchange_.here_size()), 0.0);
-  packed_.resize(no_damping_.size());
+  packed_.resize(static_cast<std::size_t>(exchange_.here_size()));
+  const Layout& layout = evaluator.layout();
   // Padding is zero here, and nothing writes it later.
-  padded_.assign(static_cast<std::size_t>(product_.padded_offsets().back()), 0.0);
+  padded_.assign(static_cast<std::size_t>(layout.quad_offset[layout.num_frames]) * kQuad, 0.0);
   padded_product_.resize(padded_.size());
   owned_offsets_.push_back(0);
   std::size_t padded_size = 0;
@@ -75,26 +75,22 @@ void ReducedSystem::SetScale(const double* frame_scale) {
   ChooseOwned(frame_scale, &owned_scale_);
 }
 
-// Collective, two exchanges. Cost: a pass over C, two over the Jacobians.
+// Collective, two exchanges. Cost: a pass over the Jacobians.
 void ReducedSystem::Multiply(const double* v, double* y) {
   const StageTimer timer(&product_seconds_);
   ++num_products_;
   exchange_.Spread(v, packed_.data());
-  const std::vector<int>& packed = product_.packed_offsets();
-  const std::vector<int>& padded = product_.padded_offsets();
-  for (int i = 0; i < product_.num_rows(); ++i) {
-    std::copy_n(packed_.data() + packed[i], product_.block_size(i), padded_.data() + padded[i]);
-  }
+  const Layout& layout = evaluator_.layout();
+  layout.Pad(packed_.data(), 0, layout.num_frames, padded_.data());
   std::fill(padded_product_.begin(), padded_product_.end(), 0.0);
-  // The kernels subtract and AddCoupled adds, so what comes out is −(C − Y Yᵀ) v; the sign is
-  // turned on the way to the packed vector. Without damping, which must not be added by every rank.
-  product_.Subtract(blocks_, no_damping_.data(), evaluator_.executor(), padded_.data(),
-                    padded_product_.data());
-  elimination_.AddCoupled(padded_.data(), padded_product_.data());
-  for (int i = 0; i < product_.num_rows(); ++i) {
-    std::transform(padded_product_.data() + padded[i],
-                   padded_product_.data() + padded[i] + product_.block_size(i),
-                   packed_.data() + packed[i], [](double minus) { return -minus; });
+  // The sign is turned on the way to the packed vector. Without damping, which must not be added by
+  // every rank.
+  elimination_.SubtractReduced(padded_.data(), padded_product_.data());
+  for (int i = 0; i < layout.num_frames; ++i) {
+    const double* const minus =
+        padded_product_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[i]) * kQuad;
+    std::transform(minus, minus + layout.TangentSize(i), packed_.data() + layout.packed_offset[i],
+                   std::negate<>());
   }
   exchange_.Collect(packed_.data(), y);
   for (std::size_t k = 0; k < owned_damping_.size(); ++k) {
@@ -200,11 +196,11 @@ void ReducedSystem::Precondition(const double* r, double* z) {
 }
 
 std::int64_t ReducedSystem::Bytes() const {
-  const std::size_t doubles = no_damping_.size() + packed_.size() + padded_.size() +
-                              padded_product_.size() + owned_damping_.size() + owned_scale_.size() +
-                              padded_owned_.size() + padded_result_.size();
-  return static_cast<std::int64_t>(doubles * sizeof(double)) + product_.Bytes() +
-         inverses_.Bytes() + (two_level_ != nullptr ? two_level_->Bytes() : 0);
+  const std::size_t doubles = packed_.size() + padded_.size() + padded_product_.size() +
+                              owned_damping_.size() + owned_scale_.size() + padded_owned_.size() +
+                              padded_result_.size();
+  return static_cast<std::int64_t>(doubles * sizeof(double)) + inverses_.Bytes() +
+         (two_level_ != nullptr ? two_level_->Bytes() : 0);
 }
 
 }  // namespace inceres::internal

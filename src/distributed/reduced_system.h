@@ -11,7 +11,6 @@
 #include "distributed/shared_frames.h"
 #include "inceres/solver/options.h"
 #include "linear/block_inverses.h"
-#include "linear/block_product.h"
 #include "linearize/hessian.h"
 #include "schur/elimination.h"
 
@@ -64,12 +63,10 @@ class ReducedSystem {
   const Elimination& elimination_;
   FrameExchange& exchange_;
   FrameExchange block_exchange_;  // of diagonal blocks
-  BlockProduct product_;
   BlockInverses inverses_;
   std::unique_ptr<RankedTwoLevel> two_level_;
   PreconditionerKind kind_ = PreconditionerKind::kIdentity;
   std::vector<const double*> blocks_;  // of C, by the pattern
-  std::vector<double> no_damping_;     // of the frames here
   std::vector<double> owned_damping_;
   std::vector<double> owned_scale_;
   std::vector<int> owned_offsets_;  // per owned frame, one more

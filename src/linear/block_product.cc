@@ -85,8 +85,19 @@ void BlockProduct::SubtractRow(int row, const std::vector<const double*>& blocks
       }
     }
   }
-  for (int r = 0; r < size; ++r) {
-    out[r] -= diagonal[packed_[row] + r] * v[padded_[row] + r];
+  SubtractDiagonal(row, diagonal, v, y);
+}
+
+void BlockProduct::SubtractDiagonal(int row, const double* diagonal, const double* v,
+                                    double* y) const {
+  for (int r = 0; r < block_size(row); ++r) {
+    y[padded_[row] + r] -= diagonal[packed_[row] + r] * v[padded_[row] + r];
+  }
+}
+
+void BlockProduct::SubtractDiagonal(const double* diagonal, const double* v, double* y) const {
+  for (int row = 0; row < num_rows(); ++row) {
+    SubtractDiagonal(row, diagonal, v, y);
   }
 }
 

@@ -20,6 +20,8 @@ class BlockProduct {
   /// they are zero; `diagonal` is packed. Cost: a pass over the blocks.
   void Subtract(const std::vector<const double*>& blocks, const double* diagonal,
                 const Executor& executor, const double* v, double* y) const;
+  /// y −= diag(diagonal) v.
+  void SubtractDiagonal(const double* diagonal, const double* v, double* y) const;
 
   int num_rows() const { return static_cast<int>(packed_.size()) - 1; }
   int block_size(int row) const { return packed_[row + 1] - packed_[row]; }
@@ -34,6 +36,7 @@ class BlockProduct {
     int block;
     int column;
   };
+  void SubtractDiagonal(int row, const double* diagonal, const double* v, double* y) const;
   void SubtractRow(int row, const std::vector<const double*>& blocks, const double* diagonal,
                    const double* v, double* y) const;
 

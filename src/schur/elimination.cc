@@ -300,17 +300,17 @@ void Elimination::FormRightHandSide(int chunk, const ChunkBlock& place, BlockScr
   }
 }
 
-// b = c − W U_invᵀ z.
+// Where the products have no residuals, the gradient brings them.
 void Elimination::TakeRightHandSideFromJacobians() {
   // The vector serves as a workspace here; BackSubstitute fills it anew.
   std::fill(padded_frame_step_.begin(), padded_frame_step_.end(), 0.0);
-  coupled_.Subtract(z_.data(), U_inv_.data(), padded_frame_step_.data());
+  coupled_.AddRightHandSide(z_.data(), U_inv_.data(), padded_frame_step_.data());
   const Layout& layout = evaluator_.layout();
   for (int i = 0; i < layout.num_frames; ++i) {
     const double* const sum =
         padded_frame_step_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[i]) * kQuad;
     for (int k = layout.packed_offset[i], r = 0; k < layout.packed_offset[i + 1]; ++k, ++r) {
-      b_[k] = sum[r] - hessian_.gradient()[k];
+      b_[k] = coupled_.takes_residuals() ? sum[r] : sum[r] - hessian_.gradient()[k];
     }
   }
 }

@@ -28,7 +28,7 @@ class Elimination {
     /// Where S is formed, as the plans' pattern has its blocks; null: in memory of its own.
     double* S = nullptr;
     /// Of many landmarks U_inv and z are found again on the way back, and not kept: there is no
-    /// UInv and no AddCoupled.
+    /// UInv and no SubtractReduced.
     bool may_forget_landmarks = false;
   };
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -61,9 +61,12 @@ class Elimination {
   /// kept: one after the other from landmark 0 on, with the same frame_step.
   void BackSubstitute(int first, int last, const double* frame_step, double* landmark_step);
 
-  /// y += Y Yᵀ v over the frames, padded: what S has less than C. From the Jacobians, which must
-  /// still be those of Eliminate. Not by two threads at once. Cost: a pass over them.
-  void AddCoupled(const double* v, double* y) const { coupled_.Add(v, U_inv_.data(), y); }
+  /// y −= S v over the frames, padded, without their damping. From the Jacobians, which must still
+  /// be those of Eliminate; no block of S is read. Not by two threads at once. Cost: a pass over
+  /// the Jacobians.
+  void SubtractReduced(const double* v, double* y) const {
+    coupled_.SubtractReduced(v, U_inv_.data(), y);
+  }
 
   std::int64_t Bytes() const;
 

@@ -217,16 +217,22 @@ struct Kernels {
   /// y −= Σ_q Y_qᵀ δ_f(q).
   void (*back_substitute)(int landmark_size, const Incidence* incidences, int count,
                           const double* Y, const double* delta, double* y);
-  /// y += W P̃⁻¹ Wᵀ v over the landmarks [begin, end), P̃⁻¹ = U_invᵀ U_inv, W = Σ J_fᵀ J_l over the
-  /// frames f; both padded. Each landmark's Jacobians are read twice, one reading after the other.
-  void (*add_coupled)(const CoupledLandmarks& landmarks, int begin, int end, const double* v,
-                      double* y);
+  /// y −= Σ J_fᵀ (J_f v − J_l u) over the factors of the landmarks [begin, end), u = P̃⁻¹ Wᵀ v with
+  /// P̃⁻¹ = U_invᵀ U_inv, W = Σ J_fᵀ J_l over the frames f; v and y padded. `products` has room for
+  /// the rows of any landmark's factors. Each landmark's Jacobians are read twice, one reading
+  /// after the other.
+  void (*subtract_reduced)(const CoupledLandmarks& landmarks, int begin, int end, const double* v,
+                           double* products, double* y);
+  /// y −= Σ Jᵀ (J v) over the listed factors; both padded.
+  void (*subtract_normal)(const FactorRows& rows, const std::int32_t* factors, int count,
+                          const double* v, double* y);
   /// w += Wᵀ δ = Σ J_lᵀ Σ_f J_f δ_f: what back_substitute needs where Y is not kept. w has four
   /// entries.
   void (*multiply_coupling)(const LandmarkFactors& factors, const double* delta, double* w);
-  /// y_f += W u = Σ J_fᵀ J_l u over the frames f, padded: the transpose of multiply_coupling. u has
-  /// four entries, zero beyond the landmark's size.
-  void (*add_coupling)(const LandmarkFactors& factors, const double* u, double* y);
+  /// y_f += Σ J_fᵀ (J_l u − p) over the frames f, padded; p has a number for each row of the
+  /// factors, one after the other. Null: zeros, which makes it the transpose of multiply_coupling.
+  /// u has four entries, zero beyond the landmark's size.
+  void (*add_coupling)(const LandmarkFactors& factors, const double* u, const double* p, double* y);
   /// y_f(q) −= Y_q v for every incidence: what a change v of the landmark's z does to b.
   void (*subtract_incidences)(int landmark_size, const Incidence* incidences, int count,
                               const double* Y, const double* v, double* y);

@@ -17,8 +17,8 @@ namespace inceres::internal {
 // systems"; docs/ceres_contract.md, "Conjugate gradients"). Where there are no landmarks S = H, b =
 // η, and the same code is Ceres's CGNR.
 //
-// Three things depend on the options. How S v is computed: from S where it is formed, else as C v
-// less the coupled part W P⁻¹ Wᵀ v. Which blocks of S are formed: all of them in the former case,
+// Three things depend on the options. How S v is computed: from S where it is formed, else from the
+// Jacobians. Which blocks of S are formed: all of them in the former case,
 // those that the preconditioner reads in the latter. And what is kept of Y: all of it for clusters
 // and for two levels without S, else a chunk at a time.
 //
@@ -271,12 +271,14 @@ Status IterativeModel::SolveReduced(double* step) {
   return Status::Ok();
 }
 
-// y −= (S + Λ_c) v. Of an S that is not formed blocks_ are those of C, and W P⁻¹ Wᵀ v, which S has
-// less than C, is added back.
+// y −= (S + Λ_c) v.
 void IterativeModel::SubtractProduct(const double* v, double* y) const {
-  product_.Subtract(blocks_, damping_, evaluator_.executor(), v, y);
   if (has_landmarks_ && !is_formed()) {
-    elimination_.AddCoupled(v, y);
+    product_.SubtractDiagonal(damping_, v, y);
+    elimination_.SubtractReduced(v, y);
+  } else {
+    // Without landmarks S is C.
+    product_.Subtract(blocks_, damping_, evaluator_.executor(), v, y);
   }
 }
 

@@ -77,8 +77,8 @@ struct Sums {
     for (std::size_t k = 0; k < v.size(); ++k) {
       v[k] = std::sin(static_cast<double>(k));
     }
-    coupled.resize(v.size());
-    elimination.AddCoupled(v.data(), coupled.data());
+    product.resize(v.size());
+    elimination.SubtractReduced(v.data(), product.data());
     step.resize(static_cast<std::size_t>(layout.size() - layout.frame_size()));
     elimination.BackSubstitute(b.data(), step.data());
     const RowProducts products = MultiplyJacobian(core.evaluator, gradient.data());
@@ -87,7 +87,7 @@ struct Sums {
 
   test::CorePipeline core;
   Elimination elimination;
-  std::vector<double> gradient, C, P, b, S, coupled, step, decrease;
+  std::vector<double> gradient, C, P, b, S, product, step, decrease;
 };
 
 // All that is made of Jacobians, but for the gradient.
@@ -96,7 +96,7 @@ void ExpectLinearSums(const Sums& actual, const Sums& expected, double tolerance
   EXPECT_LT(Distance(actual.P, expected.P), tolerance);
   EXPECT_LT(Distance(actual.S, expected.S), tolerance);
   EXPECT_LT(Distance(actual.b, expected.b), tolerance);
-  EXPECT_LT(Distance(actual.coupled, expected.coupled), tolerance);
+  EXPECT_LT(Distance(actual.product, expected.product), tolerance);
   EXPECT_LT(Distance(actual.step, expected.step), tolerance);
   EXPECT_LT(Distance(actual.decrease, expected.decrease), tolerance);
 }
@@ -123,7 +123,7 @@ TEST_P(JacobiansByFactor, InSingleHaveTheSumsOfDoublesToTheirRounding) {
     EXPECT_EQ(in_single.core.cost, in_double.core.cost) << "costs come from residuals";
     EXPECT_LT(Distance(in_single.gradient, in_double.gradient), 1e-13);
     ExpectLinearSums(in_single, in_double, 1e-6);
-    EXPECT_GT(Distance(in_single.coupled, in_double.coupled), 1e-12) << "they are in single";
+    EXPECT_GT(Distance(in_single.product, in_double.product), 1e-12) << "they are in single";
   }
 }
 
@@ -231,7 +231,7 @@ TEST_P(JacobiansByFactor, HaveTheSameBitsForAnyNumberOfThreads) {
     for (const int num_threads : {2, 4}) {
       const Sums many(bundle->graph(), storage, num_threads);
       ExpectTheBitsOfASolve(many, one);
-      EXPECT_EQ(many.coupled, one.coupled);
+      EXPECT_EQ(many.product, one.product);
       EXPECT_EQ(many.decrease, one.decrease);
     }
   }

@@ -170,7 +170,7 @@ class LandmarkKernels : public KernelTest {
       }
     }
     kernels().multiply_coupling(factors, delta.data(), w.data());
-    kernels().add_coupling(factors, u.data(), y.data());
+    kernels().add_coupling(factors, u.data(), nullptr, y.data());
     for (const AlignedVector<double>* part : {&P, &eta, &Y, &w, &y}) {
       add(*part);
     }
@@ -316,6 +316,28 @@ struct CoupledCase {
     }
   }
 
+  // y −= Σ J_fᵀ (J_f v) over the frames, by plain sums.
+  void SubtractNormal(int rows, int landmark_slot, const AlignedVector<double>& v,
+                      AlignedVector<double>* y) const {
+    const SlotJacobians& J = slots[static_cast<std::size_t>(1 - landmark_slot)];
+    for (int i = 0; i < kNumFactors; ++i) {
+      const int offset = kQuad * offsets[static_cast<std::size_t>(2 * i + 1 - landmark_slot)];
+      for (int r = 0; r < rows && offset >= 0; ++r) {
+        const auto at = [&](int c) {
+          const std::ptrdiff_t place = i * J.factor_stride + r * J.row_stride + c;
+          return J.single != nullptr ? static_cast<double>(J.single[place]) : J.data[place];
+        };
+        double product = 0.0;
+        for (int c = 0; c < J.columns; ++c) {
+          product += at(c) * v[static_cast<std::size_t>(offset + c)];
+        }
+        for (int c = 0; c < J.columns; ++c) {
+          (*y)[static_cast<std::size_t>(offset + c)] -= at(c) * product;
+        }
+      }
+    }
+  }
+
   static constexpr int kNumFactors = 7;
   static constexpr int kNumFrames = 3;
   std::vector<char> sizes;
@@ -343,6 +365,29 @@ AlignedVector<double> SolveFor(int size, const double* U_inv, const AlignedVecto
 
 class CoupledKernels : public LandmarkKernels {
  protected:
+  // Of the same factors, of whose landmarks nobody knows.
+  template <typename T>
+  void ExpectNormal(int frame_size, int rows, bool padded) {
+    CoupledCase<T> problem(3, frame_size, rows, 1, padded, &random_);
+    for (int i = 0; i < CoupledCase<T>::kNumFactors; ++i) {
+      problem.offsets[static_cast<std::size_t>(2 * i + 1)] = -1;
+    }
+    const AlignedVector<double> v = PaddedRows(CoupledCase<T>::kNumFrames, frame_size);
+    AlignedVector<double> y = PaddedRows(CoupledCase<T>::kNumFrames, frame_size);
+    AlignedVector<double> expected = y;
+    problem.SubtractNormal(rows, 1, v, &expected);
+    FactorRows factors;
+    factors.residual_size = rows;
+    factors.num_slots = 2;
+    factors.jacobians = problem.slots.data();
+    factors.tangent_offsets = problem.offsets.data();
+    kernels().subtract_normal(factors, problem.list.data(), CoupledCase<T>::kNumFactors, v.data(),
+                              y.data());
+    ExpectClose(
+        y, expected, 50.0 * rows * frame_size, kTolerance,
+        "frame size " + std::to_string(frame_size) + ", residual size " + std::to_string(rows));
+  }
+
   template <typename T>
   void ExpectCoupled(int size, int frame_size, int rows, int landmark_slot, bool padded) {
     const CoupledCase<T> problem(size, frame_size, rows, landmark_slot, padded, &random_);
@@ -354,13 +399,15 @@ class CoupledKernels : public LandmarkKernels {
       AlignedVector<double> w(kQuad, 0.0);
       const LandmarkFactors& factors = problem.factors[static_cast<std::size_t>(l)];
       generic().multiply_coupling(factors, v.data(), w.data());
-      generic().add_coupling(factors, SolveFor(size, U_inv.data() + 16 * l, w).data(),
+      generic().add_coupling(factors, SolveFor(size, U_inv.data() + 16 * l, w).data(), nullptr,
                              expected.data());
     }
+    problem.SubtractNormal(rows, landmark_slot, v, &expected);
     AlignedVector<double> y = start;
+    AlignedVector<double> products(CoupledCase<T>::kNumFactors * 3, 0.0);
     const CoupledLandmarks landmarks{problem.factors_begin.data(), problem.factors.data(),
                                      problem.sizes.data(), U_inv.data(), 16};
-    kernels().add_coupled(landmarks, 0, 2, v.data(), y.data());
+    kernels().subtract_reduced(landmarks, 0, 2, v.data(), products.data(), y.data());
     ExpectClose(y, expected, 500.0 * rows * frame_size, kTolerance,
                 "landmark size " + std::to_string(size) + ", frame size " +
                     std::to_string(frame_size) + ", residual size " + std::to_string(rows) +
@@ -368,7 +415,20 @@ class CoupledKernels : public LandmarkKernels {
   }
 };
 
-TEST_P(CoupledKernels, AddCoupledIsMultiplySolveAndAdd) {
+TEST_P(CoupledKernels, SubtractNormalIsAProductAndItsTranspose) {
+  for (const int frame_size : {1, 3, 6, 7, 9, 15}) {
+    for (const int rows : {1, 2, 3, 6, 7, 15}) {
+      ExpectNormal<double>(frame_size, rows, /*padded=*/false);
+      ExpectNormal<double>(frame_size, rows, /*padded=*/true);
+      ExpectNormal<float>(frame_size, rows, /*padded=*/false);
+      if (HasFatalFailure()) {
+        return;
+      }
+    }
+  }
+}
+
+TEST_P(CoupledKernels, SubtractReducedIsMultiplySolveAndSubtract) {
   for (const int size : {1, 3, 4}) {
     for (const int frame_size : {1, 3, 4, 6, 7, 8, 9, 12, 15}) {
       for (const int rows : {2, 3}) {
@@ -467,7 +527,7 @@ TEST_P(LandmarkKernels, AddCouplingIsTheTransposeOfMultiplyCoupling) {
     kernels().multiply_coupling(problem.factors, delta.data(), w.data());
     AlignedVector<double> y(delta.size(), 0.0);
     std::fill(y.end() - kQuad, y.end(), 1e300);
-    kernels().add_coupling(problem.factors, u.data(), y.data());
+    kernels().add_coupling(problem.factors, u.data(), nullptr, y.data());
     EXPECT_TRUE(std::all_of(y.end() - kQuad, y.end(), [](double entry) { return entry == 1e300; }))
         << what;
     const double by_w = std::inner_product(w.begin(), w.end(), u.begin(), 0.0);
