@@ -79,15 +79,26 @@ struct Sums {
     }
     product.resize(v.size());
     elimination.SubtractReduced(v.data(), product.data());
+    TakeRightHandSideOfRows(damping);
     step.resize(static_cast<std::size_t>(layout.size() - layout.frame_size()));
     elimination.BackSubstitute(b.data(), step.data());
     const RowProducts products = MultiplyJacobian(core.evaluator, gradient.data());
     decrease = {products.model_decrease, products.squared_norm};
   }
 
+  // b where no block of S is formed: of several chunks it comes from the Jacobians.
+  void TakeRightHandSideOfRows(const std::vector<double>& damping) {
+    const FramePlans plans(core.evaluator, core.incidences, SchurBlocks::kNone);
+    Hessian hessian(core.evaluator, core.incidences, plans);
+    hessian.Accumulate();
+    Elimination without_S(core.evaluator, core.incidences, plans, hessian);
+    EXPECT_TRUE(without_S.Eliminate(damping.data()).ok());
+    b_of_rows.assign(without_S.b(), without_S.b() + core.layout.frame_size());
+  }
+
   test::CorePipeline core;
   Elimination elimination;
-  std::vector<double> gradient, C, P, b, S, product, step, decrease;
+  std::vector<double> gradient, C, P, b, b_of_rows, S, product, step, decrease;
 };
 
 // All that is made of Jacobians, but for the gradient.
@@ -96,6 +107,7 @@ void ExpectLinearSums(const Sums& actual, const Sums& expected, double tolerance
   EXPECT_LT(Distance(actual.P, expected.P), tolerance);
   EXPECT_LT(Distance(actual.S, expected.S), tolerance);
   EXPECT_LT(Distance(actual.b, expected.b), tolerance);
+  EXPECT_LT(Distance(actual.b_of_rows, expected.b), tolerance);
   EXPECT_LT(Distance(actual.product, expected.product), tolerance);
   EXPECT_LT(Distance(actual.step, expected.step), tolerance);
   EXPECT_LT(Distance(actual.decrease, expected.decrease), tolerance);
