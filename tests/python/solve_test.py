@@ -168,12 +168,18 @@ class ThreadTest(unittest.TestCase):
 
         thread = threading.Thread(target=count)
         thread.start()
-        before = steps[0]
-        inceres.bundle_adjust(*bal.arrays(), function_tolerance=0, max_num_iterations=100)
-        during = steps[0] - before
+        # A busy machine may leave the thread hardly any time in one solve. Of a lock that is held it would get on by a step or two
+        # in each of them, as the call begins and ends.
+        most = 0
+        for _ in range(30):
+            before = steps[0]
+            inceres.bundle_adjust(*bal.arrays(), function_tolerance=0, max_num_iterations=100)
+            most = max(most, steps[0] - before)
+            if most > 10:
+                break
         done.set()
         thread.join()
-        self.assertGreater(during, 10)
+        self.assertGreater(most, 10)
 
     def test_two_graphs_at_once(self):
         results = []
