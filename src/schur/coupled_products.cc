@@ -62,15 +62,6 @@ std::int64_t MostRows(const LandmarkIncidences& incidences) {
   return most;
 }
 
-FactorRows RowsOf(const Linearization& family) {
-  FactorRows rows;
-  rows.residual_size = family.residual_size;
-  rows.num_slots = family.num_slots;
-  rows.jacobians = family.slots.data();
-  rows.tangent_offsets = family.RecordOffsets();
-  return rows;
-}
-
 // Of families in single precision Jᵀf is Evaluator::strip_gradient.
 bool AllInDouble(const Evaluator& evaluator) {
   const std::vector<Linearization>& families = evaluator.families();
@@ -169,7 +160,7 @@ void CoupledProducts::SubtractReduced(const double* v, const double* U_inv, doub
     kernels_.subtract_reduced(landmarks, begin, end, v, RowsOfPart(part), sum);
     for (const auto& [family, records] : without_landmarks_) {
       const auto [first, last] = ShareOf(static_cast<std::int64_t>(records.size()), part);
-      kernels_.subtract_normal(RowsOf(*family), records.data() + first, last - first, v, sum);
+      kernels_.subtract_normal(family->Rows(0, 0), records.data() + first, last - first, v, sum);
     }
   });
 }
@@ -193,7 +184,7 @@ void CoupledProducts::AddRightHandSide(const double* z, const double* U_inv, dou
     for (const auto& [family, records] : without_landmarks_) {
       const auto [first, last] = ShareOf(static_cast<std::int64_t>(records.size()), part);
       if (takes_residuals_) {
-        kernels_.subtract_transposed(RowsOf(*family), records.data() + first, last - first,
+        kernels_.subtract_transposed(family->Rows(0, 0), records.data() + first, last - first,
                                      family->residuals.data(), sum);
       }
     }
