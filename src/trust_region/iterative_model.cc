@@ -271,8 +271,8 @@ Status IterativeModel::SolveReduced(double* step) {
   return Status::Ok();
 }
 
-// y −= (S + Λ_c) v. Damping comes first, as in Ceres: with a weak preconditioner iterations may hang
-// on how the sum is rounded.
+// y −= (S + Λ_c) v. Damping comes first, as in Ceres: with a weak preconditioner iterations may
+// hang on how the sum is rounded.
 void IterativeModel::SubtractProduct(const double* v, double* y) const {
   if (has_landmarks_ && !is_formed()) {
     product_.SubtractDiagonal(damping_, v, y);
