@@ -1,7 +1,7 @@
 #include "linearize/point_pair.h"
 
 #include <algorithm>
-#include <iterator>
+#include <functional>
 #include <string>
 
 namespace inceres::internal {
@@ -62,13 +62,30 @@ void PointPair::BuildTangents() {
       maps_[id] = &flat->second.map();
     }
   }
-  std::copy_if(layout_.variables.begin(), layout_.variables.end(), std::back_inserter(curved_),
-               is_curved);
+  for (const VariableId id : layout_.variables) {
+    if (is_curved(id)) {
+      curved_.push_back(id);
+    } else if (graph_->manifold(id) == nullptr) {
+      AddFlat(id);
+    }
+  }
   tangents_.resize(curved_.size());
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     tangents_[k].Set(*graph_, curved_[k], /*wanted=*/true);
     maps_[curved_[k]] = &tangents_[k].map();
   }
+}
+
+void PointPair::AddFlat(VariableId id) {
+  const std::int64_t offset = graph_->StateOffset(id);
+  const int packed = layout_.packed_offset[layout_.position[id]];
+  const bool goes_on = !flat_runs_.empty() &&
+                       flat_runs_.back().offset + flat_runs_.back().size == offset &&
+                       flat_runs_.back().packed + flat_runs_.back().size == packed;
+  if (!goes_on) {
+    flat_runs_.push_back({offset, packed, 0});
+  }
+  flat_runs_.back().size += graph_->AmbientSize(id);
 }
 
 void PointPair::BuildBounds() {
@@ -85,22 +102,28 @@ void PointPair::SetCurrent(const std::vector<double>& state) {
   std::copy(state.begin(), state.end(), current_.begin());  // in place: factors point into it
 }
 
-// Variable by variable; Plus is not concurrent, as Ceres promises for manifolds.
+// Plus is called in the order of the layout and not concurrently, as Ceres promises for manifolds.
 bool PointPair::MoveCandidate(const double* delta) {
+  for (const FlatRun& run : flat_runs_) {
+    const double* const x = current_.data() + run.offset;
+    std::transform(x, x + run.size, delta + run.packed, candidate_.data() + run.offset,
+                   std::plus<>());
+  }
   for (Tangent& tangent : tangents_) {
     tangent.DropCandidate();
   }
-  for (std::size_t i = 0; i < layout_.variables.size(); ++i) {
-    const VariableId id = layout_.variables[i];
+  for (const VariableId id : curved_) {
     const std::int64_t offset = graph_->StateOffset(id);
-    const double* x = current_.data() + offset;
-    double* moved = candidate_.data() + offset;
-    if (!MoveVariable(*graph_, id, x, delta + layout_.packed_offset[i], moved)) {
+    if (!graph_->manifold(id)->Plus(current_.data() + offset,
+                                    delta + layout_.packed_offset[layout_.position[id]],
+                                    candidate_.data() + offset)) {
       return false;
     }
-    // Bounds hold for values, and are applied after Plus, as in Ceres.
-    if (IsConstrained() && bounds_[i] != nullptr) {
-      Clamp(*bounds_[i], moved);
+  }
+  // Bounds hold for values, and are applied after Plus, as in Ceres.
+  for (std::size_t i = 0; i < bounds_.size(); ++i) {
+    if (bounds_[i] != nullptr) {
+      Clamp(*bounds_[i], candidate_.data() + graph_->StateOffset(layout_.variables[i]));
     }
   }
   return true;
@@ -151,7 +174,8 @@ Status PointPair::ComputeCandidateTangents() {
 }
 
 std::int64_t PointPair::Bytes() const {
-  auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2);
+  auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2 +
+                                         sizeof(FlatRun) * flat_runs_.capacity());
   for (const VariableId id : curved_) {
     // Two matrices each.
     bytes += static_cast<std::int64_t>(sizeof(double) * 2 * graph_->AmbientSize(id) *

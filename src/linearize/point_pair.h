@@ -38,7 +38,7 @@ class PointPair {
   void SetCurrent(const std::vector<double>& state);
 
   /// candidate := current ⊞ delta (packed), clamped to the bounds. False if a manifold's Plus
-  /// fails; blocks before it are then already overwritten.
+  /// fails; others are then already overwritten.
   bool MoveCandidate(const double* delta);
 
   /// current := candidate, with the tangent maps that were computed there.
@@ -59,7 +59,15 @@ class PointPair {
   std::int64_t Bytes() const;
 
  private:
+  // Values without a manifold, neighbors both in the state and in the packed tangent vector.
+  struct FlatRun {
+    std::int64_t offset;  // in the state
+    int packed;
+    int size;
+  };
+
   void BuildTangents();
+  void AddFlat(VariableId id);
   void BuildBounds();
   template <typename Compute>
   Status ComputeTangentsAt(const std::vector<double>& state, const Compute& compute);
@@ -72,7 +80,8 @@ class PointPair {
   std::vector<const TangentMap*> maps_;  // per VariableId
   // of those without a manifold, or that do not move: by sizes, and whether they do
   std::map<std::tuple<int, int, bool>, Tangent> flat_;
-  std::vector<VariableId> curved_;  // the others, in the order of layout_.variables
+  std::vector<FlatRun> flat_runs_;  // of all that move, in the order of layout_.variables
+  std::vector<VariableId> curved_;  // the others, in the same order
   std::vector<Tangent> tangents_;   // of those
   // per entry of layout_.variables, null if free; empty if all are
   std::vector<const VariableBounds*> bounds_;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include <Eigen/Core>
+
 namespace inceres::internal {
 
 // Evaluations as the loop sees them. Whatever decides anything goes through the agreement: of one
@@ -16,6 +18,10 @@ namespace {
 
 constexpr char kNotFinite[] = "the sum of all costs is not finite";
 
+auto Entries(const std::vector<double>& state, std::int64_t begin, std::int64_t end) {
+  return Eigen::Map<const Eigen::VectorXd>(state.data() + begin, end - begin);
+}
+
 }  // namespace
 
 LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& loop,
@@ -26,6 +32,7 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       clock_(*clock),
       summary_(*summary),
       agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
+  FindRuns();
 }
 
 // Where one process cannot move, none does.
@@ -80,37 +87,29 @@ bool LoopEvaluation::IsUsable(double cost) const {
   return loop_.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
-// visit(begin, end) of the state's entries that move, in the order of the variables: neighbors in
-// memory at once.
-template <typename Visit>
-void LoopEvaluation::ForEachRun(const Visit& visit) const {
+// Neighbors in memory are one run.
+void LoopEvaluation::FindRuns() {
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
-  std::int64_t begin = 0, end = 0;
   for (std::size_t i = 0; i < variables.size(); ++i) {
     // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
     const std::int64_t offset = graph.StateOffset(variables[i]);
-    if (offset != end) {
-      visit(begin, end);
-      begin = offset;
+    if (runs_.empty() || runs_.back().end != offset) {
+      runs_.push_back({offset, offset});
     }
-    end = offset + graph.AmbientSize(variables[i]);
+    runs_.back().end += graph.AmbientSize(variables[i]);
   }
-  visit(begin, end);
 }
 
 // Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
-  const double* const x = evaluator_.points().current().data();
-  ForEachRun([&sum, x](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t k = begin; k < end; ++k) {
-      sum += x[k] * x[k];
-    }
-  });
+  for (const Run& run : runs_) {
+    sum += Entries(evaluator_.points().current(), run.begin, run.end).squaredNorm();
+  }
   return std::sqrt(agreement_.Sum(sum));
 }
 
@@ -119,21 +118,16 @@ double LoopEvaluation::StateNorm() const {
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
-  const double* const from = evaluator_.points().current().data();
-  const double* const to = evaluator_.points().candidate().data();
-  ForEachRun([&sum, from, to](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t k = begin; k < end; ++k) {
-      const double difference = from[k] - to[k];
-      sum += difference * difference;
+  for (const Run& run : runs_) {
+    const auto difference = Entries(evaluator_.points().current(), run.begin, run.end) -
+                            Entries(evaluator_.points().candidate(), run.begin, run.end);
+    sum += difference.squaredNorm();
+    if (max_norm != nullptr) {
+      largest = std::max(largest, difference.lpNorm<Eigen::Infinity>());
     }
-  });
+  }
   // Every process asks in this order, or one would wait for another.
   if (max_norm != nullptr) {
-    ForEachRun([&largest, from, to](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t k = begin; k < end; ++k) {
-        largest = std::max(largest, std::fabs(from[k] - to[k]));
-      }
-    });
     *max_norm = agreement_.Max(largest);
   }
   return std::sqrt(agreement_.Sum(sum));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -41,9 +42,14 @@ class LoopEvaluation {
   double CandidateDistance(double* max_norm) const;
 
  private:
+  // Entries of the state.
+  struct Run {
+    std::int64_t begin;
+    std::int64_t end;
+  };
+
   bool IsUsable(double cost) const;
-  template <typename Visit>
-  void ForEachRun(const Visit& visit) const;
+  void FindRuns();
 
   const SolverOptions& options_;
   const LoopOptions& loop_;
@@ -52,6 +58,7 @@ class LoopEvaluation {
   Summary& summary_;
   const Agreement alone_;
   const Agreement& agreement_;
+  std::vector<Run> runs_;  // what moves and is counted here, in the order of the variables
 };
 
 }  // namespace inceres::internal
