@@ -7,9 +7,10 @@
 // each way in turn, as often as told, until it converges: ways whose steps are better take fewer.
 // Seconds are processor time of the steps, H and set-up apart, the lowest of the repeats.
 // Predictions are in flops of the dense Cholesky, whose time is taken first; one with > is a lower
-// bound, for another way is below it. Under each table what the automatic choice takes, over the
-// best of the ways; at the end the geometric mean of predicted over measured, by way. Exit code: 0,
-// 1 if the choice was above 1.1 somewhere, 2 if a problem could not be read or solved.
+// bound, for another way is below it, one with < an upper one. Under each table what the automatic
+// choice takes, over the best of the ways; at the end the geometric mean of predicted over
+// measured, by way. Exit code: 0, 1 if the choice was above 1.1 somewhere, 2 if a problem could not
+// be read or solved.
 
 #include <algorithm>
 #include <array>
@@ -137,8 +138,9 @@ StepCosts Predict(const std::string& file, const FactorGraph& graph) {
   std::printf(
       "\n%s: %.0f unknowns, fill %.3f, length %d; millions of numbers that a product reads %.3f, "
       "of products %.3f, of their flops %.1f; writes a product %.3f\n",
-      file.c_str(), scene.size(), sample.fill, scene.Length(), 1e-6 * scene.numbers_read(),
-      1e-6 * scene.num_products(), 1e-6 * scene.product_flops(), sample.writes_per_product);
+      file.c_str(), scene.size(), sample.fill, scene.FindExtent().length,
+      1e-6 * scene.numbers_read(), 1e-6 * scene.num_products(), 1e-6 * scene.product_flops(),
+      sample.writes_per_product);
   return PredictSteps(evaluator);
 }
 
@@ -183,10 +185,10 @@ double Print(const StepCosts& predicted, const Problem& problem, double seconds_
     const double cost = predicted.of[k] * seconds_per_flop;
     const double a_step = measured.seconds / measured.num_steps;
     const bool is_bound =
-        k == static_cast<std::size_t>(StepWay::kFactor) && predicted.of[k] > least;
+        k == static_cast<std::size_t>(StepWay::kFactor) && predicted.factor_is_bound;
     best = std::min(best, measured.seconds);
     std::printf("| %s | %s%.4f | %.4f | %.2f | %.1f | %.0f | %.3f | %.6g |\n", kNames[k],
-                is_bound ? ">" : "", cost, a_step, cost / a_step,
+                is_bound ? (predicted.of[k] > least ? ">" : "<") : "", cost, a_step, cost / a_step,
                 measured.iterations / measured.num_steps, measured.num_steps, measured.seconds,
                 measured.cost);
     if (!is_bound && std::isfinite(cost)) {

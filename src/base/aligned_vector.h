@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <new>
+#include <utility>
 #include <vector>
 
 #ifdef __linux__
@@ -58,5 +59,34 @@ struct CacheLineAllocator {
 
 template <typename T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
+
+/// The same, but for entries that grow without a value: nothing is written, nor memory asked of the
+/// system, until somebody writes them.
+template <typename T>
+struct UnwrittenAllocator : CacheLineAllocator<T> {
+  using value_type = T;
+
+  UnwrittenAllocator() = default;
+  template <typename U>
+  // NOLINTNEXTLINE(google-explicit-constructor): allocators convert
+  UnwrittenAllocator(const UnwrittenAllocator<U>&) {}
+
+  template <typename U>
+  struct rebind {
+    using other = UnwrittenAllocator<U>;
+  };
+  template <typename U, typename... Arguments>
+  void construct(U* place, Arguments&&... arguments) {
+    if constexpr (sizeof...(Arguments) == 0) {
+      ::new (static_cast<void*>(place)) U;
+    } else {
+      ::new (static_cast<void*>(place)) U(std::forward<Arguments>(arguments)...);
+    }
+  }
+};
+
+/// For who writes all that he reads. Of plain numbers and structures of these.
+template <typename T>
+using UnwrittenVector = std::vector<T, UnwrittenAllocator<T>>;
 
 }  // namespace inceres::internal

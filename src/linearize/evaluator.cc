@@ -181,7 +181,7 @@ void Evaluator::BindFamily(FamilyId id) {
 // the lookup is spared.
 void Evaluator::FindParameters(FamilyId id) {
   const int num_slots = graph_->family(id).num_slots();
-  std::vector<const double*>& parameters = families_[id].parameters;
+  UnwrittenVector<const double*>& parameters = families_[id].parameters;
   const VariableId* ids = parameters.empty() ? nullptr : graph_->Variables(id, 0);
   const double* const state = points_.pointed().data();
   executor_.For(static_cast<int>(parameters.size()), kEntryGrain, [&](int begin, int end) {
@@ -190,8 +190,8 @@ void Evaluator::FindParameters(FamilyId id) {
       if (k - num_slots >= begin &&
           ids[k] == ids[k - num_slots]) {  // as that of the factor before, as many are
         result[k] = result[k - num_slots];
-      } else if (ids[k] >= 0) {  // not a free place
-        result[k] = graph_->ValuesIn(state, ids[k]);
+      } else {  // null at a free place
+        result[k] = ids[k] < 0 ? nullptr : graph_->ValuesIn(state, ids[k]);
       }
     }
   });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 #include <numeric>
+#include <utility>
 
 #include "base/counting_sort.h"
 
@@ -10,6 +11,7 @@ namespace inceres::internal {
 namespace {
 
 constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of LandmarkFactors
+constexpr int kLandmarkGrain = 1024;                       // a few of their factors each
 
 // Symbolic elimination (docs/algorithms.md, "Schur complement"): numbers all pairs (landmark,
 // frame) with a common factor, gives each block Y_li its place, and tells each factor where its
@@ -19,19 +21,71 @@ constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of Land
 // first one there and overwrites it: so Y never has to be zeroed. Which factor is first follows
 // from the order of the lists, which the kernels walk as well.
 
-// Landmark of each factor through one slot, or -1.
-std::vector<std::int32_t> LandmarksThroughSlot(const Linearization& cache, const FactorGraph& graph,
-                                               const Layout& layout, int slot, bool* any) {
-  const int num_slots = cache.num_slots;
-  std::vector<std::int32_t> landmark(cache.num_factors, -1);
-  *any = false;
-  const VariableId* id = cache.num_factors > 0 ? graph.Variables(cache.id, 0) + slot : nullptr;
-  for (int i = 0; i < cache.num_factors; ++i, id += num_slots) {
-    landmark[i] = layout.LandmarkOf(*id);
-    *any |= landmark[i] >= 0;
+struct Factor {
+  const VariableId* id;   // of each slot
+  std::int32_t* targets;  // likewise
+  int num_slots;
+};
+
+// visit(factor) in the order in which the kernels go through a landmark's factors. `targets`: per
+// family.
+template <typename Visit>
+void ForEachFactorOf(const LandmarkIncidences& incidences, int landmark, const Evaluator& evaluator,
+                     std::vector<std::vector<std::int32_t>>* targets, const Visit& visit) {
+  const Linearization* owner = nullptr;
+  for (int k = incidences.factors_begin[landmark]; k < incidences.factors_begin[landmark + 1];
+       ++k) {
+    const LandmarkFactors& entry = incidences.factors[k];
+    owner = &OwnerOf(entry, evaluator.families(), owner);
+    std::int32_t* const of_family = (*targets)[owner->id].data();
+    const VariableId* const ids = evaluator.graph().Variables(owner->id, 0);
+    for (int n = 0; n < entry.count; ++n) {
+      const int factor = entry.factors[n];
+      visit({ids + owner->Entry(factor), of_family + owner->Entry(owner->Record(factor)),
+             entry.num_slots});
+    }
   }
-  return landmark;
 }
+
+// Finds the frames of one landmark after the other. One number a frame tells whether it is known
+// to this landmark: no search through a separator.
+class FrameFinder {
+ public:
+  FrameFinder(const LandmarkIncidences& incidences, const Evaluator& evaluator)
+      : incidences_(incidences),
+        evaluator_(evaluator),
+        last_place_(evaluator.layout().num_frames, -1) {}
+
+  // Appends them and returns how many they are. Targets become 2 · the number of the frame among
+  // them + (not the first factor there).
+  int Find(int landmark, std::vector<std::vector<std::int32_t>>* targets,
+           std::vector<std::int32_t>* frames) {
+    // Places go up: one below this is that of an earlier landmark.
+    const std::int64_t first = next_place_;
+    ForEachFactorOf(incidences_, landmark, evaluator_, targets, [&](const Factor& factor) {
+      for (int s = 0; s < factor.num_slots; ++s) {
+        const int frame = evaluator_.layout().FrameOf(factor.id[s]);
+        if (frame < 0) {
+          continue;
+        }
+        std::int64_t& place = last_place_[frame];
+        const bool known = place >= first;
+        if (!known) {
+          place = next_place_++;
+          frames->push_back(frame);
+        }
+        factor.targets[s] = static_cast<std::int32_t>(2 * (place - first)) + (known ? 1 : 0);
+      }
+    });
+    return static_cast<int>(next_place_ - first);
+  }
+
+ private:
+  const LandmarkIncidences& incidences_;
+  const Evaluator& evaluator_;
+  std::vector<std::int64_t> last_place_;  // per frame
+  std::int64_t next_place_ = 0;
+};
 
 }  // namespace
 
@@ -48,9 +102,9 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   CollectFactors(evaluator);
   CollectIncidences(evaluator);
   ChooseStorage(layout, may_have_tail);
-  CutIntoChunks(quads_per_chunk, evaluator.storage() == JacobianStorage::kInChunks);
-  PlaceBlocks(layout);
-  SetTargets();
+  CutIntoChunks(evaluator, quads_per_chunk);
+  PlaceBlocks(evaluator);
+  SetTargets(evaluator);
   NameRecords(evaluator);
 }
 
@@ -58,38 +112,31 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
 // may hold a frame in another.
 void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
-  const auto num_landmarks = static_cast<std::size_t>(layout.num_landmarks());
   // A family that no landmark goes through has no targets at all.
   y_targets_.resize(evaluator.families().size());
   std::vector<FactorsThroughSlot> slots;
   for (const Linearization& cache : evaluator.families()) {
-    if (num_landmarks == 0) {
-      break;
+    if (layout.num_landmarks() == 0 || cache.num_factors == 0) {
+      continue;
     }
     auto& targets = y_targets_[cache.id];
+    const VariableId* const ids = evaluator.graph().Variables(cache.id, 0);
     for (int slot = 0; slot < cache.num_slots; ++slot) {
-      bool any = false;
-      const std::vector<std::int32_t> landmark =
-          LandmarksThroughSlot(cache, evaluator.graph(), layout, slot, &any);
-      if (!any) {
+      FactorsThroughSlot through;
+      UnwrittenVector<std::int32_t> list;
+      // The factors of one landmark stay in the family's order.
+      CountingSort(
+          evaluator.executor(), layout.num_landmarks(), cache.num_factors,
+          [&](int i) { return layout.LandmarkOf(ids[cache.Entry(i) + slot]); }, &through.begin,
+          &list);
+      if (list.empty()) {
         continue;
       }
       targets.resize(cache.num_factors * static_cast<std::size_t>(cache.num_slots), -1);
-      // The factors of one landmark stay in the family's order.
-      const auto for_each_factor = [&landmark](const auto& add) {
-        for (std::size_t i = 0; i < landmark.size(); ++i) {
-          if (landmark[i] >= 0) {
-            add(landmark[i], static_cast<std::int32_t>(i));
-          }
-        }
-      };
       // The list's memory stays where it is when the outer vector moves: entries point into it.
-      std::vector<std::int32_t>& list =
-          factor_lists_.emplace_back(FactorList{cache.id, {}}).factors;
-      FactorsThroughSlot& through = slots.emplace_back();
-      CountingSort(num_landmarks, for_each_factor, &through.begin, &list);
+      factor_lists_.push_back({cache.id, std::move(list)});
       LandmarkFactors& all = through.all;
-      all.factors = list.data();
+      all.factors = factor_lists_.back().factors.data();
       all.residual_size = cache.residual_size;
       all.landmark_slot = slot;
       all.num_slots = cache.num_slots;
@@ -98,6 +145,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       all.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
       all.y_targets = targets.data();
       all.tangent_offsets = cache.RecordOffsets();
+      slots.push_back(std::move(through));
     }
   }
   ListFactors(slots);
@@ -126,57 +174,45 @@ void LandmarkIncidences::ListFactors(const std::vector<FactorsThroughSlot>& slot
   }
 }
 
-// Numbers the incidences and notes in y_targets_, for the time being, 2 · incidence + (not the
-// first factor there).
+// Finds the incidences of each landmark and notes in y_targets_, for the time being, 2 · its number
+// among those of the landmark + (not the first factor there).
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
+  constexpr int kPartsPerThread = 4;
   const Layout& layout = evaluator.layout();
-  const FactorGraph& graph = evaluator.graph();
-  // One number a frame tells whether it is known to this landmark: no search through a separator.
-  std::vector<int> last_seen(layout.num_frames, -1);  // incidence of the frame's last landmark
-  const Linearization* owner = nullptr;               // of the factors at hand
-  std::size_t num_factors = 0;                        // most with one frame each
-  for (const LandmarkFactors& entry : factors) {
-    num_factors += static_cast<std::size_t>(entry.count);
-  }
-  incidences.reserve(num_factors);
-  frames.reserve(num_factors);
-  landmarks.reserve(num_factors);
-  begin.reserve(sizes.size() + 1);
-  begin.push_back(0);
-  for (std::size_t l = 0; l < sizes.size(); ++l) {
-    for (int k = factors_begin[l]; k < factors_begin[l + 1]; ++k) {
-      const LandmarkFactors& entry = factors[k];
-      owner = &OwnerOf(entry, evaluator.families(), owner);
-      std::int32_t* const targets = y_targets_[owner->id].data();
-      const VariableId* const ids = graph.Variables(owner->id, 0);
-      const int first_incidence = begin.back();
-      // In the order in which the kernels go through the factors.
-      for (int n = 0; n < entry.count; ++n) {
-        const int factor = entry.factors[n];
-        const VariableId* const id = ids + owner->Entry(factor);
-        std::int32_t* const target = targets + owner->Entry(owner->Record(factor));
-        for (int s = 0; s < entry.num_slots; ++s) {
-          const int frame = layout.FrameOf(id[s]);
-          if (frame < 0) {
-            continue;
-          }
-          int& seen = last_seen[frame];
-          // Incidences are numbered landmark by landmark: a number below this one's first is that
-          // of an earlier landmark.
-          const bool known = seen >= first_incidence;
-          if (!known) {
-            seen = static_cast<int>(incidences.size());
-            const std::int32_t* const quads = layout.quad_offset.data() + frame;
-            incidences.push_back({0, quads[0], quads[1] - quads[0]});
-            frames.push_back(frame);
-            landmarks.push_back(static_cast<std::int32_t>(l));
-          }
-          target[s] = 2 * seen + (known ? 1 : 0);
+  const Executor& executor = evaluator.executor();
+  const int count = layout.num_landmarks();
+  const int num_parts =
+      std::clamp(count / kLandmarkGrain, 1, kPartsPerThread * executor.num_threads());
+  const auto begin_of = [&](int part) {
+    return static_cast<int>(static_cast<std::int64_t>(part) * count / num_parts);
+  };
+  std::vector<std::vector<std::int32_t>> found(num_parts);  // the frames of a part's landmarks
+  begin.assign(static_cast<std::size_t>(count) + 1, 0);
+  executor.For(num_parts, 1, [&](int first, int last) {
+    FrameFinder finder(*this, evaluator);
+    for (int part = first; part < last; ++part) {
+      for (int l = begin_of(part); l < begin_of(part + 1); ++l) {
+        begin[l + 1] = finder.Find(l, &y_targets_, &found[part]);
+      }
+    }
+  });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  incidences.resize(begin.back());
+  frames.resize(begin.back());
+  landmarks.resize(begin.back());
+  executor.For(num_parts, 1, [&](int first, int last) {
+    for (int part = first; part < last; ++part) {
+      std::copy(found[part].begin(), found[part].end(), frames.begin() + begin[begin_of(part)]);
+      std::vector<std::int32_t>().swap(found[part]);
+      for (int l = begin_of(part); l < begin_of(part + 1); ++l) {
+        for (int q = begin[l]; q < begin[l + 1]; ++q) {
+          const std::int32_t* const quads = layout.quad_offset.data() + frames[q];
+          incidences[q] = {0, quads[0], quads[1] - quads[0]};
+          landmarks[q] = l;
         }
       }
     }
-    begin.push_back(static_cast<int>(incidences.size()));
-  }
+  });
 }
 
 // One kind of storage for all of Y, so all frames must have the same size.
@@ -209,24 +245,34 @@ std::int64_t LandmarkIncidences::QuadsOfJacobians(int landmark) const {
 
 // Cut by the memory that Y takes, or Jacobians, if they come in the same chunks. At least one
 // chunk, even without landmarks.
-void LandmarkIncidences::CutIntoChunks(std::int64_t quads_per_chunk, bool of_jacobians) {
+void LandmarkIncidences::CutIntoChunks(const Evaluator& evaluator, std::int64_t quads_per_chunk) {
+  struct Quads {
+    std::int64_t Y;
+    std::int64_t J;
+  };
+  const bool of_jacobians = evaluator.storage() == JacobianStorage::kInChunks;
+  std::vector<Quads> quads_of(num_landmarks());
+  evaluator.executor().For(num_landmarks(), kLandmarkGrain, [&](int first, int last) {
+    for (int l = first; l < last; ++l) {
+      quads_of[l].J = of_jacobians ? QuadsOfJacobians(l) : 0;
+      for (int q = begin[l]; q < begin[l + 1]; ++q) {
+        quads_of[l].Y += QuadsOfBlock(q);
+      }
+    }
+  });
   chunk_begin.assign(1, 0);
-  std::int64_t chunk_quads = 0, chunk_J = 0;
+  Quads chunk = {0, 0};
   for (int l = 0; l < num_landmarks(); ++l) {
-    std::int64_t quads = 0;
-    for (int q = begin[l]; q < begin[l + 1]; ++q) {
-      quads += QuadsOfBlock(q);
-    }
-    const std::int64_t J = of_jacobians ? QuadsOfJacobians(l) : 0;
+    const Quads& quads = quads_of[l];
     // A landmark that is larger than a chunk has one by itself.
-    if ((chunk_quads > 0 && chunk_quads + quads > quads_per_chunk) ||
-        (chunk_J > 0 && chunk_J + J > quads_per_chunk)) {
+    if ((chunk.Y > 0 && chunk.Y + quads.Y > quads_per_chunk) ||
+        (chunk.J > 0 && chunk.J + quads.J > quads_per_chunk)) {
       chunk_begin.push_back(l);
-      chunk_quads = chunk_J = 0;
+      chunk = {0, 0};
     }
-    chunk_quads += quads;
-    chunk_J += J;
-    y_quads = std::max(y_quads, chunk_quads);
+    chunk.Y += quads.Y;
+    chunk.J += quads.J;
+    y_quads = std::max(y_quads, chunk.Y);
   }
   chunk_begin.push_back(num_landmarks());
 }
@@ -267,11 +313,11 @@ void LandmarkIncidences::ForgetPlaces() {
   if (factors.size() > kFewEntries) {
     ShortenFactors();
   }
-  std::vector<std::int32_t>().swap(frames);
-  std::vector<int>().swap(frame_incidences);
-  std::vector<std::int32_t>().swap(landmarks);
+  UnwrittenVector<std::int32_t>().swap(frames);
+  UnwrittenVector<int>().swap(frame_incidences);
+  UnwrittenVector<std::int32_t>().swap(landmarks);
   if (num_chunks() > 1 || tail) {
-    std::vector<Incidence>().swap(incidences);
+    UnwrittenVector<Incidence>().swap(incidences);
   }
 }
 
@@ -293,52 +339,69 @@ std::int64_t LandmarkIncidences::Bytes() const {
 
 // Blocks of a frame lie together within a chunk, and within these by landmark size: the terms of a
 // block of S that are equally deep then follow each other (FramePlans::SchurSource).
-void LandmarkIncidences::PlaceBlocks(const Layout& layout) {
-  frame_begin.assign(layout.num_frames + 1, 0);
-  for (const int frame : frames) {
-    ++frame_begin[frame + 1];
+void LandmarkIncidences::PlaceBlocks(const Evaluator& evaluator) {
+  const int num_frames = evaluator.layout().num_frames;
+  const Executor& executor = evaluator.executor();
+  std::vector<int> by_size;  // within each chunk
+  const bool alike =
+      std::all_of(sizes.begin(), sizes.end(), [this](char size) { return size == largest_size; });
+  if (!alike) {
+    by_size.resize(incidences.size());
+    std::iota(by_size.begin(), by_size.end(), 0);
   }
-  std::partial_sum(frame_begin.begin(), frame_begin.end(), frame_begin.begin());
-  frame_incidences.resize(incidences.size());
-  const auto smallest = std::min_element(sizes.begin(), sizes.end());
-  // Counting sort once more: `next` is where the frame's next block goes.
-  std::vector<int> next(frame_begin.begin(), frame_begin.end() - 1);
-  for (int chunk = 0; chunk < num_chunks(); ++chunk) {
-    const int first = begin[chunk_begin[chunk]];
-    const int last = begin[chunk_begin[chunk + 1]];
-    for (int size = last > first ? *smallest : 1; last > first && size <= largest_size; ++size) {
-      for (int q = first; q < last; ++q) {
-        if (sizes[landmarks[q]] == size) {
-          frame_incidences[next[frames[q]]++] = q;
-        }
-      }
+  executor.For(num_chunks(), 1, [&](int first, int last) {
+    std::vector<std::int64_t> next;
+    for (int chunk = first; chunk < last; ++chunk) {
+      int* const order = alike ? nullptr : by_size.data();
+      PlaceBlocksOf(chunk, num_frames, order, &next);
     }
+  });
+  const auto incidence = [&](int i) { return alike ? i : by_size[i]; };
+  CountingSort(
+      executor, num_frames, static_cast<int>(incidences.size()),
+      [&](int i) { return frames[incidence(i)]; }, &frame_begin, &frame_incidences);
+  if (!alike) {
+    std::transform(frame_incidences.begin(), frame_incidences.end(), frame_incidences.begin(),
+                   incidence);
   }
-  // All chunks begin at 0: they use the same memory one after the other.
-  std::vector<std::int64_t> chunk_quads(num_chunks(), 0);
-  int chunk = 0;
-  for (const int q : frame_incidences) {
-    // A frame's incidences ascend by chunk: mostly that of the one before, or one soon after it.
-    const int landmark = landmarks[q];
-    chunk = landmark < chunk_begin[chunk] ? 0 : chunk;
-    while (landmark >= chunk_begin[chunk + 1]) {
-      ++chunk;
-    }
-    std::int64_t& next_quad = chunk_quads[chunk];
+}
+
+// Puts the chunk's part of `order`, unless null, by size. All chunks begin at 0: they use the same
+// memory one after the other. `next`: where the next block of each frame goes.
+void LandmarkIncidences::PlaceBlocksOf(int chunk, int num_frames, int* order,
+                                       std::vector<std::int64_t>* next) {
+  const int first = begin[chunk_begin[chunk]];
+  const int last = begin[chunk_begin[chunk + 1]];
+  if (order != nullptr) {
+    std::stable_sort(order + first, order + last,
+                     [this](int a, int b) { return sizes[landmarks[a]] < sizes[landmarks[b]]; });
+  }
+  next->assign(static_cast<std::size_t>(num_frames) + 1, 0);
+  for (int q = first; q < last; ++q) {
+    (*next)[frames[q] + 1] += QuadsOfBlock(q);
+  }
+  std::partial_sum(next->begin(), next->end(), next->begin());
+  for (int i = first; i < last; ++i) {
+    const int q = order != nullptr ? order[i] : i;
+    std::int64_t& next_quad = (*next)[frames[q]];
     incidences[q].y = static_cast<std::int32_t>(next_quad);
     next_quad += QuadsOfBlock(q);
   }
 }
 
 // From the number of an incidence to its place, the flag kept.
-void LandmarkIncidences::SetTargets() {
-  for (auto& targets : y_targets_) {
-    for (std::int32_t& target : targets) {
-      if (target >= 0) {
-        target = 2 * incidences[target >> 1].y + (target & 1);
-      }
+void LandmarkIncidences::SetTargets(const Evaluator& evaluator) {
+  evaluator.executor().For(num_landmarks(), kLandmarkGrain, [&](int first, int last) {
+    for (int l = first; l < last; ++l) {
+      const Incidence* const of_landmark = incidences.data() + begin[l];
+      ForEachFactorOf(*this, l, evaluator, &y_targets_, [&](const Factor& factor) {
+        for (int s = 0; s < factor.num_slots; ++s) {
+          std::int32_t& target = factor.targets[s];
+          target = target < 0 ? target : 2 * of_landmark[target >> 1].y + (target & 1);
+        }
+      });
     }
-  }
+  });
 }
 
 // Kernels know factors by their records.

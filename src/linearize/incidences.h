@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/aligned_vector.h"
 #include "linearize/evaluator.h"
 #include "simd/kernels.h"
 
@@ -50,16 +51,16 @@ struct LandmarkIncidences {
 
   // Per landmark: its incidences, in order of first appearance.
   std::vector<int> begin;  // num_landmarks + 1
-  std::vector<Incidence> incidences;
-  std::vector<std::int32_t> frames;  // frame index per incidence
+  UnwrittenVector<Incidence> incidences;
+  UnwrittenVector<std::int32_t> frames;  // frame index per incidence
 
   // First landmark of each chunk, of which there is at least one, and the number of landmarks.
   std::vector<int> chunk_begin;
 
   // Per frame: the same incidences, sorted by chunk, then landmark size, then landmark.
-  std::vector<int> frame_begin;         // num_frames + 1
-  std::vector<int> frame_incidences;    // incidence index
-  std::vector<std::int32_t> landmarks;  // landmark index per incidence
+  std::vector<int> frame_begin;             // num_frames + 1
+  UnwrittenVector<int> frame_incidences;    // incidence index
+  UnwrittenVector<std::int32_t> landmarks;  // landmark index per incidence
 
   // Per landmark: its factors, one entry a family (and slot), by their records.
   std::vector<int> factors_begin;  // num_landmarks + 1
@@ -84,14 +85,15 @@ struct LandmarkIncidences {
   void ChooseStorage(const Layout& layout, bool may_have_tail);
   int QuadsOfBlock(int incidence) const;
   std::int64_t QuadsOfJacobians(int landmark) const;
-  void CutIntoChunks(std::int64_t quads_per_chunk, bool of_jacobians);
-  void PlaceBlocks(const Layout& layout);
-  void SetTargets();
+  void CutIntoChunks(const Evaluator& evaluator, std::int64_t quads_per_chunk);
+  void PlaceBlocks(const Evaluator& evaluator);
+  void PlaceBlocksOf(int chunk, int num_frames, int* order, std::vector<std::int64_t>* next);
+  void SetTargets(const Evaluator& evaluator);
   void NameRecords(const Evaluator& evaluator);
 
   struct FactorList {  // of a family and slot
     FamilyId family;
-    std::vector<std::int32_t> factors;  // by landmark
+    UnwrittenVector<std::int32_t> factors;  // by landmark
   };
   // All that entries of `factors` with the same family and slot do not share.
   struct FewNumbers {

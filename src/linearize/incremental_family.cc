@@ -18,7 +18,7 @@ void IncrementalFamily::Grow(int num_places) {
                            ? 2 * num_places
                            : factors_.capacity;  // the columns grow in step
   factors_.Grow(num_places, capacity);
-  factors_.candidate_parameters.resize(factors_.parameters.size());
+  factors_.candidate_parameters.resize(factors_.parameters.size(), nullptr);
   weighed_.Grow(num_places, capacity);
   y_targets_.resize(factors_.parameters.size(), -1);
 }

@@ -114,7 +114,7 @@ void PlaceBySlot(int num_places, Linearization* cache) {
   }
   cache->candidate_residuals =
       ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
-  cache->GrowTables(num_places);
+  cache->MakeTables(num_places);
   cache->tangent_offsets.resize(cache->parameters.size(), -1);
 }
 
@@ -141,7 +141,7 @@ void PlaceInChunks(int num_places, std::vector<std::int32_t> order, Linearizatio
   cache->records = std::move(order);
   cache->candidate_residuals =
       ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
-  cache->GrowTables(num_places);
+  cache->MakeTables(num_places);
   cache->tangent_offsets.resize(cache->parameters.size(), -1);
   cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size(), -1);
 }
@@ -231,7 +231,7 @@ void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization
   const int num_places = graph.NumFactors(cache->id);
   switch (storage) {
     case JacobianStorage::kWholeRows:
-      cache->GrowTables(num_places);
+      cache->MakeTables(num_places);
       return PlaceWholeRows(layout, cache);
     case JacobianStorage::kBySlot:
       return PlaceBySlot(num_places, cache);

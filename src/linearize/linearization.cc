@@ -64,13 +64,17 @@ Linearization::Linearization(const FactorGraph& owner, FamilyId family_id)
   }
 }
 
-// The tables alone, without room for Jacobians and candidates.
+void Linearization::MakeTables(int num_places) {
+  parameters.resize(static_cast<std::size_t>(num_places) * num_slots);
+  tangent_maps.resize(parameters.size());
+  GrowTables(num_places);
+}
+
 void Linearization::GrowTables(int num_places) {
   num_factors = num_places;
   const std::size_t num_entries = static_cast<std::size_t>(num_places) * num_slots;
-  parameters.resize(num_entries);
-  tangent_maps.resize(num_entries);
-  // Empty without any pin, which is the usual case and then costs nothing.
+  parameters.resize(num_entries, nullptr);
+  tangent_maps.resize(num_entries, nullptr);
   pins.resize(pins.empty() ? 0 : num_entries);
   jacobian_parameters_.resize(pins.size());
   const std::size_t num_residuals =
@@ -136,7 +140,7 @@ void Linearization::PlaceByFactor(int num_places, bool in_singles,
     PlaceSlots(jacobian_values.data());
   }
   candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
-  GrowTables(num_places);
+  MakeTables(num_places);
   tangent_offsets.resize(parameters.size(), -1);
   record_offsets.resize(records.empty() ? 0 : parameters.size(), -1);
 }

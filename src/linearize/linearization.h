@@ -55,6 +55,8 @@ struct Linearization {
 
   /// Room for so many factors in the columns of entries and in the residuals.
   void GrowTables(int num_places);
+  /// The same for who writes parameters and tangent maps of all places next.
+  void MakeTables(int num_places);
   /// And in those of the candidate and the Jacobians. `capacity` of them fit in before they lie
   /// elsewhere.
   void Grow(int num_places, int capacity);
@@ -159,11 +161,11 @@ struct Linearization {
   const VariableLookUp* look_up = nullptr;
   // Per entry:
   // without the second column: at the point where it was evaluated last
-  std::vector<const double*> parameters;
-  std::vector<const double*> candidate_parameters;  // or empty
+  UnwrittenVector<const double*> parameters;
+  UnwrittenVector<const double*> candidate_parameters;  // or empty
   // where it is linearized, null if where it is; empty without any
   std::vector<const double*> pins;
-  std::vector<const TangentMap*> tangent_maps;
+  UnwrittenVector<const TangentMap*> tangent_maps;
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
   std::vector<std::int32_t> tangent_offsets;

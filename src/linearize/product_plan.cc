@@ -26,24 +26,19 @@ namespace {
 // The factors that touch each frame through one slot of one family.
 struct SlotAdjacency {
   std::vector<int> begin;  // per frame, one more
-  std::vector<std::int32_t> factors;
+  UnwrittenVector<std::int32_t> factors;
 };
 
 // Factors of one frame stay in ascending order, and with them the terms.
-SlotAdjacency FactorsByFrame(const Linearization& cache, const FactorGraph& graph,
-                             const Layout& layout, int slot) {
-  const int num_slots = cache.num_slots;
-  const VariableId* ids = graph.Variables(cache.id, 0);
-  const auto for_each_factor = [&](const auto& add) {
-    for (std::ptrdiff_t i = 0; i < cache.num_factors; ++i) {
-      const int frame = layout.FrameOf(ids[i * num_slots + slot]);
-      if (frame >= 0) {
-        add(frame, static_cast<std::int32_t>(i));
-      }
-    }
-  };
+SlotAdjacency FactorsByFrame(const Linearization& cache, const Evaluator& evaluator, int slot) {
+  const Layout& layout = evaluator.layout();
+  const std::ptrdiff_t num_slots = cache.num_slots;
+  const VariableId* const ids = evaluator.graph().Variables(cache.id, 0) + slot;
   SlotAdjacency adjacency;
-  CountingSort(layout.num_frames, for_each_factor, &adjacency.begin, &adjacency.factors);
+  CountingSort(
+      evaluator.executor(), layout.num_frames, cache.num_factors,
+      [&](int i) { return layout.FrameOf(ids[i * num_slots]); }, &adjacency.begin,
+      &adjacency.factors);
   return adjacency;
 }
 
@@ -141,7 +136,7 @@ class PlanBuilder {
       }
       for (int s = 0; cache.num_factors > 0 && s < cache.num_slots; ++s) {
         if (!evaluator.leaves_out_zero_blocks()) {
-          slots.push_back(FactorsByFrame(cache, evaluator.graph(), layout_, s));
+          slots.push_back(FactorsByFrame(cache, evaluator, s));
         }
         for (int c = 0; c < cache.num_slots; ++c) {
           plans->hessian_sources.push_back({cache.id, s, c});

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/aligned_vector.h"
 #include "inceres/linear/reduced_matrix.h"
 #include "linear/frame_clusters.h"
 #include "linearize/evaluator.h"
@@ -21,7 +22,7 @@ struct ProductPlan {
     int count;
     int source;  // what the terms refer to: see FramePlans
   };
-  std::vector<ProductTerm> terms;
+  UnwrittenVector<ProductTerm> terms;
   std::vector<Segment> segments;
   std::vector<int> segments_begin;  // per block of the pattern, one more
 };

@@ -36,8 +36,8 @@ void VariableLookUp::Serve(Linearization* family) const {
     return;
   }
   family->look_up = this;
-  std::vector<const double*>().swap(family->parameters);
-  std::vector<const TangentMap*>().swap(family->tangent_maps);
+  UnwrittenVector<const double*>().swap(family->parameters);
+  UnwrittenVector<const TangentMap*>().swap(family->tangent_maps);
   family->candidate_residuals = ZeroedArray();
 }
 

@@ -1,6 +1,7 @@
 #include "schur/scene_shape.h"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "linear/pattern_rows.h"
@@ -90,6 +91,38 @@ SceneShape::Sample SceneShape::TakeSample() const {
           writes / std::max(1.0, products)};
 }
 
+// The first block of a row is the first, in this order, of all that the row's frame is coupled to.
+ReducedPrediction SceneShape::PredictEnvelope(const Extent& extent) const {
+  const int num_frames = layout_.num_frames;
+  std::vector<int> place(num_frames);
+  std::vector<int> entries_before(num_frames + 1, 0);  // of each place
+  for (int k = 0; k < num_frames; ++k) {
+    place[extent.order[k]] = k;
+    entries_before[k + 1] = entries_before[k] + layout_.TangentSize(extent.order[k]);
+  }
+  const auto first_of = [&place](const auto& frames, int begin, int end, int first) {
+    return std::accumulate(frames.begin() + begin, frames.begin() + end, first,
+                           [&place](int a, int frame) { return std::min(a, place[frame]); });
+  };
+  const std::vector<int>& begin = incidences_.begin;
+  std::vector<int> first_place(incidences_.num_landmarks());
+  for (int l = 0; l < incidences_.num_landmarks(); ++l) {
+    first_place[l] = first_of(incidences_.frames, begin[l], begin[l + 1], num_frames);
+  }
+  EnvelopeCost cost;
+  for (int frame = 0; frame < num_frames; ++frame) {
+    const int own = place[frame];
+    int first =
+        first_of(companions_.frames, companions_.begin[frame], companions_.begin[frame + 1], own);
+    for (int k = incidences_.frame_begin[frame]; k < incidences_.frame_begin[frame + 1]; ++k) {
+      first = std::min(first, first_place[incidences_.landmarks[incidences_.frame_incidences[k]]]);
+    }
+    cost.AddRows(own - first + 1, entries_before[own + 1] - entries_before[first],
+                 layout_.TangentSize(frame));
+  }
+  return cost.prediction();
+}
+
 // For the symbolic analysis, where that may decide. `seen_by` has the last row that met a frame.
 BlockPattern SceneShape::Pattern() const {
   BlockPattern pattern = PatternWithoutBlocks(
@@ -141,12 +174,14 @@ int SceneShape::GoFrom(int frame, Walk* walk) const {
 }
 
 // From any frame to the farthest, and from there to the farthest: two walks. In a tree that is the
-// diameter, elsewhere a lower bound.
-int SceneShape::Length() const {
+// diameter, elsewhere a lower bound. The second walk meets frames in the order of Cuthill and McKee
+// but for ties.
+SceneShape::Extent SceneShape::FindExtent() const {
   Walk walk;
   walk.level.assign(layout_.num_frames, -1);
   walk.spent_in.assign(incidences_.num_landmarks(), 0);
-  int length = 0;
+  Extent extent;
+  extent.order.reserve(layout_.num_frames);
   for (int frame = 0; frame < layout_.num_frames; ++frame) {
     if (is_shared_[frame] == 0 && walk.level[frame] < 0) {
       GoFrom(frame, &walk);
@@ -156,10 +191,16 @@ int SceneShape::Length() const {
         walk.level[seen] = -1;
       }
       // Its levels stay: what belongs to this piece is not begun with again.
-      length = std::max(length, GoFrom(far_end, &walk));
+      extent.length = std::max(extent.length, GoFrom(far_end, &walk));
+      extent.order.insert(extent.order.end(), walk.reached.begin(), walk.reached.end());
     }
   }
-  return length;
+  for (int frame = 0; frame < layout_.num_frames; ++frame) {
+    if (is_shared_[frame] != 0) {
+      extent.order.push_back(frame);
+    }
+  }
+  return extent;
 }
 
 }  // namespace inceres::internal

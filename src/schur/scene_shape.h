@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "inceres/linear/reduced_matrix.h"
+#include "linear/reduced_prediction.h"
 #include "linearize/incidences.h"
 #include "schur/covisibility.h"
 
@@ -32,10 +33,19 @@ class SceneShape {
   Sample TakeSample() const;
   /// The blocks of S. Cost: the products, one by one, and to sort each row.
   BlockPattern Pattern() const;
-  /// How many steps from frame to frame, over landmarks that both see or factors that touch both,
-  /// lead from one end of the scene to the other: at least, for what is looked for is the far end
-  /// of the far end. Of several scenes the longest. Shared frames lead nowhere.
-  int Length() const;
+  struct Extent {
+    /// How many steps from frame to frame, over landmarks that both see or factors that touch both,
+    /// lead from one end of the scene to the other: at least, for what is looked for is the far end
+    /// of the far end. Of several scenes the longest. Shared frames lead nowhere.
+    int length = 0;
+    /// All frames, from one end to the other, scene by scene; shared ones last.
+    std::vector<int> order;
+  };
+  /// Cost: the incidences twice.
+  Extent FindExtent() const;
+  /// What it takes to factor S in this order, each row from its first block on: an upper bound for
+  /// who orders better. Cost: the incidences once.
+  ReducedPrediction PredictEnvelope(const Extent& extent) const;
 
  private:
   // A walk through the scene: how far away each frame is, -1 where it has not been.

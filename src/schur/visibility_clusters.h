@@ -11,7 +11,7 @@ namespace inceres::internal {
 struct Visibility {
   int num_frames;
   const std::vector<int>& begin;  // per landmark, one more
-  const std::vector<std::int32_t>& frames;
+  const std::int32_t* frames;
 
   int num_landmarks() const { return static_cast<int>(begin.size()) - 1; }
 };

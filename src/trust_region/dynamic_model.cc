@@ -33,7 +33,7 @@ bool DynamicModel::ZerosAreAsBefore() const {
 
 void DynamicModel::Rebuild() {
   model_.reset();  // its memory serves the new one
-  model_ = std::make_unique<PlainModel>(options_, evaluator_, &status_);
+  model_ = std::make_unique<PlainModel>(options_, evaluator_, nullptr, &status_);
   for (const Linearization& cache : evaluator_.families()) {
     tangent_offsets_[cache.id] = cache.tangent_offsets;
   }

@@ -116,7 +116,7 @@ const FrameClusters* IterativeModel::FindClusters() {
   if (kind == PreconditionerKind::kClusterJacobi ||
       kind == PreconditionerKind::kClusterTridiagonal) {
     clusters_ = FindVisibilityClusters(
-        {evaluator_.layout().num_frames, incidences_.begin, incidences_.frames},
+        {evaluator_.layout().num_frames, incidences_.begin, incidences_.frames.data()},
         options_.visibility_clustering == VisibilityClusteringKind::kSingleLinkage,
         kind == PreconditionerKind::kClusterTridiagonal);
     return &clusters_;

@@ -42,8 +42,8 @@ bool KeptBlocks::IsByClusters() const {
 FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool single_linkage) const {
   const auto num_kept = static_cast<int>(structure.offsets.size()) - 1;
   if (IsByClusters() && num_kept > 0) {
-    return FindVisibilityClusters({num_kept, structure.seen_begin, structure.seen}, single_linkage,
-                                  kind_ == PreconditionerKind::kClusterTridiagonal);
+    return FindVisibilityClusters({num_kept, structure.seen_begin, structure.seen.data()},
+                                  single_linkage, kind_ == PreconditionerKind::kClusterTridiagonal);
   }
   FrameClusters single;
   single.cluster_of.resize(static_cast<std::size_t>(num_kept));

@@ -1,5 +1,7 @@
 #include "trust_region/linear_model.h"
 
+#include <utility>
+
 #include "trust_region/dense_model.h"
 #include "trust_region/dense_qr_model.h"
 #include "trust_region/dynamic_model.h"
@@ -32,13 +34,16 @@ bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
 
 // The prediction may take a symbolic analysis: it is asked for only where its answer may be
 // followed.
-StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator) {
-  return MayBeIterative(options, evaluator) ? PredictSteps(evaluator).Cheapest() : StepWay::kFactor;
+StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator,
+                      std::unique_ptr<LandmarkIncidences>* incidences) {
+  return MayBeIterative(options, evaluator) ? PredictSteps(evaluator, incidences).Cheapest()
+                                            : StepWay::kFactor;
 }
 
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, StepWay way,
                                              const Evaluator& evaluator,
                                              const std::vector<VariableId>* eliminated,
+                                             std::unique_ptr<LandmarkIncidences> incidences,
                                              Status* status) {
   // By options, connections and sizes: no values are looked at.
   const bool by_qr = options.linear_model == LinearModelKind::kDenseQr;
@@ -66,14 +71,14 @@ std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, StepW
     return std::make_unique<DynamicModel>(options, evaluator);
   }
   if (evaluator.layout().num_landmarks() == 0) {
-    return std::make_unique<PlainModel>(options, evaluator, status);
+    return std::make_unique<PlainModel>(options, evaluator, nullptr, status);
   }
   if (way != StepWay::kFactor) {
     // Not Ceres's iteration here: landmarks follow in every step.
     return std::make_unique<IterativeModel>(OptionsOf(way, options.conjugate_gradients),
                                             Unfinished::kMovesAll, evaluator, status);
   }
-  return std::make_unique<SchurModel>(options, evaluator, status);
+  return std::make_unique<SchurModel>(options, evaluator, std::move(incidences), status);
 }
 
 }  // namespace inceres::internal

@@ -103,16 +103,18 @@ class LinearModel {
 };
 
 /// How steps are solved for where options leave that to the solver, by connections alone
-/// (PredictSteps); else kFactor.
-StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator);
+/// (PredictSteps, which may find incidences); else kFactor.
+StepWay ChooseStepWay(const SolverOptions& options, const Evaluator& evaluator,
+                      std::unique_ptr<LandmarkIncidences>* incidences);
 
 /// Makes the model that options.linear_model asks for; kAutomatic means Schur where there are
 /// landmarks, and `way`, which is ChooseStepWay's, where that is another. `eliminated` is
-/// LoopOptions::eliminated, null mostly. It wants TimeInto before its first use. Fails if the
-/// reduced solver cannot be set up.
+/// LoopOptions::eliminated, null mostly; `incidences` those of the evaluator, if there are any yet.
+/// It wants TimeInto before its first use. Fails if the reduced solver cannot be set up.
 std::unique_ptr<LinearModel> MakeLinearModel(const SolverOptions& options, StepWay way,
                                              const Evaluator& evaluator,
                                              const std::vector<VariableId>* eliminated,
+                                             std::unique_ptr<LandmarkIncidences> incidences,
                                              Status* status);
 
 }  // namespace inceres::internal

@@ -25,13 +25,15 @@ auto Entries(const std::vector<double>& state, std::int64_t begin, std::int64_t 
 }  // namespace
 
 LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& loop,
-                               Evaluator* evaluator, StageClock* clock, Summary* summary)
+                               Evaluator* evaluator, std::vector<StateRun>* runs, StageClock* clock,
+                               Summary* summary)
     : options_(options),
       loop_(loop),
       evaluator_(*evaluator),
       clock_(*clock),
       summary_(*summary),
-      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_) {
+      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
+      runs_(*runs) {
   FindRuns();
 }
 
@@ -89,6 +91,7 @@ bool LoopEvaluation::IsUsable(double cost) const {
 
 // Neighbors in memory are one run.
 void LoopEvaluation::FindRuns() {
+  runs_.clear();
   const FactorGraph& graph = evaluator_.graph();
   const std::vector<VariableId>& variables = evaluator_.layout().variables;
   for (std::size_t i = 0; i < variables.size(); ++i) {
@@ -107,7 +110,7 @@ void LoopEvaluation::FindRuns() {
 // Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
-  for (const Run& run : runs_) {
+  for (const StateRun& run : runs_) {
     sum += Entries(evaluator_.points().current(), run.begin, run.end).squaredNorm();
   }
   return std::sqrt(agreement_.Sum(sum));
@@ -118,7 +121,7 @@ double LoopEvaluation::StateNorm() const {
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
-  for (const Run& run : runs_) {
+  for (const StateRun& run : runs_) {
     const auto difference = Entries(evaluator_.points().current(), run.begin, run.end) -
                             Entries(evaluator_.points().candidate(), run.begin, run.end);
     sum += difference.squaredNorm();

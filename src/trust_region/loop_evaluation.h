@@ -12,14 +12,20 @@
 
 namespace inceres::internal {
 
+/// Entries of the state that follow each other.
+struct StateRun {
+  std::int64_t begin;
+  std::int64_t end;
+};
+
 /// What the trust-region loop asks of the cost: observers hear of each evaluation before it is
 /// made, all processes agree on what came of it, and the summary has its count and time, and the
 /// first candidate that could not be evaluated.
 class LoopEvaluation {
  public:
-  /// All of them outlive this.
+  /// All of them outlive this. `runs` is memory that it fills.
   LoopEvaluation(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
-                 StageClock* clock, Summary* summary);
+                 std::vector<StateRun>* runs, StageClock* clock, Summary* summary);
   LoopEvaluation(const LoopEvaluation&) = delete;
   LoopEvaluation& operator=(const LoopEvaluation&) = delete;
 
@@ -42,12 +48,6 @@ class LoopEvaluation {
   double CandidateDistance(double* max_norm) const;
 
  private:
-  // Entries of the state.
-  struct Run {
-    std::int64_t begin;
-    std::int64_t end;
-  };
-
   bool IsUsable(double cost) const;
   void FindRuns();
 
@@ -58,7 +58,7 @@ class LoopEvaluation {
   Summary& summary_;
   const Agreement alone_;
   const Agreement& agreement_;
-  std::vector<Run> runs_;  // what moves and is counted here, in the order of the variables
+  std::vector<StateRun>& runs_;  // what moves and is counted here, in the order of the variables
 };
 
 }  // namespace inceres::internal

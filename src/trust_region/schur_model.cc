@@ -1,6 +1,7 @@
 #include "trust_region/schur_model.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "linear/elimination_order.h"
 #include "linear/not_positive_definite.h"
@@ -42,9 +43,10 @@ void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work) {
 }
 
 // Incidences, plan, H, solver, in the order of the members: each is built on the one before.
-PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
+PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
+                       std::unique_ptr<LandmarkIncidences> incidences, Status* status)
     : LinearModel(evaluator),
-      incidences_(evaluator),
+      incidences_(incidences != nullptr ? std::move(*incidences) : LandmarkIncidences(evaluator)),
       plans_(evaluator, incidences_),
       hessian_(evaluator, incidences_, plans_) {
   // Before a solver is made for it.
@@ -131,8 +133,9 @@ double* PlainModel::PlaceS() {
 
 // The base class has made the solver for S already: its pattern has the blocks that elimination
 // fills. S is formed anew for each damping.
-SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status)
-    : PlainModel(options, evaluator, status),
+SchurModel::SchurModel(const SolverOptions& options, const Evaluator& evaluator,
+                       std::unique_ptr<LandmarkIncidences> incidences, Status* status)
+    : PlainModel(options, evaluator, std::move(incidences), status),
       elimination_(evaluator, incidences_, plans_, hessian_,
                    {PlaceS(), /*may_forget_landmarks=*/true}) {
   const std::int64_t before = incidences_.Bytes();

@@ -19,7 +19,9 @@ void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work);
 /// model.
 class PlainModel : public LinearModel {
  public:
-  PlainModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+  /// `incidences`: those of the evaluator where somebody has found them already, else null.
+  PlainModel(const SolverOptions& options, const Evaluator& evaluator,
+             std::unique_ptr<LandmarkIncidences> incidences, Status* status);
 
   void Refresh() override;
   const std::vector<double>& Gradient() const override { return hessian_.gradient(); }
@@ -57,7 +59,8 @@ class PlainModel : public LinearModel {
 /// Landmarks eliminated block by block, δ_c from the reduced system, δ_l by back-substitution.
 class SchurModel final : public PlainModel {
  public:
-  SchurModel(const SolverOptions& options, const Evaluator& evaluator, Status* status);
+  SchurModel(const SolverOptions& options, const Evaluator& evaluator,
+             std::unique_ptr<LandmarkIncidences> incidences, Status* status);
 
   Status Solve(const double* damping, double* step) override;
   void Describe(WorkCounts* work) const override;

@@ -323,9 +323,12 @@ std::unique_ptr<Workspace> Solver::Impl::SetUp(const SolverOptions& options,
     return nullptr;
   }
   // The other ways read Jacobians more often.
-  const StepWay way = recomputes ? StepWay::kFactor : ChooseStepWay(options, *workspace->evaluator);
+  std::unique_ptr<LandmarkIncidences> incidences;
+  const StepWay way =
+      recomputes ? StepWay::kFactor : ChooseStepWay(options, *workspace->evaluator, &incidences);
   if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
     // Products with an S that is not formed. Nothing has been written to Jacobians yet.
+    incidences.reset();
     workspace->evaluator.reset();
     budget.GiveBack(budget.taken());
     TakeForGraph(graph, /*eliminates_landmarks=*/true, JacobianStorage::kByFactor, &budget);
@@ -340,7 +343,8 @@ std::unique_ptr<Workspace> Solver::Impl::SetUp(const SolverOptions& options,
     budget.GiveBack(before - workspace->evaluator->Bytes());
   }
   Status status;
-  workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated, &status);
+  workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated,
+                                     std::move(incidences), &status);
   if (!status.ok()) {
     summary->message = status.message;
     return nullptr;

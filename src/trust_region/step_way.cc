@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "linear/reduced_prediction.h"
 #include "schur/scene_shape.h"
@@ -47,8 +48,8 @@ double BytesOfS(double entries, const SceneShape& scene) {
 
 class Prediction {
  public:
-  explicit Prediction(const Evaluator& evaluator)
-      : evaluator_(evaluator), incidences_(evaluator), scene_(evaluator, incidences_) {}
+  Prediction(const Evaluator& evaluator, const LandmarkIncidences& incidences)
+      : evaluator_(evaluator), scene_(evaluator, incidences), extent_(scene_.FindExtent()) {}
 
   StepCosts Run() {
     const SceneShape::Sample sample = scene_.TakeSample();
@@ -56,7 +57,7 @@ class Prediction {
     fill_ = sample.fill;
     const double entries = 0.5 * fill_ * scene_.size() * (scene_.size() + 1.0);
     const double blocks =
-        kFewestIterations + kIterationsPerLength * std::max(0.0, scene_.Length() - kShortLength);
+        kFewestIterations + kIterationsPerLength * std::max(0.0, extent_.length - kShortLength);
     const double numbers = scene_.numbers_read();
     const double modes = kModesPerNumber * numbers;
     const double two_levels = kTwoLevelPenalty * kTwoLevelIterations;
@@ -73,7 +74,7 @@ class Prediction {
       costs[StepWay::kBlocksOnS] = kMoreSteps * (forming_ + blocks * kPerEntryOfS * entries);
       costs[StepWay::kTwoLevelOnS] =
           forming_ + modes + (kLevelsPerEntryOfS + two_levels * kPerEntryOfS) * entries;
-      costs[StepWay::kFactor] = Factor(*std::min_element(costs.of.begin(), costs.of.end()));
+      AddFactor(&costs);
     }
     return costs;
   }
@@ -84,26 +85,36 @@ class Prediction {
   }
 
   // Columns of a factor are at least as long as those of S: where that is dearer than the best of
-  // the others, nobody needs to know how much.
-  double Factor(double best) const {
+  // the others, nobody needs to know how much. Nor where the envelope is cheap already, as of most
+  // paths: the solver looks for something better.
+  void AddFactor(StepCosts* costs) const {
+    const double best = *std::min_element(costs->of.begin(), costs->of.end());
     const double size = scene_.size();
-    const double at_least = forming_ + 0.25 * fill_ * fill_ * size * size * size;
-    if (at_least > kFactorPremium * best) {
-      return at_least;
+    double& cost = (*costs)[StepWay::kFactor];
+    cost = forming_ + 0.25 * fill_ * fill_ * size * size * size;
+    costs->factor_is_bound = cost > kFactorPremium * best;
+    if (costs->factor_is_bound) {
+      return;
     }
     ReducedPrediction prediction = PredictFullSystem(size);
-    if (!IsSolvedDensely(size, fill_) &&
-        !PredictReducedSolver(scene_.Pattern(), &prediction).ok()) {
-      return kInfinity;
+    if (!IsSolvedDensely(size, fill_)) {
+      prediction = scene_.PredictEnvelope(extent_);
+      costs->factor_is_bound = Fits(prediction) && forming_ + prediction.cost <= best;
+      if (!costs->factor_is_bound && !PredictReducedSolver(scene_.Pattern(), &prediction).ok()) {
+        cost = kInfinity;
+        return;
+      }
     }
-    return HasRoomFor(prediction.bytes + kBytesPerProduct * scene_.num_products())
-               ? forming_ + prediction.cost
-               : kInfinity;
+    cost = Fits(prediction) ? forming_ + prediction.cost : kInfinity;
+  }
+
+  bool Fits(const ReducedPrediction& prediction) const {
+    return HasRoomFor(prediction.bytes + kBytesPerProduct * scene_.num_products());
   }
 
   const Evaluator& evaluator_;
-  const LandmarkIncidences incidences_;
   const SceneShape scene_;
+  const SceneShape::Extent extent_;
   double fill_ = 0.0;
   double forming_ = 0.0;  // S
 };
@@ -130,14 +141,20 @@ StepWay StepCosts::Cheapest() const {
              : static_cast<StepWay>(best - of.begin());
 }
 
-StepCosts PredictSteps(const Evaluator& evaluator) {
+StepCosts PredictSteps(const Evaluator& evaluator,
+                       std::unique_ptr<LandmarkIncidences>* incidences) {
   StepCosts costs;
   if (IsSmall(evaluator)) {
     costs.of.fill(kInfinity);
     costs[StepWay::kFactor] = PredictFullSystem(evaluator.layout().frame_size()).cost;
     return costs;
   }
-  return Prediction(evaluator).Run();
+  auto found = std::make_unique<LandmarkIncidences>(evaluator);
+  costs = Prediction(evaluator, *found).Run();
+  if (incidences != nullptr) {
+    *incidences = std::move(found);
+  }
+  return costs;
 }
 
 ConjugateGradientsOptions OptionsOf(StepWay way, const ConjugateGradientsOptions& options) {

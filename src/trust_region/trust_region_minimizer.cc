@@ -106,7 +106,7 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       model_(*model),
       summary_(*summary),
       start_time_(clock_.now()),
-      evaluation_(options, loop, evaluator, &clock_, summary),
+      evaluation_(options, loop, evaluator, &memory->runs, &clock_, summary),
       trial_(options, loop, &evaluation_, model, &memory->step, &memory->scaled_step, summary),
       step_solve_(options, loop, &evaluation_, model, &memory->strategy, &trial_, summary),
       line_search_(options, &evaluation_, model, &memory->scaled_step, summary),

@@ -29,6 +29,7 @@ struct TrustRegionMemory {
   std::vector<double> best_state;
   std::vector<double> step;
   std::vector<double> scaled_step;
+  std::vector<StateRun> runs;
   std::unique_ptr<TrustRegionStrategy> strategy;
 };
 

@@ -224,7 +224,7 @@ TEST(LandmarkIncidences, LandmarksInAnySlotWithConstantsAndTwiceTheSameFrame) {
   const CorePipeline core(random.graph());
   ASSERT_TRUE(core.status.ok()) << core.status.message;
   EXPECT_EQ(core.incidences.begin, (std::vector<int>{0, 1, 1, 2}));
-  EXPECT_EQ(core.incidences.frames, (std::vector<std::int32_t>{0, 0}));
+  EXPECT_EQ(core.incidences.frames, (UnwrittenVector<std::int32_t>{0, 0}));
   EXPECT_EQ(core.incidences.factors_begin, (std::vector<int>{0, 2, 3, 5}));
 }
 

@@ -72,7 +72,33 @@ TEST(SceneShape, CountsWhatThePlansHave) {
     EXPECT_EQ(pattern.value_begin, core.plans.pattern.value_begin);
     EXPECT_EQ(pattern.offsets, core.plans.pattern.offsets);
     // each landmark from four cameras: three further with each step
-    EXPECT_EQ(scene.Length(), 13) << "a focal length that all share leads nowhere";
+    EXPECT_EQ(scene.FindExtent().length, 13) << "a focal length that all share leads nowhere";
+  }
+}
+
+// The frames lie along a street, in an order of which this knows nothing.
+TEST(SceneShape, AnEnvelopeIsAnUpperBoundOfTheFactor) {
+  for (const bool split : {false, true}) {
+    const auto street = MakeStreetGraph(Street(400, split));
+    const Connections street_scene(street->graph);
+    const LandmarkIncidences incidences(street_scene.evaluator);
+    const SceneShape scene(street_scene.evaluator, incidences);
+    const SceneShape::Extent extent = scene.FindExtent();
+    std::vector<int> sorted = extent.order;
+    std::sort(sorted.begin(), sorted.end());
+    for (std::size_t k = 0; k < sorted.size(); ++k) {
+      ASSERT_EQ(sorted[k], static_cast<int>(k)) << "each frame once";
+    }
+    EXPECT_EQ(sorted.size(), static_cast<std::size_t>(street_scene.layout.num_frames));
+    ReducedPrediction analyzed;
+    ASSERT_TRUE(PredictReducedSolver(scene.Pattern(), &analyzed).ok());
+    const ReducedPrediction envelope = scene.PredictEnvelope(extent);
+    EXPECT_GE(envelope.cost, analyzed.cost);
+    EXPECT_GE(envelope.bytes, analyzed.bytes);
+    EXPECT_LT(envelope.cost, PredictFullSystem(scene.size()).cost) << "of use";
+    const StepCosts costs = PredictSteps(street_scene.evaluator);
+    EXPECT_EQ(costs.factor_is_bound, true);
+    EXPECT_EQ(costs.Cheapest(), StepWay::kFactor);
   }
 }
 
@@ -104,7 +130,7 @@ TEST(SceneShape, TakesTheLongestOfSeveralScenes) {
   graph.Connect(2, {frames[1], landmark});
   const Connections scene(graph.graph());
   const LandmarkIncidences incidences(scene.evaluator);
-  EXPECT_EQ(SceneShape(scene.evaluator, incidences).Length(), 8);
+  EXPECT_EQ(SceneShape(scene.evaluator, incidences).FindExtent().length, 8);
 }
 
 TEST(StepWay, AFactorWhereItIsSmallOrSparse) {
