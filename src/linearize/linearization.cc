@@ -77,11 +77,10 @@ void Linearization::GrowTables(int num_places) {
   tangent_maps.resize(num_entries, nullptr);
   pins.resize(pins.empty() ? 0 : num_entries);
   jacobian_parameters_.resize(pins.size());
-  const std::size_t num_residuals =
-      static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
+  const std::size_t size = static_cast<std::size_t>(std::max(num_places, capacity)) * residual_size;
   // At least doubled: factors come a few at a time.
-  if (num_residuals > residuals.size()) {
-    Enlarge(std::max(num_residuals, 2 * residuals.size()), residuals.size(), &residuals);
+  if (size > residuals.size()) {
+    Enlarge(std::max(size, 2 * residuals.size()), residuals.size(), &residuals);
   }
 }
 
