@@ -84,7 +84,7 @@ void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int n
 void FindBlocks(const ceres::Problem& problem, int num_threads, ProblemView* view,
                 TouchedBlocks* touched) {
   if (TouchedBlocks::Serve(At(problem.NumParameterBlocks()), view->ids.size()) &&
-      touched->Find(problem, /*looks_up=*/num_threads == 1, view)) {
+      touched->Find(problem, num_threads, view)) {
     touched->SortByAddress(view);
     return;
   }

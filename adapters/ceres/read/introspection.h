@@ -9,6 +9,7 @@
 
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/pointer_index.h"
+#include "src/base/aligned_vector.h"
 
 namespace inceres::internal {
 
@@ -31,19 +32,20 @@ struct ParameterBlockView {
 
 /// Sizes and blocks of a residual block.
 struct ResidualBlockShape {
-  int num_residuals = 0;
-  int first_slot = 0;  ///< into ProblemView::slots; neighbors of the same blocks share them
-  int num_slots = 0;
+  int num_residuals;
+  int first_slot;  ///< into ProblemView::slots; neighbors of the same blocks share them
+  int num_slots;
 };
 
+/// Nothing is written before it is read from the problem, which several threads do.
 struct ResidualBlockView : ResidualBlockShape {
-  bool fixed = true;  ///< touches no variable block
+  bool fixed;  ///< touches no variable block
   /// has residuals, and distinct blocks of the sizes its cost function expects; else see `defect`
-  bool sound = true;
+  bool sound;
   /// as many residuals of the same blocks as the residual block before: of one family
-  bool like_previous = false;
-  const ceres::CostFunction* cost = nullptr;
-  const ceres::LossFunction* loss = nullptr;  ///< null: plain squared norm
+  bool like_previous;
+  const ceres::CostFunction* cost;
+  const ceres::LossFunction* loss;  ///< null: plain squared norm
 };
 
 /// Sizes as Ceres's summary counts them.
@@ -61,9 +63,9 @@ struct ProblemTotals {
 struct ProblemView {
   static constexpr std::size_t kMaxKeptBytes = std::size_t{2} << 20;
 
-  std::vector<ParameterBlockView> blocks;    ///< by address (the only order Ceres shows)
-  std::vector<ceres::ResidualBlockId> ids;   ///< of the residual blocks, in program order
-  std::vector<ResidualBlockView> residuals;  ///< in the same order
+  std::vector<ParameterBlockView> blocks;        ///< by address (the only order Ceres shows)
+  std::vector<ceres::ResidualBlockId> ids;       ///< of the residual blocks, in program order
+  UnwrittenVector<ResidualBlockView> residuals;  ///< in the same order
   std::vector<int> moving;     ///< residual blocks that touch a variable block, ascending
   std::vector<int> slots;      ///< block of each slot of the residual blocks, see SlotsOf
   std::vector<double> bounds;  ///< of the bounded blocks
@@ -89,7 +91,7 @@ struct ProblemView {
       return;
     }
     std::vector<ceres::ResidualBlockId>().swap(ids);
-    std::vector<ResidualBlockView>().swap(residuals);
+    UnwrittenVector<ResidualBlockView>().swap(residuals);
     std::vector<int>().swap(moving);
     std::vector<int>().swap(slots);
     index = PointerIndex();

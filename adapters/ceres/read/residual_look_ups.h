@@ -6,6 +6,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/introspection.h"
+#include "src/base/aligned_vector.h"
 
 namespace inceres::internal {
 
@@ -17,7 +18,8 @@ class ResidualLookUps {
 
   /// The view has its parameter blocks, the ids of its residual blocks, and room for these.
   /// `slots`: of all residual blocks, which have been read (TouchedBlocks), or empty.
-  ResidualLookUps(const ceres::Problem& problem, const std::vector<int>& slots, ProblemView* view)
+  ResidualLookUps(const ceres::Problem& problem, const UnwrittenVector<int>& slots,
+                  ProblemView* view)
       : problem_(problem), known_slots_(slots), view_(*view) {}
 
   /// Fills in the residual blocks of some groups from `first` on, but for first_slot, which is into
@@ -46,7 +48,7 @@ class ResidualLookUps {
   static bool AreDistinct(const int* blocks, int count, std::vector<int>* sorted);
 
   const ceres::Problem& problem_;
-  const std::vector<int>& known_slots_;
+  const UnwrittenVector<int>& known_slots_;
   ProblemView& view_;
   std::vector<Group> groups_;
 };

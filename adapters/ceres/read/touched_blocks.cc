@@ -7,6 +7,8 @@
 #include <ceres/cost_function.h>
 
 #include "adapters/ceres/read/index.h"
+#include "adapters/ceres/read/pointer_index.h"
+#include "src/base/parallel_for.h"
 
 namespace inceres::internal {
 namespace {
@@ -45,54 +47,114 @@ void LookUpBlock(const ceres::Problem& problem, ParameterBlockView* block) {
   block->constant = problem.IsParameterBlockConstant(block->values);
 }
 
-// Ceres has compared the sizes of a cost function with those of its blocks when it was added. That
-// none has changed since is seen by their sum.
-bool TouchedBlocks::Find(const ceres::Problem& problem, bool looks_up, ProblemView* view) {
+// Part by part: what a part's residual blocks touch is small enough for the nearest caches. All
+// parts are read before any is numbered where several threads read them.
+bool TouchedBlocks::Find(const ceres::Problem& problem, int num_threads, ProblemView* view) {
+  constexpr std::size_t kPart = 4096;
   const std::size_t count = At(problem.NumParameterBlocks());
+  const std::size_t num_residuals = view->ids.size();
   view->index.Reserve(count);
-  view->residuals.resize(view->ids.size());
+  view->residuals.resize(num_residuals);
   blocks_.reserve(count);
-  slots_.reserve(3 * view->ids.size());
-  have_been_looked_up_ = looks_up;
-  std::vector<double*> pointers;
-  std::int64_t num_parameters = 0;
-  std::size_t previous = 0;  // where the slots of the residual block before begin
-  for (std::size_t r = 0; r < view->ids.size(); ++r) {
+  have_been_looked_up_ = num_threads == 1;
+  const std::size_t num_parts = (num_residuals + kPart - 1) / kPart;
+  std::vector<Part> parts(num_parts);
+  std::vector<std::size_t> first_slot(num_parts + 1, 0);
+  const auto for_each_part = [&](const auto& visit) {
+    ParallelFor(num_threads, static_cast<int>(num_parts), 1, [&](int begin, int end) {
+      for (std::size_t k = At(begin); k < At(end); ++k) {
+        visit(k);
+      }
+    });
+  };
+  const auto read = [&](std::size_t k) {
+    parts[k].begin = k * kPart;
+    parts[k].end = std::min(num_residuals, (k + 1) * kPart);
+    Read(problem, view, &parts[k]);
+  };
+  if (num_threads > 1) {
+    for_each_part(read);
+  }
+  for (std::size_t k = 0; k < num_parts; ++k) {
+    if (num_threads == 1) {
+      read(k);
+    }
+    if (!Number(problem, view, &parts[k])) {
+      return false;
+    }
+    first_slot[k + 1] = first_slot[k] + parts[k].slots.size();
+  }
+  if (blocks_.size() != count || num_parameters_ != problem.NumParameters()) {
+    return false;
+  }
+  slots_.resize(first_slot.back());
+  for_each_part([&](std::size_t k) { Place(parts[k], first_slot[k], view); });
+  return true;
+}
+
+void TouchedBlocks::Read(const ceres::Problem& problem, ProblemView* view, Part* part) {
+  std::vector<double*> pointers, all_pointers;
+  std::vector<int> all_sizes;
+  for (std::size_t r = part->begin; r < part->end; ++r) {
     FetchAhead(problem, view->ids, r);
     const ceres::ResidualBlockId id = view->ids[r];
     ResidualBlockView& residual = view->residuals[r];
     residual.cost = problem.GetCostFunctionForResidualBlock(id);
     residual.loss = problem.GetLossFunctionForResidualBlock(id);
     residual.num_residuals = residual.cost->num_residuals();
+    residual.sound = residual.num_residuals > 0;
     problem.GetParameterBlocksForResidualBlock(id, &pointers);
     const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-    if (sizes.size() != pointers.size()) {
-      return false;
-    }
-    residual.sound = residual.num_residuals > 0;
-    const std::size_t first = slots_.size();
-    for (std::size_t s = 0; s < pointers.size(); ++s) {
-      // The slot of the residual block before often has the same.
-      const bool is_near =
-          previous + s < first && blocks_[At(slots_[previous + s])].values == pointers[s];
-      const int b = is_near ? slots_[previous + s] : view->index.FindOrAdd(pointers[s]);
-      slots_.push_back(b);
-      if (At(b) == blocks_.size()) {
-        ParameterBlockView& block = blocks_.emplace_back();
-        block.values = pointers[s];
-        block.ambient_size = sizes[s];
-        num_parameters += sizes[s];
-        if (looks_up) {
-          LookUpBlock(problem, &block);
-        }
-      }
-      residual.sound = residual.sound && sizes[s] == blocks_[At(b)].ambient_size;
-    }
-    residual.first_slot = static_cast<int>(first);
+    part->is_sound = part->is_sound && sizes.size() == pointers.size();
+    residual.first_slot = static_cast<int>(all_pointers.size());
     residual.num_slots = static_cast<int>(pointers.size());
-    previous = first;
+    all_pointers.insert(all_pointers.end(), pointers.begin(), pointers.end());
+    all_sizes.insert(all_sizes.end(), sizes.begin(), sizes.end());
   }
-  return blocks_.size() == count && num_parameters == problem.NumParameters();
+  if (!part->is_sound) {
+    return;
+  }
+  PointerIndex index;
+  index.Reserve(all_pointers.size());
+  part->slots.reserve(all_pointers.size());
+  for (std::size_t s = 0; s < all_pointers.size(); ++s) {
+    const int b = index.FindOrAdd(all_pointers[s]);
+    if (At(b) == part->blocks.size()) {
+      part->blocks.push_back(all_pointers[s]);
+      part->sizes.push_back(all_sizes[s]);
+    }
+    part->slots.push_back(b);
+    part->is_sound = part->is_sound && part->sizes[At(b)] == all_sizes[s];
+  }
+}
+
+// Ceres has compared the sizes of a cost function with those of its blocks when it was added. That
+// none has changed since is seen by their sum, once each block has one size wherever it is met.
+bool TouchedBlocks::Number(const ceres::Problem& problem, ProblemView* view, Part* part) {
+  part->numbers.reserve(part->blocks.size());
+  for (std::size_t k = 0; k < part->blocks.size(); ++k) {
+    const int b = view->index.FindOrAdd(part->blocks[k]);
+    part->numbers.push_back(b);
+    if (At(b) == blocks_.size()) {
+      ParameterBlockView& block = blocks_.emplace_back();
+      block.values = part->blocks[k];
+      block.ambient_size = part->sizes[k];
+      num_parameters_ += block.ambient_size;
+      if (have_been_looked_up_) {
+        LookUpBlock(problem, &block);
+      }
+    }
+    part->is_sound = part->is_sound && part->sizes[k] == blocks_[At(b)].ambient_size;
+  }
+  return part->is_sound;
+}
+
+void TouchedBlocks::Place(const Part& part, std::size_t first_slot, ProblemView* view) {
+  std::transform(part.slots.begin(), part.slots.end(), slots_.data() + first_slot,
+                 [&part](int b) { return part.numbers[At(b)]; });
+  for (std::size_t r = part.begin; r < part.end; ++r) {
+    view->residuals[r].first_slot += static_cast<int>(first_slot);
+  }
 }
 
 void TouchedBlocks::SortByAddress(ProblemView* view) {

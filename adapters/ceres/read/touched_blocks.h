@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <ceres/problem.h>
 
 #include "adapters/ceres/read/introspection.h"
+#include "src/base/aligned_vector.h"
 
 namespace inceres::internal {
 
@@ -25,20 +27,37 @@ class TouchedBlocks {
   /// but for blocks that are there twice. False if a parameter block is touched by none, or a cost
   /// function has other sizes than when it was added: then nothing of this is of use.
   ///
-  /// `looks_up`: parameter blocks are looked up as they are met, when most of what there is of them
-  /// has just come to the cache.
-  bool Find(const ceres::Problem& problem, bool looks_up, ProblemView* view);
+  /// One thread looks parameter blocks up as it meets them, when most of what there is of them has
+  /// just come to the cache. Several read residual blocks at the same time.
+  bool Find(const ceres::Problem& problem, int num_threads, ProblemView* view);
   /// Gives the view its blocks, by address. Now slots() and the view's index go by that order.
   void SortByAddress(ProblemView* view);
 
   /// Of all residual blocks; empty before Find.
-  const std::vector<int>& slots() const { return slots_; }
+  const UnwrittenVector<int>& slots() const { return slots_; }
   /// Whether parameter blocks are, but for their bounds and what their manifolds have to say.
   bool have_been_looked_up() const { return have_been_looked_up_; }
 
  private:
+  // Residual blocks that follow each other, and the parameter blocks that they touch, in the order
+  // in which these are met.
+  struct Part {
+    std::size_t begin = 0;  // residual blocks
+    std::size_t end = 0;
+    std::vector<double*> blocks;
+    std::vector<int> sizes;    // of these
+    std::vector<int> numbers;  // of these among all blocks
+    std::vector<int> slots;    // of the residual blocks, by these
+    bool is_sound = true;      // each block has one size
+  };
+
+  static void Read(const ceres::Problem& problem, ProblemView* view, Part* part);
+  bool Number(const ceres::Problem& problem, ProblemView* view, Part* part);
+  void Place(const Part& part, std::size_t first_slot, ProblemView* view);
+
   std::vector<ParameterBlockView> blocks_;  // in the order in which they are met
-  std::vector<int> slots_;
+  UnwrittenVector<int> slots_;
+  std::int64_t num_parameters_ = 0;  // of these blocks
   bool have_been_looked_up_ = false;
 };
 
