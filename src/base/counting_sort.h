@@ -6,8 +6,6 @@
 #include <numeric>
 #include <vector>
 
-#include "base/executor.h"
-
 namespace inceres::internal {
 
 /// Sorts items by the group they belong to, 0 … num_groups − 1, without storing them twice:
@@ -29,10 +27,11 @@ void CountingSort(std::size_t num_groups, const ForEach& for_each, std::vector<I
   });
 }
 
-/// The same of items 0, 1, … num_items − 1 by several threads: group_of(item), −1 of an item that
-/// is left out, is asked for twice. Cost: two walks, and one index a group and thread.
-template <typename GroupOf, typename Items>
-void CountingSort(const Executor& executor, int num_groups, int num_items, const GroupOf& group_of,
+/// The same of items 0, 1, … num_items − 1 by several threads, of an Executor or a Threads:
+/// group_of(item), −1 of an item that is left out, is asked for twice. Cost: two walks, and one
+/// index a group and thread.
+template <typename Executors, typename GroupOf, typename Items>
+void CountingSort(const Executors& executor, int num_groups, int num_items, const GroupOf& group_of,
                   std::vector<int>* begin, Items* items) {
   constexpr int kGrain = 1 << 14;  // items a thread, at least
   const int num_parts = std::clamp(num_items / kGrain, 1, executor.num_threads());

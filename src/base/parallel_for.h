@@ -12,4 +12,19 @@ namespace inceres::internal {
 INCERES_EXPORT void ParallelFor(int num_threads, int count, int grain,
                                 const std::function<void(int begin, int end)>& body);
 
+/// So many threads, in the place of an Executor.
+class Threads {
+ public:
+  explicit Threads(int num_threads) : num_threads_(num_threads) {}
+
+  int num_threads() const { return num_threads_; }
+  template <typename Body>
+  void For(int count, int grain, const Body& body) const {
+    ParallelFor(num_threads_, count, grain, body);
+  }
+
+ private:
+  int num_threads_;
+};
+
 }  // namespace inceres::internal

@@ -202,7 +202,8 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
                                   FactorGraph* graph, LandmarkCounts* landmarks,
                                   ceres::Solver::Summary* summary) {
   *landmarks = input.plan->landmarks;
-  std::vector<StateBlock> blocks = BuildGraph(input.view, *input.plan, graph, input.make_family);
+  std::vector<StateBlock> blocks =
+      BuildGraph(input.view, *input.plan, graph, input.make_family, NumReaders(input.options));
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
   if (input.own_plan != nullptr) {

@@ -12,16 +12,20 @@
 #include "adapters/ceres/read/ceres_adapters.h"
 #include "adapters/ceres/read/index.h"
 #include "inceres/problem/ambient_family.h"
+#include "src/base/aligned_vector.h"
+#include "src/base/parallel_for.h"
 
 namespace inceres::internal {
 namespace {
+
+constexpr int kCostGrain = 1 << 14;
 
 // Cost functions that the problem keeps, of one shape: a CeresCostFamily that owns none of them
 // takes half of its memory.
 class BorrowedCosts final : public AmbientFamily<BorrowedCosts> {
  public:
   BorrowedCosts(int residual_size, std::vector<Slot> slots,
-                std::vector<const ceres::CostFunction*> costs)
+                UnwrittenVector<const ceres::CostFunction*> costs)
       : AmbientFamily<BorrowedCosts>(residual_size, std::move(slots)), costs_(std::move(costs)) {}
 
   int size() const override { return static_cast<int>(costs_.size()); }
@@ -45,14 +49,20 @@ class BorrowedCosts final : public AmbientFamily<BorrowedCosts> {
  private:
   const ceres::CostFunction& at(int i) const { return *costs_[At(i)]; }
 
-  std::vector<const ceres::CostFunction*> costs_;
+  UnwrittenVector<const ceres::CostFunction*> costs_;
 };
 
 class Builder {
  public:
   Builder(const ProblemView& view, const GraphPlan& plan, const MakeFamily& make_family,
-          FactorGraph* graph)
-      : view_(view), plan_(plan), make_family_(make_family), graph_(*graph) {}
+          int num_threads, FactorGraph* graph)
+      : view_(view),
+        plan_(plan),
+        make_family_(make_family),
+        num_threads_(num_threads),
+        has_losses_(std::any_of(view.residuals.begin(), view.residuals.end(),
+                                [](const auto& residual) { return residual.loss != nullptr; })),
+        graph_(*graph) {}
 
   std::vector<StateBlock> Run() {
     graph_.Reserve(static_cast<int>(plan_.blocks.size()), view_.reduced.num_parameters);
@@ -87,11 +97,12 @@ class Builder {
     if (make_family_) {
       return make_family_(view_, family);
     }
-    std::vector<const ceres::CostFunction*> costs;
-    costs.reserve(family.residuals.size());
-    for (const int r : family.residuals) {
-      costs.push_back(view_.residuals[At(r)].cost);
-    }
+    UnwrittenVector<const ceres::CostFunction*> costs(family.residuals.size());
+    ParallelFor(num_threads_, static_cast<int>(costs.size()), kCostGrain, [&](int begin, int end) {
+      for (int k = begin; k < end; ++k) {
+        costs[At(k)] = view_.residuals[At(family.residuals[At(k)])].cost;
+      }
+    });
     return std::make_shared<BorrowedCosts>(family.shape.num_residuals, family.shape.slots,
                                            std::move(costs));
   }
@@ -99,7 +110,7 @@ class Builder {
   void AddFamily(const GraphPlan::Family& family) {
     const std::size_t num_factors = family.residuals.size();
     std::vector<std::shared_ptr<const Loss>> losses;  // none, or one for each factor
-    for (std::size_t k = 0; k < num_factors; ++k) {
+    for (std::size_t k = 0; has_losses_ && k < num_factors; ++k) {
       const ResidualBlockView& residual = view_.residuals[At(family.residuals[k])];
       if (residual.loss != nullptr) {
         losses.resize(num_factors);
@@ -112,6 +123,8 @@ class Builder {
   const ProblemView& view_;
   const GraphPlan& plan_;
   const MakeFamily& make_family_;
+  const int num_threads_;
+  const bool has_losses_;
   FactorGraph& graph_;
   ManifoldTable manifolds_;
   AdapterTable<Loss, CeresLoss, ceres::LossFunction> losses_;
@@ -121,8 +134,9 @@ class Builder {
 }  // namespace
 
 std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
-                                   FactorGraph* graph, const MakeFamily& make_family) {
-  return Builder(view, plan, make_family, graph).Run();
+                                   FactorGraph* graph, const MakeFamily& make_family,
+                                   int num_threads) {
+  return Builder(view, plan, make_family, num_threads, graph).Run();
 }
 
 void NameVariables(const std::vector<StateBlock>& blocks, FactorGraph* graph) {

@@ -20,9 +20,11 @@ struct StateBlock {
 /// (borrowed), and the residual blocks. The plan is one of a problem of this structure.
 ///
 /// Returns where each moved block lies. `make_family`, if set, makes the families. The graph
-/// borrows cost functions, losses, manifolds and constants. Cost: linear.
+/// borrows cost functions, losses, manifolds and constants. Cost: linear, that of looking up cost
+/// functions shared among threads.
 std::vector<StateBlock> BuildGraph(const ProblemView& view, const GraphPlan& plan,
-                                   FactorGraph* graph, const MakeFamily& make_family = nullptr);
+                                   FactorGraph* graph, const MakeFamily& make_family = nullptr,
+                                   int num_threads = 1);
 
 /// Has the graph's messages name variables by the parameter blocks they stand for. `blocks` is
 /// BuildGraph's and outlives the graph's solves.

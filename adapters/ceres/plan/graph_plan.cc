@@ -4,14 +4,19 @@
 #include <utility>
 
 #include "adapters/ceres/read/index.h"
+#include "src/base/counting_sort.h"
+#include "src/base/parallel_for.h"
 
 namespace inceres::internal {
 namespace {
 
+constexpr int kGrain = 1 << 13;  // residual blocks a task, some nanoseconds each
+
 class Planner {
  public:
-  Planner(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks)
-      : view_(view), shapes_(shapes), variable_of_(view.blocks.size(), -1) {
+  Planner(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks,
+          int num_threads)
+      : view_(view), shapes_(shapes), variable_of_(view.blocks.size(), -1), threads_(num_threads) {
     plan_.landmarks = std::move(landmarks);
   }
 
@@ -64,71 +69,78 @@ class Planner {
   // The residual blocks by landmark, those without one last; program order within each.
   void SortByLandmark() {
     const int num_landmarks = plan_.landmarks.num_landmarks;
-    landmark_slot_.assign(view_.residuals.size(), -1);
-    std::vector<int> row_of;
-    row_of.reserve(view_.moving.size());
-    for (const int r : view_.moving) {
-      const ResidualBlockView& residual = view_.residuals[At(r)];
-      const int slot =
-          view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
-      landmark_slot_[At(r)] = slot;
-      row_of.push_back(slot < 0
-                           ? num_landmarks
-                           : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_);
-    }
+    const int count = static_cast<int>(view_.moving.size());
+    landmark_slot_.resize(view_.residuals.size());
+    UnwrittenVector<int> row_of(view_.moving.size());
+    threads_.For(count, kGrain, [&](int begin, int end) {
+      for (int k = begin; k < end; ++k) {
+        const int r = view_.moving[At(k)];
+        const ResidualBlockView& residual = view_.residuals[At(r)];
+        const int slot =
+            view_.FindSlot(residual, [this](int b) { return plan_.landmarks.Contains(b); });
+        landmark_slot_[At(r)] = slot;
+        row_of[At(k)] = slot < 0
+                            ? num_landmarks
+                            : variable_of_[At(view_.SlotsOf(residual)[slot])] - first_landmark_;
+      }
+    });
     if (std::is_sorted(row_of.begin(), row_of.end())) {
-      order_ = view_.moving;
+      order_.assign(view_.moving.begin(), view_.moving.end());
       return;
     }
-    order_ = SortIntoRows(At(num_landmarks) + 1, [&](const auto& add) {
-               for (std::size_t k = 0; k < row_of.size(); ++k) {
-                 add(row_of[k], view_.moving[k]);
-               }
-             }).items;
+    std::vector<int> begin;
+    CountingSort(
+        threads_, num_landmarks + 1, count, [&row_of](int k) { return row_of[At(k)]; }, &begin,
+        &order_);
+    std::transform(order_.begin(), order_.end(), order_.begin(),
+                   [this](int k) { return view_.moving[At(k)]; });
+  }
+
+  // A family for each shape and slot of the landmark (slot -1: none): place numbers of the shapes,
+  // one more for each shape.
+  int PlaceOf(int residual) const {
+    const int shape = shapes_.shape_of[At(residual)];
+    return shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[At(residual)];
   }
 
   void PlanFamilies() {
-    // A family for each shape and slot of the landmark (slot -1: none): place numbers of the
-    // shapes, one more for each shape.
+    if (order_.empty()) {
+      return;
+    }
+    if (std::all_of(view_.moving.begin(), view_.moving.end(),
+                    [this, place = PlaceOf(order_[0])](int r) { return PlaceOf(r) == place; })) {
+      PlanFamily(std::move(order_));
+      return;
+    }
     std::vector<int> family_at(At(shapes_.num_places) + shapes_.shapes.size(), -1);
-    std::vector<int> family_of(order_.size());
-    std::vector<std::vector<int>> members;
-    std::vector<std::size_t> sizes;
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-      const std::size_t r = At(order_[k]);
-      const int shape = shapes_.shape_of[r];
-      int& family =
-          family_at[At(shapes_.shapes[At(shape)].first_place + shape + 1 + landmark_slot_[r])];
+    std::vector<UnwrittenVector<int>> members;
+    for (const int r : order_) {
+      int& family = family_at[At(PlaceOf(r))];
       if (family < 0) {
-        family = static_cast<int>(sizes.size());
-        sizes.push_back(0);
+        family = static_cast<int>(members.size());
+        members.emplace_back();
       }
-      family_of[k] = family;
-      ++sizes[At(family)];
+      members[At(family)].push_back(r);
     }
-    members.resize(sizes.size());
-    for (std::size_t family = 0; family < sizes.size(); ++family) {
-      members[family].reserve(sizes[family]);
-    }
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-      members[At(family_of[k])].push_back(order_[k]);
-    }
-    for (std::vector<int>& residuals : members) {
+    for (UnwrittenVector<int>& residuals : members) {
       PlanFamily(std::move(residuals));
     }
   }
 
-  void PlanFamily(std::vector<int> residuals) {
+  void PlanFamily(UnwrittenVector<int> residuals) {
     GraphPlan::Family& family = plan_.families.emplace_back();
     family.shape = shapes_.ShapeOf(At(residuals.front()));
-    family.variables.resize(residuals.size() * family.shape.slots.size());
-    VariableId* variable = family.variables.data();
-    for (const int r : residuals) {
-      const ResidualBlockView& residual = view_.residuals[At(r)];
-      const int* slots = view_.SlotsOf(residual);
-      variable = std::transform(slots, slots + residual.num_slots, variable,
-                                [&](int b) { return variable_of_[At(b)]; });
-    }
+    const std::size_t num_slots = family.shape.slots.size();
+    family.variables.resize(residuals.size() * num_slots);
+    threads_.For(static_cast<int>(residuals.size()), kGrain, [&](int begin, int end) {
+      VariableId* variable = family.variables.data() + At(begin) * num_slots;
+      for (int k = begin; k < end; ++k) {
+        const ResidualBlockView& residual = view_.residuals[At(residuals[At(k)])];
+        const int* const slots = view_.SlotsOf(residual);
+        variable = std::transform(slots, slots + residual.num_slots, variable,
+                                  [&](int b) { return variable_of_[At(b)]; });
+      }
+    });
     family.residuals = std::move(residuals);
   }
 
@@ -136,16 +148,17 @@ class Planner {
   const ShapeTable& shapes_;
   std::vector<VariableId> variable_of_;  // per parameter block
   VariableId first_landmark_ = 0;
-  std::vector<int> landmark_slot_;  // per residual block
-  std::vector<int> order_;          // residual blocks by landmark
+  const Threads threads_;
+  UnwrittenVector<int> landmark_slot_;  // per residual block that moves
+  UnwrittenVector<int> order_;          // these by landmark
   GraphPlan plan_;
 };
 
 }  // namespace
 
-GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes,
-                    LandmarkSelection landmarks) {
-  return Planner(view, shapes, std::move(landmarks)).Run();
+GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks,
+                    int num_threads) {
+  return Planner(view, shapes, std::move(landmarks), num_threads).Run();
 }
 
 }  // namespace inceres::internal

@@ -8,6 +8,7 @@
 #include "adapters/ceres/read/factor_shapes.h"
 #include "adapters/ceres/read/introspection.h"
 #include "inceres/problem/factor_graph.h"
+#include "src/base/aligned_vector.h"
 
 namespace inceres::internal {
 
@@ -21,7 +22,7 @@ namespace inceres::internal {
 struct GraphPlan {
   struct Family {
     FactorShape shape;
-    std::vector<int> residuals;         ///< residual block of each factor
+    UnwrittenVector<int> residuals;     ///< residual block of each factor
     std::vector<VariableId> variables;  ///< of each factor and slot
   };
 
@@ -34,7 +35,8 @@ struct GraphPlan {
 using MakeFamily = std::function<std::shared_ptr<const FactorFamily>(const ProblemView&,
                                                                      const GraphPlan::Family&)>;
 
-/// Cost: linear in slots.
-GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks);
+/// Cost: linear in slots, most of it shared among threads.
+GraphPlan PlanGraph(const ProblemView& view, const ShapeTable& shapes, LandmarkSelection landmarks,
+                    int num_threads = 1);
 
 }  // namespace inceres::internal

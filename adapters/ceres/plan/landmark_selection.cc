@@ -10,6 +10,9 @@
 #include "adapters/ceres/plan/block_graph.h"
 #include "adapters/ceres/plan/landmark_fill.h"
 #include "adapters/ceres/read/index.h"
+#include "src/base/aligned_vector.h"
+#include "src/base/counting_sort.h"
+#include "src/base/parallel_for.h"
 
 namespace inceres::internal {
 namespace {
@@ -19,23 +22,37 @@ constexpr int kShareRule = 5;  // a landmark touches less than one in this many 
 constexpr double kHandling = 100.0;
 constexpr double kSparseFactor = 4.0;
 
-// Kinds of blocks, by union-find over "stood in the same slot of the same shape".
+constexpr int kBlockGrain = 4096;  // a few of their residual blocks each
+
+// Kinds of blocks, by union-find over the places that they stand in: the slots of all shapes.
 class KindFinder {
  public:
-  explicit KindFinder(std::size_t num_blocks) : parent_(num_blocks) {
+  KindFinder(std::size_t num_blocks, int num_places)
+      : place_of_(num_blocks, -1), parent_(At(num_places)) {
     std::iota(parent_.begin(), parent_.end(), 0);
   }
 
-  int Find(int b) {
-    while (parent_[At(b)] != b) {
-      b = parent_[At(b)] = parent_[At(parent_[At(b)])];
+  void Stands(int block, int place) {
+    int& known = place_of_[At(block)];
+    if (known < 0) {
+      known = place;
+    } else if (known != place) {
+      parent_[At(Root(known))] = Root(place);
     }
-    return b;
   }
-  void Join(int a, int b) { parent_[At(Find(a))] = Find(b); }
+  // A number below that of the places, of a block that stands somewhere.
+  int KindOf(int block) { return Root(place_of_[At(block)]); }
 
  private:
-  std::vector<int> parent_;
+  int Root(int place) {
+    while (parent_[At(place)] != place) {
+      place = parent_[At(place)] = parent_[At(parent_[At(place)])];
+    }
+    return place;
+  }
+
+  std::vector<int> place_of_;  // any of them
+  std::vector<int> parent_;    // per place
 };
 
 // One kind of candidates and the two predictions for it.
@@ -53,11 +70,12 @@ struct Kind {
 
 class Chooser {
  public:
-  Chooser(const ProblemView& view, const ShapeTable& shapes)
+  Chooser(const ProblemView& view, const ShapeTable& shapes, int num_threads)
       : view_(view),
         shapes_(shapes),
+        threads_(num_threads),
         candidate_(view.blocks.size(), 0),
-        kinds_(view.blocks.size()) {}
+        kinds_(view.blocks.size(), shapes.num_places) {}
 
   LandmarkSelection Run() {
     LandmarkSelection selection;
@@ -104,27 +122,21 @@ class Chooser {
     return count;
   }
 
-  // Lists where candidates stand, one or two places of the many in most residual blocks, and joins
-  // those that stand in the same place of a shape.
+  // Lists where candidates stand, one or two places of the many in most residual blocks.
   void FindKinds() {
-    std::vector<int> first_at_place(At(shapes_.num_places), -1);
     places_.reserve(view_.moving.size());
     for (const int r : view_.moving) {
       const ResidualBlockView& residual = view_.residuals[At(r)];
-      const int* blocks = view_.SlotsOf(residual);
+      const int* const blocks = view_.SlotsOf(residual);
+      const int first_place = shapes_.ShapeOf(At(r)).first_place;
+      const std::size_t num_before = places_.size();
       for (int s = 0; s < residual.num_slots; ++s) {
-        const int b = blocks[s];
-        if (candidate_[At(b)] == 0) {
-          continue;
-        }
-        places_.push_back({r, b});
-        int& first = first_at_place[At(shapes_.ShapeOf(At(r)).first_place + s)];
-        if (first < 0) {
-          first = b;
-        } else {
-          kinds_.Join(b, first);
+        if (candidate_[At(blocks[s])] != 0) {
+          places_.push_back({r, blocks[s]});
+          kinds_.Stands(blocks[s], first_place + s);
         }
       }
+      any_meet_ = any_meet_ || places_.size() > num_before + 1;
     }
   }
 
@@ -135,10 +147,13 @@ class Chooser {
       int residual = -1;
       int block = -1;
     };
-    std::vector<Meeting> met(view_.blocks.size());
+    if (!any_meet_) {
+      return;
+    }
+    std::vector<Meeting> met(At(shapes_.num_places));
     std::vector<int> dropped;
     for (const auto [r, b] : places_) {
-      Meeting& meeting = met[At(kinds_.Find(b))];
+      Meeting& meeting = met[At(kinds_.KindOf(b))];
       if (meeting.residual == r) {
         dropped.push_back(b);
         dropped.push_back(meeting.block);
@@ -151,57 +166,72 @@ class Chooser {
   }
 
   void IndexResiduals() {
-    residuals_of_ = SortIntoRows(view_.blocks.size(), [this](const auto& add) {
-      for (const auto [r, b] : places_) {
-        if (candidate_[At(b)] != 0) {
-          add(b, r);
-        }
+    const int num_blocks = static_cast<int>(view_.blocks.size());
+    CountingSort(
+        threads_, num_blocks, static_cast<int>(places_.size()),
+        [this](int i) {
+          const int b = places_[At(i)].block;
+          return candidate_[At(b)] != 0 ? b : -1;
+        },
+        &residuals_begin_, &residuals_);
+    frames_size_.assign(view_.blocks.size(), 0.0);
+    threads_.For(num_blocks, kBlockGrain, [this](int begin, int end) {
+      for (int k = residuals_begin_[At(begin)]; k < residuals_begin_[At(end)]; ++k) {
+        residuals_[At(k)] = places_[At(residuals_[At(k)])].residual;
       }
+      FindFramesSizes(begin, end);
     });
   }
 
+  // Of each candidate.
+  CompressedRows::Row ResidualsOf(int b) const {
+    return {residuals_.data() + residuals_begin_[At(b)],
+            residuals_.data() + residuals_begin_[At(b) + 1]};
+  }
+
   std::vector<Kind> CollectKinds() {
-    std::vector<int> kind_of(view_.blocks.size(), -1);
+    std::vector<int> kind_of(At(shapes_.num_places), -1);
     std::vector<Kind> kinds;
-    seen_by_.assign(view_.blocks.size(), -1);
-    frames_size_.assign(view_.blocks.size(), 0.0);
     for (std::size_t b = 0; b < view_.blocks.size(); ++b) {
       if (candidate_[b] == 0) {
         continue;
       }
-      int& kind = kind_of[At(kinds_.Find(static_cast<int>(b)))];
+      int& kind = kind_of[At(kinds_.KindOf(static_cast<int>(b)))];
       if (kind < 0) {
         kind = static_cast<int>(kinds.size());
         kinds.emplace_back();
       }
-      frames_size_[b] = FramesSize(static_cast<int>(b));
       Add(static_cast<int>(b), &kinds[At(kind)]);
     }
     return kinds;
   }
 
-  // D: summed tangent size of the variable blocks that share a residual block with b.
-  double FramesSize(int b) {
-    double size = 0.0;
-    seen_by_[At(b)] = b;
-    for (const int r : residuals_of_[b]) {
-      const ResidualBlockView& residual = view_.residuals[At(r)];
-      const int* const blocks = view_.SlotsOf(residual);
-      for (const int* other = blocks; other < blocks + residual.num_slots; ++other) {
-        if (seen_by_[At(*other)] != b && !view_.block(*other).constant) {
-          seen_by_[At(*other)] = b;
-          size += view_.block(*other).tangent_size;
+  // D: summed tangent size of the variable blocks that share a residual block with each candidate
+  // of these blocks.
+  void FindFramesSizes(int begin, int end) {
+    std::vector<int> seen_by(view_.blocks.size(), -1);
+    for (int b = begin; b < end; ++b) {
+      if (candidate_[At(b)] == 0) {
+        continue;
+      }
+      seen_by[At(b)] = b;
+      for (const int r : ResidualsOf(b)) {
+        const ResidualBlockView& residual = view_.residuals[At(r)];
+        const int* const blocks = view_.SlotsOf(residual);
+        for (const int* other = blocks; other < blocks + residual.num_slots; ++other) {
+          if (std::exchange(seen_by[At(*other)], b) != b && !view_.block(*other).constant) {
+            frames_size_[At(b)] += view_.block(*other).tangent_size;
+          }
         }
       }
     }
-    return size;
   }
 
   void Add(int b, Kind* kind) const {
     const double e = view_.block(b).tangent_size;
     const double D = frames_size_[At(b)];
     kind->blocks.push_back(b);
-    if (*residuals_of_[b].first <= kind->first_use.first) {
+    if (*ResidualsOf(b).first <= kind->first_use.first) {
       kind->first_use = std::min(kind->first_use, FirstUse(b));
     }
     kind->unknowns += e;
@@ -210,7 +240,7 @@ class Chooser {
   }
 
   std::pair<int, int> FirstUse(int b) const {
-    const int r = *residuals_of_[b].first;
+    const int r = *ResidualsOf(b).first;
     return {r, view_.FindSlot(view_.residuals[At(r)], [b](int other) { return other == b; })};
   }
 
@@ -218,7 +248,7 @@ class Chooser {
   Kind WithoutTaken(const Kind& kind) const {
     Kind free;
     for (const int b : kind.blocks) {
-      const auto residuals = residuals_of_[b];
+      const auto residuals = ResidualsOf(b);
       if (std::none_of(residuals.begin(), residuals.end(),
                        [&](int r) { return taken_[At(r)] != 0; })) {
         Add(b, &free);
@@ -237,7 +267,7 @@ class Chooser {
     for (const int b : kind.blocks) {
       selection->is_landmark[At(b)] = 1;
       ++selection->num_landmarks;
-      for (const int r : residuals_of_[b]) {
+      for (const int r : ResidualsOf(b)) {
         taken_[At(r)] = 1;
       }
     }
@@ -245,6 +275,7 @@ class Chooser {
 
   const ProblemView& view_;
   const ShapeTable& shapes_;
+  const Threads threads_;
   // A residual block and a candidate of its blocks, in the order of its slots.
   struct Place {
     int residual;
@@ -253,9 +284,10 @@ class Chooser {
   std::vector<char> candidate_;
   std::vector<Place> places_;
   KindFinder kinds_;
-  CompressedRows residuals_of_;  // each candidate
-  std::vector<int> seen_by_;
-  std::vector<double> frames_size_;
+  bool any_meet_ = false;             // candidates in one residual block
+  std::vector<int> residuals_begin_;  // per block, one more
+  UnwrittenVector<int> residuals_;    // of each candidate
+  std::vector<double> frames_size_;   // per block
   std::vector<char> taken_;
   double unknowns_left_ = 0.0;
 };
@@ -315,13 +347,14 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
   return selection;
 }
 
-LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes) {
-  return Chooser(view, shapes).Run();
+LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes,
+                                  int num_threads) {
+  return Chooser(view, shapes, num_threads).Run();
 }
 
 LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering,
                                   const ShapeTable& shapes, ceres::LinearSolverType type,
-                                  const AvailableMemory& available) {
+                                  const AvailableMemory& available, int num_threads) {
   if (type == ceres::DENSE_QR) {
     LandmarkSelection none;
     none.is_landmark.assign(view.blocks.size(), 0);
@@ -332,7 +365,7 @@ LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& o
   }
   LandmarkSelection selection = LandmarksAreGiven(ordering, type)
                                     ? LandmarksOfFirstGroup(view, ordering)
-                                    : ChooseLandmarks(view, shapes);
+                                    : ChooseLandmarks(view, shapes, num_threads);
   KeepLongTracks(view, available, &selection);
   return selection;
 }

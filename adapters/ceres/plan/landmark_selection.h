@@ -62,15 +62,17 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 ///                      Σ (4 e (D + e)² + o) ) in a sparse one, which does the same less
 ///                                             regularly
 ///
-/// Cost: linear in slots.
-LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes);
+/// Cost: linear in slots, most of it shared among threads; the choice is the same with any number
+/// of them.
+LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes,
+                                  int num_threads = 1);
 
 /// Which of the two, or neither for a QR factorization, goes with a linear solver (the effective
 /// one); without the landmarks that KeepLongTracks takes back from either. What the user asked for
 /// is a hint, too: the solution is the same up to rounding.
 LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering,
                                   const ShapeTable& shapes, ceres::LinearSolverType type,
-                                  const AvailableMemory& available = nullptr);
+                                  const AvailableMemory& available = nullptr, int num_threads = 1);
 
 /// Whether the user has said which blocks to eliminate.
 inline bool LandmarksAreGiven(const OrderingView& ordering, ceres::LinearSolverType type) {

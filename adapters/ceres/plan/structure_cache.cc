@@ -1,6 +1,7 @@
 #include "adapters/ceres/plan/structure_cache.h"
 
 #include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/read/factor_shapes.h"
 
 namespace inceres::internal {
@@ -94,7 +95,8 @@ void StructureCache::GiveBack(std::unique_ptr<ProblemView> view) {
 std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view,
                                                          const OrderingView& ordering,
                                                          ceres::LinearSolverType type,
-                                                         std::shared_ptr<GraphPlan>* own) {
+                                                         std::shared_ptr<GraphPlan>* own,
+                                                         int num_threads) {
   const bool is_small = view.residuals.size() + view.slots.size() <= kMaxNumbers;
   std::shared_ptr<const KnownPlan> known;
   if (is_small) {
@@ -108,8 +110,9 @@ std::shared_ptr<const GraphPlan> StructureCache::PlanFor(const ProblemView& view
       depends_on_memory = true;
       return AvailableBytes();
     };
-    GraphPlan plan =
-        PlanGraph(view, shapes, SelectLandmarks(view, ordering, shapes, type, available));
+    GraphPlan plan = PlanGraph(
+        view, shapes, SelectLandmarks(view, ordering, shapes, type, available, num_threads),
+        num_threads);
     if (!is_small || depends_on_memory || !plan.landmarks.obstacle.empty()) {
       *own = std::make_shared<GraphPlan>(std::move(plan));
       return *own;
@@ -144,8 +147,8 @@ std::string ChoosePlan(ceres::LinearSolverType type, SolveInput* input) {
   if (input->view.reduced.num_parameter_blocks == 0) {
     return "";
   }
-  input->plan =
-      StructureCache::OfProcess().PlanFor(input->view, input->ordering, type, &input->own_plan);
+  input->plan = StructureCache::OfProcess().PlanFor(input->view, input->ordering, type,
+                                                    &input->own_plan, NumReaders(input->options));
   return input->plan->landmarks.obstacle;
 }
 

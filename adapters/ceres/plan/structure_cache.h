@@ -101,10 +101,10 @@ class StructureCache {
   void GiveBack(std::unique_ptr<ProblemView> view);
 
   /// The plan for this problem and effective linear solver: one that was kept or else a new one. If
-  /// that is not kept either, it is *own, too.
+  /// that is not kept either, it is *own, too. Several threads share what is new.
   std::shared_ptr<const GraphPlan> PlanFor(const ProblemView& view, const OrderingView& ordering,
                                            ceres::LinearSolverType type,
-                                           std::shared_ptr<GraphPlan>* own);
+                                           std::shared_ptr<GraphPlan>* own, int num_threads = 1);
 
   /// A solver that is ready for this graph, else a new one.
   std::unique_ptr<Solver> TakeSolver(const SolverOptions& options, const FactorGraph& graph);
