@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <new>
 #include <utility>
 #include <vector>
@@ -88,5 +89,21 @@ struct UnwrittenAllocator : CacheLineAllocator<T> {
 /// For who writes all that he reads. Of plain numbers and structures of these.
 template <typename T>
 using UnwrittenVector = std::vector<T, UnwrittenAllocator<T>>;
+
+/// Room for so many entries, of huge pages as far as whole ones fit in: what is as large as a
+/// problem's blocks is then written at the speed of memory, not at that of page faults.
+template <typename T>
+void ReserveLarge(std::size_t count, std::vector<T>* entries) {
+  using Bytes = CacheLineAllocator<char>;
+  entries->reserve(count);
+  char* const memory = reinterpret_cast<char*>(entries->data());
+  const std::size_t before =
+      (Bytes::kHugePage - reinterpret_cast<std::uintptr_t>(memory) % Bytes::kHugePage) %
+      Bytes::kHugePage;
+  const std::size_t size = count * sizeof(T);
+  if (size > before) {
+    Bytes::AskForHugePages(memory + before, size - before);
+  }
+}
 
 }  // namespace inceres::internal

@@ -115,7 +115,7 @@ void PlaceBySlot(int num_places, Linearization* cache) {
   cache->candidate_residuals =
       ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
   cache->MakeTables(num_places);
-  cache->tangent_offsets.resize(cache->parameters.size(), -1);
+  cache->tangent_offsets.resize(cache->parameters.size());
 }
 
 // Landmarks ascend, in families of any size; empty where they do so anyway, with few factors that
@@ -142,8 +142,8 @@ void PlaceInChunks(int num_places, std::vector<std::int32_t> order, Linearizatio
   cache->candidate_residuals =
       ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
   cache->MakeTables(num_places);
-  cache->tangent_offsets.resize(cache->parameters.size(), -1);
-  cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size(), -1);
+  cache->tangent_offsets.resize(cache->parameters.size());
+  cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size());
 }
 
 }  // namespace

@@ -140,8 +140,8 @@ void Linearization::PlaceByFactor(int num_places, bool in_singles,
   }
   candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
   MakeTables(num_places);
-  tangent_offsets.resize(parameters.size(), -1);
-  record_offsets.resize(records.empty() ? 0 : parameters.size(), -1);
+  tangent_offsets.resize(parameters.size());
+  record_offsets.resize(records.empty() ? 0 : parameters.size());
 }
 
 void Linearization::PlaceSlots(double* first) {

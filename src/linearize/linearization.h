@@ -168,10 +168,10 @@ struct Linearization {
   UnwrittenVector<const TangentMap*> tangent_maps;
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
-  std::vector<std::int32_t> tangent_offsets;
+  UnwrittenVector<std::int32_t> tangent_offsets;
   // Per factor: Record; empty where each is its own. And tangent_offsets in that order.
   std::vector<std::int32_t> records;
-  std::vector<std::int32_t> record_offsets;
+  UnwrittenVector<std::int32_t> record_offsets;
   // per factor: its loss at the candidate that was evaluated last; empty where nobody keeps it
   std::vector<LossValue> loss_values;
 

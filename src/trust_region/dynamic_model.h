@@ -33,7 +33,7 @@ class DynamicModel final : public LinearModel {
   std::unique_ptr<PlainModel> model_;
   Status status_;
   // per family, as model_ was made for them
-  std::vector<std::vector<std::int32_t>> tangent_offsets_;
+  std::vector<UnwrittenVector<std::int32_t>> tangent_offsets_;
 };
 
 }  // namespace inceres::internal

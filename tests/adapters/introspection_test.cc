@@ -44,7 +44,7 @@ TEST(PointerIndex, NumbersPointersAsTheyCome) {
   EXPECT_EQ(index.FindOrAdd(memory), 1);
   EXPECT_EQ(index.FindOrAdd(memory + 1), 0);
   EXPECT_EQ(index.Find(memory + 2), -1);
-  index.Renumber({1, 0});
+  index.Renumber({1, 0}, 1);
   EXPECT_EQ(index.Find(memory), 0);
   EXPECT_EQ(index.Find(memory + 1), 1);
   EXPECT_EQ(index.FindOrAdd(memory + 2), 2);

@@ -4,6 +4,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "src/base/aligned_vector.h"
+#include "src/base/parallel_for.h"
+
 namespace inceres::internal {
 
 /// Dense indices of addresses: an open-addressing hash table of the indices, filled in one go. Cost
@@ -26,9 +29,11 @@ class PointerIndex {
     }
     shift_ = 64 - bits;
     mask_ = (std::size_t{1} << bits) - 1;
+    table_.clear();
+    ReserveLarge(mask_ + 1, &table_);
     table_.assign(mask_ + 1, -1);
     pointers_.clear();
-    pointers_.reserve(count);
+    ReserveLarge(count, &pointers_);
   }
   /// The index of a pointer, not null, which is the next one if it was not there.
   int FindOrAdd(const void* pointer) {
@@ -39,18 +44,25 @@ class PointerIndex {
     }
     return index;
   }
+  /// Has what FindOrAdd begins with come to the cache.
+  void Fetch(const void* pointer) const { __builtin_prefetch(table_.data() + Home(pointer)); }
   /// The index of a pointer, or -1.
   int Find(const void* pointer) const { return table_.empty() ? -1 : table_[PlaceOf(pointer)]; }
 
   /// Index i becomes numbers[i]: a permutation.
-  void Renumber(const std::vector<int>& numbers) {
+  void Renumber(const std::vector<int>& numbers, int num_threads) {
+    constexpr int kGrain = 1 << 14;
     const std::vector<const void*> before = pointers_;
-    for (std::size_t i = 0; i < before.size(); ++i) {
-      pointers_[static_cast<std::size_t>(numbers[i])] = before[i];
-    }
-    for (int& index : table_) {
-      index = index < 0 ? -1 : numbers[static_cast<std::size_t>(index)];
-    }
+    ParallelFor(num_threads, static_cast<int>(before.size()), kGrain, [&](int begin, int end) {
+      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+        pointers_[static_cast<std::size_t>(numbers[i])] = before[i];
+      }
+    });
+    ParallelFor(num_threads, static_cast<int>(table_.size()), kGrain, [&](int begin, int end) {
+      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+        table_[k] = table_[k] < 0 ? -1 : numbers[static_cast<std::size_t>(table_[k])];
+      }
+    });
   }
 
   std::size_t Bytes() const {

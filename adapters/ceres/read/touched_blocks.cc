@@ -8,6 +8,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/pointer_index.h"
+#include "src/base/aligned_vector.h"
 #include "src/base/parallel_for.h"
 
 namespace inceres::internal {
@@ -27,6 +28,27 @@ void FetchAhead(const ceres::Problem& problem, const std::vector<ceres::Residual
   }
   if (r + kAhead / 2 < ids.size()) {
     __builtin_prefetch(problem.GetCostFunctionForResidualBlock(ids[r + kAhead / 2]));
+  }
+}
+
+// Each thread sorts a part, and parts are merged two by two.
+template <typename T>
+void SortInParts(int num_threads, std::vector<T>* items) {
+  constexpr std::size_t kPart = std::size_t{1} << 14;
+  const std::size_t num_parts = std::clamp(items->size() / kPart, std::size_t{1}, At(num_threads));
+  const auto begin_of = [&](std::size_t part) {
+    return items->begin() +
+           static_cast<std::ptrdiff_t>(std::min(part, num_parts) * items->size() / num_parts);
+  };
+  ParallelFor(num_threads, static_cast<int>(num_parts), 1, [&](int begin, int end) {
+    for (std::size_t part = At(begin); part < At(end); ++part) {
+      std::sort(begin_of(part), begin_of(part + 1));
+    }
+  });
+  for (std::size_t width = 1; width < num_parts; width *= 2) {
+    for (std::size_t part = 0; part + width < num_parts; part += 2 * width) {
+      std::inplace_merge(begin_of(part), begin_of(part + width), begin_of(part + 2 * width));
+    }
   }
 }
 
@@ -55,7 +77,7 @@ bool TouchedBlocks::Find(const ceres::Problem& problem, int num_threads, Problem
   const std::size_t num_residuals = view->ids.size();
   view->index.Reserve(count);
   view->residuals.resize(num_residuals);
-  blocks_.reserve(count);
+  ReserveLarge(count, &blocks_);
   have_been_looked_up_ = num_threads == 1;
   const std::size_t num_parts = (num_residuals + kPart - 1) / kPart;
   std::vector<Part> parts(num_parts);
@@ -131,8 +153,12 @@ void TouchedBlocks::Read(const ceres::Problem& problem, ProblemView* view, Part*
 // Ceres has compared the sizes of a cost function with those of its blocks when it was added. That
 // none has changed since is seen by their sum, once each block has one size wherever it is met.
 bool TouchedBlocks::Number(const ceres::Problem& problem, ProblemView* view, Part* part) {
+  constexpr std::size_t kBlocksAhead = 8;
   part->numbers.reserve(part->blocks.size());
   for (std::size_t k = 0; k < part->blocks.size(); ++k) {
+    if (k + kBlocksAhead < part->blocks.size()) {
+      view->index.Fetch(part->blocks[k + kBlocksAhead]);
+    }
     const int b = view->index.FindOrAdd(part->blocks[k]);
     part->numbers.push_back(b);
     if (At(b) == blocks_.size()) {
@@ -157,22 +183,30 @@ void TouchedBlocks::Place(const Part& part, std::size_t first_slot, ProblemView*
   }
 }
 
-void TouchedBlocks::SortByAddress(ProblemView* view) {
+void TouchedBlocks::SortByAddress(int num_threads, ProblemView* view) {
+  constexpr int kGrain = 1 << 13;
+  const auto for_each = [&](std::size_t size, const auto& visit) {
+    ParallelFor(num_threads, static_cast<int>(size), kGrain, [&](int begin, int end) {
+      for (std::size_t i = At(begin); i < At(end); ++i) {
+        visit(i);
+      }
+    });
+  };
   std::vector<std::pair<double*, int>> order(blocks_.size());
-  for (std::size_t b = 0; b < blocks_.size(); ++b) {
+  for_each(order.size(), [&](std::size_t b) {
     order[b] = {blocks_[b].values, static_cast<int>(b)};
-  }
-  std::sort(order.begin(), order.end());
+  });
+  SortInParts(num_threads, &order);
   std::vector<int> numbers(order.size());
-  view->blocks.reserve(order.size());
-  for (const auto& [values, b] : order) {
-    numbers[At(b)] = static_cast<int>(view->blocks.size());
-    view->blocks.push_back(blocks_[At(b)]);
-  }
-  for (int& slot : slots_) {
-    slot = numbers[At(slot)];
-  }
-  view->index.Renumber(numbers);
+  ReserveLarge(order.size(), &view->blocks);
+  view->blocks.resize(order.size());
+  for_each(order.size(), [&](std::size_t k) {
+    const std::size_t b = At(order[k].second);
+    numbers[b] = static_cast<int>(k);
+    view->blocks[k] = blocks_[b];
+  });
+  for_each(slots_.size(), [&](std::size_t s) { slots_[s] = numbers[At(slots_[s])]; });
+  view->index.Renumber(numbers, num_threads);
 }
 
 }  // namespace inceres::internal

@@ -31,7 +31,7 @@ class TouchedBlocks {
   /// just come to the cache. Several read residual blocks at the same time.
   bool Find(const ceres::Problem& problem, int num_threads, ProblemView* view);
   /// Gives the view its blocks, by address. Now slots() and the view's index go by that order.
-  void SortByAddress(ProblemView* view);
+  void SortByAddress(int num_threads, ProblemView* view);
 
   /// Of all residual blocks; empty before Find.
   const UnwrittenVector<int>& slots() const { return slots_; }
