@@ -52,7 +52,7 @@ TEST(PointerIndex, NumbersPointersAsTheyCome) {
 
 // Many are found by way of the residual blocks that touch them, unless some are touched by none.
 TEST(Introspection, HasAllOfManyBlocksByAddress) {
-  constexpr int kNumBlocks = 5000;
+  constexpr int kNumBlocks = 9000;
   std::vector<double> values(kNumBlocks + 1);
   ceres::Problem problem;
   for (int i = 0; i < kNumBlocks; ++i) {

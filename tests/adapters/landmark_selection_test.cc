@@ -1,9 +1,11 @@
 #include "adapters/ceres/plan/landmark_selection.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include <gtest/gtest.h>
 
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/test_problems.h"
 #include "support/ceres_manifolds.h"
 
@@ -306,6 +308,43 @@ TEST(LandmarkSelection, UsersFirstGroupIsTakenAsFarAsItIsSmall) {
   EXPECT_FALSE(selection.Contains(view.index.Find(large)));
   EXPECT_EQ(options.linear_solver_ordering->NumElements(), 9)
       << "the caller's ordering is not edited";
+}
+
+// Points of two shapes of residual blocks in turn, which are in no order of theirs; so many that
+// several threads share them.
+TEST(GraphPlan, IsTheSameWithSeveralThreads) {
+  constexpr int kNumCameras = 30;
+  constexpr int kNumPoints = 12000;
+  TestProblem test;
+  std::vector<double*> cameras, points;
+  for (int k = 0; k < kNumCameras; ++k) {
+    cameras.push_back(test.Add(std::vector<double>(6, 1.0)));
+  }
+  for (int k = 0; k < kNumPoints; ++k) {
+    points.push_back(test.Add(std::vector<double>(3, 1.0)));
+  }
+  for (int k = 0; k < 3 * kNumPoints; ++k) {
+    test.problem.AddResidualBlock(
+        new ShapeOnlyCost(2 + k % 5 / 4, {6, 3}), nullptr,
+        {cameras[static_cast<std::size_t>(k * 7 % kNumCameras)],
+         points[static_cast<std::size_t>(static_cast<std::int64_t>(k) * 4999 % kNumPoints)]});
+  }
+  const ProblemView view = Introspect(test.problem);
+  const ShapeTable shapes = FindShapes(view);
+  const GraphPlan one = PlanGraph(view, shapes, ChooseLandmarks(view, shapes));
+  EXPECT_EQ(one.landmarks.num_landmarks, kNumPoints);
+  ASSERT_EQ(one.families.size(), 2U);
+  for (const int num_threads : {2, 5}) {
+    const GraphPlan many =
+        PlanGraph(view, shapes, ChooseLandmarks(view, shapes, num_threads), num_threads);
+    EXPECT_EQ(many.landmarks.is_landmark, one.landmarks.is_landmark);
+    EXPECT_EQ(many.blocks, one.blocks);
+    ASSERT_EQ(many.families.size(), one.families.size());
+    for (std::size_t k = 0; k < one.families.size(); ++k) {
+      EXPECT_EQ(many.families[k].residuals, one.families[k].residuals);
+      EXPECT_EQ(many.families[k].variables, one.families[k].variables);
+    }
+  }
 }
 
 }  // namespace

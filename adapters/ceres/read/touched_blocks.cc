@@ -34,7 +34,7 @@ void FetchAhead(const ceres::Problem& problem, const std::vector<ceres::Residual
 // Each thread sorts a part, and parts are merged two by two.
 template <typename T>
 void SortInParts(int num_threads, std::vector<T>* items) {
-  constexpr std::size_t kPart = std::size_t{1} << 14;
+  constexpr std::size_t kPart = std::size_t{1} << 11;
   const std::size_t num_parts = std::clamp(items->size() / kPart, std::size_t{1}, At(num_threads));
   const auto begin_of = [&](std::size_t part) {
     return items->begin() +
