@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
+#include <memory>
 #include <new>
 #include <utility>
 #include <vector>
@@ -61,12 +61,10 @@ struct CacheLineAllocator {
 template <typename T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 
-/// The same, but for entries that grow without a value: nothing is written, nor memory asked of the
-/// system, until somebody writes them.
+/// Allocates what grows without a value: nothing is written, and no page asked of the system, until
+/// somebody does, such as several threads at once.
 template <typename T>
-struct UnwrittenAllocator : CacheLineAllocator<T> {
-  using value_type = T;
-
+struct UnwrittenAllocator : std::allocator<T> {
   UnwrittenAllocator() = default;
   template <typename U>
   // NOLINTNEXTLINE(google-explicit-constructor): allocators convert
@@ -89,21 +87,5 @@ struct UnwrittenAllocator : CacheLineAllocator<T> {
 /// For who writes all that he reads. Of plain numbers and structures of these.
 template <typename T>
 using UnwrittenVector = std::vector<T, UnwrittenAllocator<T>>;
-
-/// Room for so many entries, of huge pages as far as whole ones fit in: what is as large as a
-/// problem's blocks is then written at the speed of memory, not at that of page faults.
-template <typename T>
-void ReserveLarge(std::size_t count, std::vector<T>* entries) {
-  using Bytes = CacheLineAllocator<char>;
-  entries->reserve(count);
-  char* const memory = reinterpret_cast<char*>(entries->data());
-  const std::size_t before =
-      (Bytes::kHugePage - reinterpret_cast<std::uintptr_t>(memory) % Bytes::kHugePage) %
-      Bytes::kHugePage;
-  const std::size_t size = count * sizeof(T);
-  if (size > before) {
-    Bytes::AskForHugePages(memory + before, size - before);
-  }
-}
 
 }  // namespace inceres::internal

@@ -4,7 +4,6 @@
 #include <functional>
 #include <limits>
 
-#include "base/aligned_vector.h"
 #include "linearize/widened.h"
 
 namespace inceres::internal {
@@ -66,10 +65,8 @@ Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidence
   const auto size = static_cast<std::int64_t>(incidences.sizes.size()) * below_stride_;
   evaluator.Take(static_cast<std::int64_t>(sizeof(double)) * size, "the blocks of the landmarks");
   below_diagonal_ = ZeroedArray::Unwritten(size);
-  for (std::vector<double>* const vector : {&gradient_, &diagonal_}) {
-    ReserveLarge(static_cast<std::size_t>(evaluator.layout().size()), vector);
-    vector->resize(static_cast<std::size_t>(evaluator.layout().size()));
-  }
+  gradient_.resize(static_cast<std::size_t>(evaluator.layout().size()));
+  diagonal_.resize(gradient_.size());
   if (JacobianChunks* const chunks = evaluator.jacobian_chunks()) {
     chunks->Cut(incidences);
     chunks->ReadBy([this](int chunk) { AccumulateChunk(chunk); });

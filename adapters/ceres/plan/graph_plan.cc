@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "adapters/ceres/read/index.h"
-#include "src/base/aligned_vector.h"
 #include "src/base/counting_sort.h"
 #include "src/base/parallel_for.h"
 
@@ -132,7 +131,6 @@ class Planner {
     GraphPlan::Family& family = plan_.families.emplace_back();
     family.shape = shapes_.ShapeOf(At(residuals.front()));
     const std::size_t num_slots = family.shape.slots.size();
-    ReserveLarge(residuals.size() * num_slots, &family.variables);
     family.variables.resize(residuals.size() * num_slots);
     threads_.For(static_cast<int>(residuals.size()), kGrain, [&](int begin, int end) {
       VariableId* variable = family.variables.data() + At(begin) * num_slots;

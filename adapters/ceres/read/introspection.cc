@@ -10,7 +10,6 @@
 #include "adapters/ceres/read/residual_look_ups.h"
 #include "adapters/ceres/read/touched_blocks.h"
 #include "inceres/problem/ambient_family.h"
-#include "src/base/aligned_vector.h"
 #include "src/base/parallel_for.h"
 
 namespace inceres::internal {
@@ -122,8 +121,8 @@ class ResidualReader {
   void Run(const ceres::Problem& problem, const TouchedBlocks& touched, int num_threads) {
     count_ = static_cast<int>(view_.ids.size());
     view_.residuals.resize(view_.ids.size());
-    ReserveLarge(view_.ids.size(), &view_.moving);
-    ReserveLarge(std::max(3 * view_.ids.size(), touched.slots().size()), &view_.slots);
+    view_.moving.reserve(view_.ids.size());
+    view_.slots.reserve(std::max(3 * view_.ids.size(), touched.slots().size()));
     ResidualLookUps look_ups(problem, touched.slots(), &view_);
     while (next_ < count_) {
       const int num_groups = look_ups.Take(next_, num_threads);

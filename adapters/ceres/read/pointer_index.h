@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "src/base/aligned_vector.h"
 #include "src/base/parallel_for.h"
 
 namespace inceres::internal {
@@ -29,11 +28,9 @@ class PointerIndex {
     }
     shift_ = 64 - bits;
     mask_ = (std::size_t{1} << bits) - 1;
-    table_.clear();
-    ReserveLarge(mask_ + 1, &table_);
     table_.assign(mask_ + 1, -1);
     pointers_.clear();
-    ReserveLarge(count, &pointers_);
+    pointers_.reserve(count);
   }
   /// The index of a pointer, not null, which is the next one if it was not there.
   int FindOrAdd(const void* pointer) {

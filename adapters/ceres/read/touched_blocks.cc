@@ -8,7 +8,6 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/pointer_index.h"
-#include "src/base/aligned_vector.h"
 #include "src/base/parallel_for.h"
 
 namespace inceres::internal {
@@ -77,7 +76,7 @@ bool TouchedBlocks::Find(const ceres::Problem& problem, int num_threads, Problem
   const std::size_t num_residuals = view->ids.size();
   view->index.Reserve(count);
   view->residuals.resize(num_residuals);
-  ReserveLarge(count, &blocks_);
+  blocks_.reserve(count);
   have_been_looked_up_ = num_threads == 1;
   const std::size_t num_parts = (num_residuals + kPart - 1) / kPart;
   std::vector<Part> parts(num_parts);
@@ -198,7 +197,6 @@ void TouchedBlocks::SortByAddress(int num_threads, ProblemView* view) {
   });
   SortInParts(num_threads, &order);
   std::vector<int> numbers(order.size());
-  ReserveLarge(order.size(), &view->blocks);
   view->blocks.resize(order.size());
   for_each(order.size(), [&](std::size_t k) {
     const std::size_t b = At(order[k].second);
