@@ -70,10 +70,12 @@ struct UnwrittenAllocator : std::allocator<T> {
   // NOLINTNEXTLINE(google-explicit-constructor): allocators convert
   UnwrittenAllocator(const UnwrittenAllocator<U>&) {}
 
+  // NOLINTBEGIN(readability-identifier-naming): the standard's names
   template <typename U>
   struct rebind {
     using other = UnwrittenAllocator<U>;
   };
+  // NOLINTEND(readability-identifier-naming)
   template <typename U, typename... Arguments>
   void construct(U* place, Arguments&&... arguments) {
     if constexpr (sizeof...(Arguments) == 0) {
