@@ -52,7 +52,7 @@ TEST(PointerIndex, NumbersPointersAsTheyCome) {
 
 // Many are found by way of the residual blocks that touch them, unless some are touched by none.
 TEST(Introspection, HasAllOfManyBlocksByAddress) {
-  constexpr int kNumBlocks = 9000;
+  constexpr int kNumBlocks = 5000;
   std::vector<double> values(kNumBlocks + 1);
   ceres::Problem problem;
   for (int i = 0; i < kNumBlocks; ++i) {
@@ -136,7 +136,7 @@ TEST(Introspection, BoundsAreNotLookedForWhereThereAreNone) {
 // repeat or do not.
 TEST(Introspection, IsTheSameWithSeveralThreads) {
   TestProblem test;
-  constexpr int kNumBlocks = 5000;
+  constexpr int kNumBlocks = 9000;
   std::vector<double*> blocks;
   for (int b = 0; b < kNumBlocks; ++b) {
     blocks.push_back(test.Add({1.0, 0.0, 0.0, 0.5 * b}));

@@ -2,6 +2,7 @@
 // it.
 #include "trust_region/step_way.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>

@@ -113,14 +113,21 @@ class Planner {
       return;
     }
     std::vector<int> family_at(At(shapes_.num_places) + shapes_.shapes.size(), -1);
-    std::vector<UnwrittenVector<int>> members;
+    std::vector<std::size_t> sizes;
     for (const int r : order_) {
       int& family = family_at[At(PlaceOf(r))];
       if (family < 0) {
-        family = static_cast<int>(members.size());
-        members.emplace_back();
+        family = static_cast<int>(sizes.size());
+        sizes.push_back(0);
       }
-      members[At(family)].push_back(r);
+      ++sizes[At(family)];
+    }
+    std::vector<UnwrittenVector<int>> members(sizes.size());
+    for (std::size_t family = 0; family < sizes.size(); ++family) {
+      members[family].reserve(sizes[family]);
+    }
+    for (const int r : order_) {
+      members[At(family_at[At(PlaceOf(r))])].push_back(r);
     }
     for (UnwrittenVector<int>& residuals : members) {
       PlanFamily(std::move(residuals));

@@ -23,6 +23,7 @@ constexpr double kHandling = 100.0;
 constexpr double kSparseFactor = 4.0;
 
 constexpr int kBlockGrain = 4096;  // a few of their residual blocks each
+constexpr int kMostTasks = 32;     // each has a table over all blocks
 
 // Kinds of blocks, by union-find over the places that they stand in: the slots of all shapes.
 class KindFinder {
@@ -175,7 +176,8 @@ class Chooser {
         },
         &residuals_begin_, &residuals_);
     frames_size_.assign(view_.blocks.size(), 0.0);
-    threads_.For(num_blocks, kBlockGrain, [this](int begin, int end) {
+    const int grain = std::max(kBlockGrain, num_blocks / kMostTasks);
+    threads_.For(num_blocks, grain, [this](int begin, int end) {
       for (int k = residuals_begin_[At(begin)]; k < residuals_begin_[At(end)]; ++k) {
         residuals_[At(k)] = places_[At(residuals_[At(k)])].residual;
       }
