@@ -11,7 +11,7 @@ namespace inceres::internal {
 namespace {
 
 constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of LandmarkFactors
-constexpr int kLandmarkGrain = 1024;                       // a few of their factors each
+constexpr int kIncidenceGrain = 1024;                      // landmarks, of a few factors each
 
 // Symbolic elimination (docs/algorithms.md, "Schur complement"): numbers all pairs (landmark,
 // frame) with a common factor, gives each block Y_li its place, and tells each factor where its
@@ -182,7 +182,7 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   const Executor& executor = evaluator.executor();
   const int count = layout.num_landmarks();
   const int num_parts =
-      std::clamp(count / kLandmarkGrain, 1, kPartsPerThread * executor.num_threads());
+      std::clamp(count / kIncidenceGrain, 1, kPartsPerThread * executor.num_threads());
   const auto begin_of = [&](int part) {
     return static_cast<int>(static_cast<std::int64_t>(part) * count / num_parts);
   };
@@ -252,7 +252,7 @@ void LandmarkIncidences::CutIntoChunks(const Evaluator& evaluator, std::int64_t 
   };
   const bool of_jacobians = evaluator.storage() == JacobianStorage::kInChunks;
   std::vector<Quads> quads_of(num_landmarks());
-  evaluator.executor().For(num_landmarks(), kLandmarkGrain, [&](int first, int last) {
+  evaluator.executor().For(num_landmarks(), kIncidenceGrain, [&](int first, int last) {
     for (int l = first; l < last; ++l) {
       quads_of[l].J = of_jacobians ? QuadsOfJacobians(l) : 0;
       for (int q = begin[l]; q < begin[l + 1]; ++q) {
@@ -391,7 +391,7 @@ void LandmarkIncidences::PlaceBlocksOf(int chunk, int num_frames, int* order,
 
 // From the number of an incidence to its place, the flag kept.
 void LandmarkIncidences::SetTargets(const Evaluator& evaluator) {
-  evaluator.executor().For(num_landmarks(), kLandmarkGrain, [&](int first, int last) {
+  evaluator.executor().For(num_landmarks(), kIncidenceGrain, [&](int first, int last) {
     for (int l = first; l < last; ++l) {
       const Incidence* const of_landmark = incidences.data() + begin[l];
       ForEachFactorOf(*this, l, evaluator, &y_targets_, [&](const Factor& factor) {
