@@ -57,13 +57,13 @@ void ResidualLookUps::LookUp(int begin, int end, Group* group) {
   int previous = 0;  // of the one before
   for (int r = begin; r < end; ++r) {
     ResidualBlockView& residual = view_.residuals[At(r)];
-    bool sound = residual.sound;
     if (known_slots_.empty()) {
-      sound = Read(r, previous, first, group);
+      residual.sound = Read(r, previous, first, group);
     } else {
       std::copy_n(known_slots_.data() + residual.first_slot, residual.num_slots,
                   group->MakeRoom(first, residual.num_slots));
     }
+    const bool sound = residual.sound;
     const int* const blocks = group->slots.data() + first;
     const int* const near = group->slots.data() + previous;
     const int num_slots = residual.num_slots;
