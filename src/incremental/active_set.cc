@@ -125,7 +125,6 @@ void ActiveSet::NameCandidates(const std::vector<double>& frame_step, const Redu
                                const IncrementalSchur& schur) {
   const auto num_rows = static_cast<std::int32_t>(schur.frames().size());
   candidates_.clear();
-  candidates_.reserve(num_rows);
   // Without a list everything from first_row on counts as solved anew; with one, both the list and
   // the loop ascend, so that one pointer follows.
   std::size_t next = 0;
@@ -156,6 +155,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
   // All lists have room for everything from the start: a steady window must not allocate.
   frames_.clear();
   frames_.reserve(schur.frames().size());
+  candidates_.reserve(schur.frames().size());
   landmarks_.clear();
   landmarks_.reserve(schur.landmarks().size());
   listed_.Grow(schur.landmarks().size());

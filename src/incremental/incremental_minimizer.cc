@@ -18,8 +18,12 @@ bool IsPlain(const IncrementalSystem& system) {
                       });
 }
 
-Tuning::Stop StopRulesFor(const IncrementalSystem& system, const Tuning& tuning) {
+Tuning::Stop StopRulesFor(const IncrementalSystem& system, const IncrementalOptions& options,
+                          const Tuning& tuning) {
   Tuning::Stop rules = tuning.stop;
+  if (options.max_landmark_refinements == 0) {
+    rules.landmarks_share = HUGE_VAL;
+  }
   if (IsPlain(system)) {
     rules.share = rules.plain_share;
     rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
@@ -128,7 +132,7 @@ bool IncrementalMinimizer::Begin() {
   // comes first. Whatever the last Update has claimed counts for one that goes on from there, and
   // not after the batch solver.
   const StoppingRule before = context_.stop;
-  context_.stop = StoppingRule(StopRulesFor(system, context_.tuning),
+  context_.stop = StoppingRule(StopRulesFor(system, context_.options, context_.tuning),
                                context_.options.function_tolerance, context_.options.fixed_cost,
                                system.rounding().AtMost(), summary.num_iterations, system.cost());
   if (begins) {
@@ -185,10 +189,16 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Iterate() {
     return found == Verdict::kStuck ? Retreat(false) : found;
   }
   const double remaining = context_.summary->remaining_decrease;
-  // Landmarks that hold most of R take it by themselves, for the price of their own factors. Once
-  // after each step of the frames.
-  return landmarks_.StepIfTheyDominate(landmark_gain, remaining) ? Verdict::kGoOn
-                                                                 : TakeStep(remaining);
+  // If landmarks creep because they are damped, or their Jacobians are old, that ends first.
+  if (context_.stop.sees_landmarks_creep() && !context_.control.RefusalsDecide()) {
+    found = ClaimConvergence();
+    if (found != Verdict::kConverged) {
+      return found;
+    }
+  }
+  // Landmarks that hold most of R take it by themselves, for the price of their own factors.
+  return landmarks_.StepBeforeFrames(landmark_gain, remaining) ? Verdict::kGoOn
+                                                               : TakeStep(remaining);
 }
 
 // δ_c and what it leaves to gain; kConverged: that is little, and δ_c may be unknown; kStuck: there

@@ -14,6 +14,8 @@ class LandmarkGains {
   void Grow(std::size_t num_landmarks) {
     gains_.resize(num_landmarks, 0.0);
     eager_.Grow(num_landmarks);
+    above_.reserve(gains_.capacity());
+    below_.reserve(gains_.capacity());
   }
   void Set(std::int32_t landmark, double gain);
 

@@ -14,22 +14,31 @@ double LandmarkPasses::Gain() const {
 }
 
 bool LandmarkPasses::Step() {
-  IncrementalSystem& system = context_.system;
-  const double share = context_.tuning.landmarks.share;
   const double gain = Gain();
-  if (num_left_ <= 0 || gain <= share * context_.stop.Allowed(system.cost())) {
+  if (num_left_ <= 0 ||
+      gain <= context_.tuning.landmarks.share * context_.stop.Allowed(context_.system.cost())) {
     return false;
   }
   --num_left_;
+  return Pass(ShareOfMean(gain), gain);
+}
+
+// Those step whose own gain exceeds a share of the mean: a few outliers mostly hold nearly all of
+// it.
+double LandmarkPasses::ShareOfMean(double gain) const {
+  const int count = std::max(1, context_.system.schur().structure().num_landmarks());
+  return context_.tuning.landmarks.share * gain / count;
+}
+
+bool LandmarkPasses::Pass(double threshold, double gain) {
+  IncrementalSystem& system = context_.system;
   UpdateSummary& summary = *context_.summary;
   const StageTimer timer(&summary.landmark_seconds);
   const double cost = system.cost();
   int num_evaluated = 0;
-  // Those step whose own gain exceeds a share of the mean: a few outliers mostly hold nearly all of
-  // it.
-  const int count = std::max(1, system.schur().structure().num_landmarks());
-  const bool moved =
-      system.StepLandmarks(system.schur().gains().Above(share * gain / count), &num_evaluated);
+  const bool moved = system.StepLandmarks(system.schur().gains().Above(threshold), &num_evaluated);
+  context_.stop.LandmarksStepped(cost - system.cost(), system.step().landmark_searches().left(),
+                                 gain - system.step().landmark_searches().promised());
   ++summary.num_landmark_refinements;
   summary.num_evaluated_factors += num_evaluated;
   if (moved) {
@@ -37,8 +46,6 @@ bool LandmarkPasses::Step() {
     row.step = UpdateStep::kLandmarks;
     row.step_is_successful = true;
     row.cost_change = cost - system.cost();
-    // c of the stopping rule: what landmarks gain over their promise, they may go on to gain.
-    context_.stop.LandmarksGained(row.cost_change, gain);
     row.step_norm = system.step().Norm();
     // Landmarks that have just gained much, freed of their damping, may go on to: what they are
     // left with under the damping of before is no proof against it.
@@ -52,7 +59,13 @@ bool LandmarkPasses::Step() {
   return moved;
 }
 
-bool LandmarkPasses::StepIfTheyDominate(double gain, double remaining) {
+bool LandmarkPasses::StepBeforeFrames(double gain, double remaining) {
+  if (context_.stop.waits_for_landmarks() && num_claims_left_ > 0) {
+    --num_claims_left_;
+    // Mostly it is those few that have much left.
+    const bool many = context_.stop.waits_for_unasked();
+    return Pass(many ? ShareOfMean(gain) : context_.tuning.landmarks.deciding_share * gain, gain);
+  }
   if (!frames_moved_ || context_.mostly_new ||
       gain <= context_.tuning.landmarks.dominance * remaining) {
     return false;

@@ -15,6 +15,7 @@ class LandmarkPasses {
 
   /// An Update begins: the frames go first.
   void Begin() {
+    FramesMoved();
     frames_moved_ = false;
     num_left_ = 0;
   }
@@ -22,16 +23,23 @@ class LandmarkPasses {
   double Gain() const;
   /// A pass, if any is allowed and they could gain enough. True if any landmark moved.
   bool Step();
-  /// The first pass after a step of the frames, if the landmarks hold most of what is left. True as
-  /// above.
-  bool StepIfTheyDominate(double gain, double remaining);
-  void FramesMoved() { frames_moved_ = true; }
+  /// A pass, if the landmarks hold most of what is left, as is asked once after a step of the
+  /// frames, or if a claim of convergence waits for it. True as above.
+  bool StepBeforeFrames(double gain, double remaining);
+  void FramesMoved() {
+    frames_moved_ = true;
+    num_claims_left_ = context_.options.max_landmark_refinements;
+  }
 
  private:
+  double ShareOfMean(double gain) const;
+  bool Pass(double threshold, double gain);
+
   UpdateContext& context_;
   UpdateLinearization& linearization_;
   bool frames_moved_ = false;  // since landmarks last stepped by themselves
   int num_left_ = 0;           // passes still allowed before the next step of the frames
+  int num_claims_left_ = 0;    // the same of those that a claim waits for
 };
 
 }  // namespace inceres::internal

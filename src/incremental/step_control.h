@@ -46,6 +46,8 @@ class StepControl {
   /// Before success the damping goes to its floor, once only while no step is taken there: where
   /// steps are refused it grows again. True if it was lowered.
   bool RelaxOnce();
+  /// That has been done, steps were refused, and a claim rests on JudgeRefusals.
+  bool RefusalsDecide() const { return relaxed_ && IsDampedHard(); }
   enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
   /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if
   /// little was left near the floor, too. Otherwise all that speaks for it are the refusals: as far

@@ -3,8 +3,8 @@
 namespace inceres::internal {
 
 // The tests of docs/algorithms.md, "Stopping rule", in its letters: R is `remaining`, G
-// `landmark_gain`, T = Tolerance(cost), σ T = Allowed(cost), c = landmark_creep_, and the factor s
-// of a claim is `series`. They only say that little is left; whether that is believed (trust
+// `landmark_gain`, L `landmark_rest`, T = Tolerance(cost), σ T = Allowed(cost), and the factor s of
+// a claim is `series`. They only say that little is left; whether that is believed (trust
 // rules) is the minimizer's business.
 
 bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
@@ -14,9 +14,25 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   stagnated_gain_ = -1.0;
   const bool is_borne_out = IsBorneOut(remaining, cost);
   rests_on_nothing_ = !is_borne_out && remaining <= tuning_.nothing_share * Tolerance(cost);
-  const bool is_small = Rest(remaining, landmark_gain) <= Allowed(cost);
-  const bool falls =
-      !mostly_new && NextStepsGainLittle(remaining, landmark_gain, cost, is_borne_out);
+  const double series = mostly_new ? 0.0 : SeriesOfSteps(remaining);
+  bool is_small = IsSmall(remaining, 0.0, cost);
+  bool falls = NextStepsGainLittle(series * remaining, 0.0, cost);
+  waits_for_landmarks_ = false;
+  if (is_small || falls) {
+    const double landmark_rest = LandmarkRest(landmark_gain, cost);
+    is_small = IsSmall(remaining, landmark_rest, cost);
+    falls = NextStepsGainLittle(series * remaining, landmark_rest, cost);
+    waits_for_landmarks_ = !is_small && !falls;
+    landmarks_have_crept_ = landmarks_have_crept_ || sees_landmarks_creep();
+    // Where they have crept far by themselves the frames go after them first.
+    if (landmarks_have_crept_ && landmarks_gained_ > tuning_.rest_share * Tolerance(cost)) {
+      is_small = falls = false;
+    }
+  }
+  if (falls && is_borne_out) {
+    // Remembered for the next Update, and forgotten with the next step.
+    claim_ = {remaining, series};
+  }
   claims_by_model_ = false;
   if (((is_small || falls) && is_borne_out) || (is_small && rests_on_nothing_) ||
       (!mostly_new && HasBeenClaimed(remaining, landmark_gain, cost))) {
@@ -28,27 +44,36 @@ bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double c
   return stagnates || claims_by_model_;
 }
 
+// What landmarks could gain beyond what their model says: as much as their last pass has shown. Of
+// those that were not asked it is a multiple of it, and nobody knows where they could gain much.
+double StoppingRule::LandmarkRest(double landmark_gain, double cost) const {
+  if (landmarks_left_ >= 0.0) {
+    return landmarks_left_;
+  }
+  return landmark_gain > tuning_.landmarks_share * Tolerance(cost)
+             ? HUGE_VAL
+             : (tuning_.creeping_landmarks - 1.0) * landmark_gain;
+}
+
+bool StoppingRule::IsSmall(double remaining, double landmark_rest, double cost) const {
+  return remaining <= Allowed(cost) &&
+         remaining + landmark_rest <= tuning_.rest_share * Tolerance(cost);
+}
+
 // Steps tell how much their model undervalues: the last gained `last_gain_ratio_` times what it
 // promised, and what is promised has fallen by a factor since. Steps like that go on to gain the
-// sum of a geometric series. Landmarks that creep are counted more than once.
-bool StoppingRule::NextStepsGainLittle(double remaining, double landmark_gain, double cost,
-                                       bool is_borne_out) {
+// sum of a geometric series, this times what is left. 0: it is not known, or falls too slowly.
+double StoppingRule::SeriesOfSteps(double remaining) const {
   // Zero: no step was taken in this Update, or it was shortened and promised something else.
   if (!(last_remaining_ > 0.0)) {
-    return false;
+    return 0.0;
   }
   const double factor = remaining / last_remaining_;
-  const double landmarks = std::max(tuning_.creeping_landmarks, landmark_creep_) * landmark_gain;
-  // R / (1 − φ) times what the last step gained over its promise. Of a negative result, φ ≥ 1, no
-  // use is made: the test of φ fails first.
-  const double series = std::max(1.0, last_gain_ratio_) / (1.0 - factor);
-  const bool little = factor < tuning_.steady_factor &&
-                      series * remaining + landmarks <= tuning_.rest_share * Tolerance(cost);
-  if (little && is_borne_out) {
-    // Remembered for the next Update, and forgotten with the next step.
-    claim_ = {remaining, series};
-  }
-  return little;
+  return factor < tuning_.steady_factor ? std::max(1.0, last_gain_ratio_) / (1.0 - factor) : 0.0;
+}
+
+bool StoppingRule::NextStepsGainLittle(double series, double landmark_rest, double cost) const {
+  return series > 0.0 && series + landmark_rest <= tuning_.rest_share * Tolerance(cost);
 }
 
 // What is left falls by φ = Σ r_i² R_i / Σ R_i, where the model's curvature in direction i is off

@@ -11,14 +11,16 @@ namespace inceres::internal {
 /// that the model sees left, G what of it landmarks could gain by themselves, and T the tolerance,
 /// it ends when
 ///
-///     R + (c − 1) G ≤ σ T,
-///     or the steps to come gain little: a R / (1 − φ) + max(4, c) G ≤ T / 2,
+///     R ≤ σ T and R + L ≤ T / 2,
+///     or the steps to come gain little: a R / (1 − φ) + L ≤ T / 2,
 ///     or the Update before ended by that with R₀ and nothing much has come since,
 ///     s R₀ / (T / 2) + max(0, R − R₀) / (σ T) ≤ 1 with its s = a / (1 − φ) and G = 0,
 ///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
-/// c is by how much landmarks gained more than they promised in their last pass, a the same of the
-/// last step of the frames, and φ the factor by which what is left fell with it.
+/// L is what landmarks could gain by themselves beyond G, by the curvatures that their last pass
+/// has shown; if the frames have moved since, it may be anything, or 15 G where G ≤ 10⁻³ T. a is by
+/// how much the last step of the frames gained more than it promised, and φ the factor by which
+/// what is left fell with it.
 class StoppingRule {
  public:
   StoppingRule() = default;
@@ -49,10 +51,6 @@ class StoppingRule {
     return most > OfFunction(cost) && remaining <= most;
   }
   void SetRounding(double rounding) { rounding_ = rounding; }
-  /// What the first of the tests holds against it.
-  double Rest(double remaining, double landmark_gain) const {
-    return remaining + (landmark_creep_ - 1.0) * landmark_gain;
-  }
 
   /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
   void GoOnFrom(const StoppingRule& before) { claim_ = before.claim_; }
@@ -61,6 +59,13 @@ class StoppingRule {
   /// learns nothing from its last step.
   bool IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                     bool mostly_new);
+  /// Whether a pass of the landmarks is all that it takes to tell: if they have as little left as
+  /// their model says, little is left. Of the last time that was asked.
+  bool waits_for_landmarks() const { return waits_for_landmarks_; }
+  /// The same, and what landmarks may have left that were not asked in the last pass is most of it.
+  bool waits_for_unasked() const { return sees_landmarks_creep() && unasked_decide_; }
+  /// The same, and a pass has told that some of them creep.
+  bool sees_landmarks_creep() const { return waits_for_landmarks_ && landmarks_left_ >= 0.0; }
   /// After a claim that has passed all trust rules: true if no step bears it out. The next claim
   /// then needs that, or a step.
   bool WaitForStep() {
@@ -79,7 +84,7 @@ class StoppingRule {
   /// rounding, proves a minimum.
   bool IsVain(double remaining, double cost_change, double cost) const {
     return std::fabs(cost_change) <= kUnmoved * cost ||
-           remaining <= tuning_.rest_share * Tolerance(cost);
+           (!sees_landmarks_creep() && remaining <= tuning_.rest_share * Tolerance(cost));
   }
 
   /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken),
@@ -91,13 +96,19 @@ class StoppingRule {
     last_gain_ = gain;
     last_gain_ratio_ = gain_ratio;
     waits_for_step_ = false;
+    landmarks_left_ = -1.0;
+    landmarks_gained_ = 0.0;
     claim_ = Claim();
   }
   /// What refusals prove is StepControl's to say.
   void StepRefused() { has_refused_ = true; }
-  /// Landmarks gained `gain` by themselves where `promise` was seen.
-  void LandmarksGained(double gain, double promise) {
-    landmark_creep_ = std::max(1.0, gain / promise);
+  /// Landmarks have stepped by themselves with this gain, and have so much left; others were
+  /// promised `unasked`, and not asked.
+  void LandmarksStepped(double gain, double left, double unasked) {
+    landmarks_gained_ += gain;
+    const double rest = (tuning_.creeping_landmarks - 1.0) * std::max(0.0, unasked);
+    landmarks_left_ = left + rest;
+    unasked_decide_ = rest > left;
   }
 
  private:
@@ -110,7 +121,10 @@ class StoppingRule {
 
   double OfFunction(double cost) const { return function_tolerance_ * (cost - fixed_cost_); }
   bool IsBorneOut(double remaining, double cost) const;
-  bool NextStepsGainLittle(double remaining, double landmark_gain, double cost, bool is_borne_out);
+  double LandmarkRest(double landmark_gain, double cost) const;
+  bool IsSmall(double remaining, double landmark_rest, double cost) const;
+  double SeriesOfSteps(double remaining) const;
+  bool NextStepsGainLittle(double series, double landmark_rest, double cost) const;
   bool HasBeenClaimed(double remaining, double landmark_gain, double cost) const;
   bool HasStagnated(double cost, int iteration);
 
@@ -137,7 +151,11 @@ class StoppingRule {
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
   double last_gain_ = 0.0;
   double last_gain_ratio_ = 1.0;
-  double landmark_creep_ = 1.0;  // c
+  double landmarks_left_ = -1.0;   // L; negative: the frames have moved since
+  double landmarks_gained_ = 0.0;  // since then
+  bool unasked_decide_ = false;
+  bool landmarks_have_crept_ = false;
+  bool waits_for_landmarks_ = false;
   Claim claim_;
 };
 

@@ -255,6 +255,7 @@ void TrialStep::Stretch(std::int32_t landmark) {
 }
 
 bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
+  searches_.BeginPass();
   for (const std::int32_t landmark : landmarks) {
     Visit(landmark);
     Stretch(landmark);

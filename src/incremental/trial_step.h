@@ -80,6 +80,7 @@ class TrialStep {
   /// model says, as on the far side of a robust loss, goes further the next time. *num_evaluated
   /// gets the factors looked at.
   bool TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  const LandmarkSearches& landmark_searches() const { return searches_; }
   /// What the steps of a landmark alone have shown does not hold from other values.
   void ForgetLandmark(std::int32_t landmark) { searches_.Forget(landmark); }
 

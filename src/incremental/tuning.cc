@@ -76,6 +76,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.factor_growth", &tuning->stop.factor_growth);
   real("stop.nothing_share", &tuning->stop.nothing_share);
+  real("stop.landmarks_share", &tuning->stop.landmarks_share);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
   count("stop.stagnation", &tuning->stop.stagnation);
   real("stop.near_floor", &tuning->stop.near_floor);
@@ -93,6 +94,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("truncate.no_pull", &tuning->truncate.no_pull);
   count("truncate.max_scalars", &tuning->truncate.max_scalars);
   real("landmarks.share", &tuning->landmarks.share);
+  real("landmarks.deciding_share", &tuning->landmarks.deciding_share);
   real("landmarks.dominance", &tuning->landmarks.dominance);
   real("landmarks.min_damping", &tuning->landmarks.min_damping);
   real("landmarks.least_seen", &tuning->landmarks.least_seen);

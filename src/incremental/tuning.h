@@ -29,8 +29,11 @@ struct Tuning {
     double factor_growth = 10.0;
     /// Of the tolerance: no more than this needs no steps that tell how what is left falls.
     double nothing_share = 1e-3;
-    /// Times: landmarks that creep gain more than they promise, and are counted so often there.
-    double creeping_landmarks = 4.0;
+    /// Of the tolerance: landmarks that together promise more step by themselves before a claim,
+    /// which tells how much more than that they could gain.
+    double landmarks_share = 1e-3;
+    /// Times: so much, at most, where they do not.
+    double creeping_landmarks = 16.0;
     /// Iterations that bring less than the tolerance together end an Update.
     int stagnation = 10;
     /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
@@ -75,6 +78,9 @@ struct Tuning {
     /// Of what an Update may leave undone: together they could gain more; and of their mean gain,
     /// for each that steps.
     double share = 0.3;
+    /// Of what they could gain together: whether convergence can be claimed is asked of landmarks
+    /// that could gain more.
+    double deciding_share = 0.03;
     /// Of all that is undone: they hold more.
     double dominance = 0.5;
     /// Relative damping, at least: without it a far point, which parallax hardly holds, runs away

@@ -54,10 +54,10 @@ TEST(Tuning, IsTakenByTheNextSolver) {
     return bundle.solver.Update().num_evaluated_factors;
   };
   const auto usual = evaluations();
-  TuningOfNewSolvers().stop.share = 1e6;
-  const auto sloppy = evaluations();
+  TuningOfNewSolvers().stop.share = 1e-6;
+  const auto strict = evaluations();
   TuningOfNewSolvers() = Tuning();
-  EXPECT_LT(sloppy, usual);
+  EXPECT_GT(strict, usual);
   EXPECT_EQ(evaluations(), usual);
 }
 
