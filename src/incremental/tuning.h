@@ -32,7 +32,7 @@ struct Tuning {
     /// Of the tolerance: landmarks that together promise more step by themselves before a claim,
     /// which tells how much more than that they could gain.
     double landmarks_share = 1e-3;
-    /// Times: so much, at most, where they do not.
+    /// Times: what landmarks that were not asked may gain, against what they promise.
     double creeping_landmarks = 16.0;
     /// Iterations that bring less than the tolerance together end an Update.
     int stagnation = 10;
