@@ -15,9 +15,9 @@ class LandmarkPasses {
 
   /// An Update begins: the frames go first.
   void Begin() {
-    FramesMoved();
     frames_moved_ = false;
     num_left_ = 0;
+    num_claims_left_ = context_.options.max_landmark_refinements;
   }
   /// What the landmarks could gain by themselves.
   double Gain() const;

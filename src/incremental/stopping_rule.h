@@ -62,10 +62,10 @@ class StoppingRule {
   /// Whether a pass of the landmarks is all that it takes to tell: if they have as little left as
   /// their model says, little is left. Of the last time that was asked.
   bool waits_for_landmarks() const { return waits_for_landmarks_; }
-  /// The same, and what landmarks may have left that were not asked in the last pass is most of it.
-  bool waits_for_unasked() const { return sees_landmarks_creep() && unasked_decide_; }
-  /// The same, and a pass has told that some of them creep.
+  /// The same, and a pass has told that they have more left.
   bool sees_landmarks_creep() const { return waits_for_landmarks_ && landmarks_left_ >= 0.0; }
+  /// The same, and most of that is what those may have that were not asked.
+  bool waits_for_unasked() const { return sees_landmarks_creep() && unasked_decide_; }
   /// After a claim that has passed all trust rules: true if no step bears it out. The next claim
   /// then needs that, or a step.
   bool WaitForStep() {

@@ -12,7 +12,7 @@ namespace inceres::internal {
 namespace {
 
 // Rows there is room for from the first Update on.
-constexpr int kUsualRows = 64;
+constexpr int kUsualRows = 32;
 
 }  // namespace
 

@@ -181,8 +181,8 @@ TEST(LandmarkSteps, LowerTheCostAndMoveNoFrame) {
   EXPECT_NEAR(system.cost(), sum, 1e-12 * before);
 }
 
-// A damping of 9 leaves a tenth of the step; the next one is as long as the slope and the curvature
-// seen ask for.
+// A damping of 9 leaves a tenth of the step; the next ones are as long as the slope and the
+// curvature seen ask for, and stretched at most four times as much as the one before.
 TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
   constexpr double kDamping = 9.0;
   const double minimum = 5.0 * (std::sqrt(13.8) - 3.0);  // of 3 (l − 4) + l² / 10
