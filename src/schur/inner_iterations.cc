@@ -65,8 +65,9 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
   for (int size = 0; size <= kQuad; ++size) {
     identity_[size].ambient_size = identity_[size].tangent_size = size;
   }
+  const std::vector<SlotUse> uses = FindUses();
   for (const Linearization& cache : evaluator_.families()) {
-    BuildJacobians(cache);
+    BuildJacobians(uses, cache);
   }
   BuildGroups();
   // At first nearly Gauss–Newton, and all landmarks are asked.
@@ -75,35 +76,44 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
   chosen_.assign(layout_.num_landmarks(), true);
 }
 
-void InnerIterations::BuildJacobians(const Linearization& cache) {
+// For each variable what an evaluation yields for it, and which landmark it is, or -1. Of frames,
+// and of landmarks that a plain sum of vectors would lead off their manifold or out of bounds, no
+// Jacobian is wanted; what is not part of the solve is held.
+std::vector<InnerIterations::SlotUse> InnerIterations::FindUses() const {
+  const FactorGraph& graph = evaluator_.graph();
+  std::vector<SlotUse> uses(graph.num_variables(), {&constant_, -1});
+  for (int at = 0; at < static_cast<int>(layout_.variables.size()); ++at) {
+    const VariableId id = layout_.variables[at];
+    const bool moves =
+        at >= layout_.num_frames && graph.manifold(id) == nullptr && graph.bounds(id) == nullptr;
+    uses[id] = moves ? SlotUse{&identity_[layout_.TangentSize(at)], at - layout_.num_frames}
+                     : SlotUse{&unwanted_, -1};
+  }
+  return uses;
+}
+
+void InnerIterations::BuildJacobians(const std::vector<SlotUse>& uses, const Linearization& cache) {
   const FactorGraph& graph = evaluator_.graph();
   const int num_slots = cache.num_slots;
   LandmarkJacobians& jacobians = jacobians_[cache.id];
-  jacobians.maps.resize(std::size_t(cache.num_factors) * num_slots);
-  jacobians.landmarks.assign(cache.num_factors, -1);
+  jacobians.maps.reserve(std::size_t(cache.num_factors) * num_slots);
+  jacobians.landmarks.reserve(cache.num_factors);
   bool any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
+    const VariableId* ids = graph.Variables(cache.id, i);
+    int landmark = -1;
     for (int s = 0; s < num_slots; ++s) {
-      const VariableId id = graph.Variables(cache.id, i)[s];
-      const TangentMap*& map = jacobians.maps[std::size_t(i) * num_slots + s];
-      // Not part of the solve: held.
-      if (layout_.Position(id) < 0) {
-        map = &constant_;
-      } else if (layout_.LandmarkOf(id) < 0 || graph.manifold(id) != nullptr ||
-                 graph.bounds(id) != nullptr) {
-        // Frames, and landmarks that a plain sum of vectors would lead off their manifold or out of
-        // bounds.
-        map = &unwanted_;
-      } else {
-        map = &identity_[graph.TangentSize(id)];
-        jacobians.landmarks[i] = layout_.LandmarkOf(id);
-        any = true;
-      }
+      // A free place has no variables.
+      const SlotUse use = ids[s] < 0 ? SlotUse{&constant_, -1} : uses[ids[s]];
+      jacobians.maps.push_back(use.map);
+      landmark = std::max(landmark, use.landmark);  // of a factor one slot at most has one
     }
+    jacobians.landmarks.push_back(landmark);
+    any = any || landmark >= 0;
   }
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.residual_size} * kQuad;
   // One Jacobian a factor, rows four apart: at most one of its slots writes there.
-  jacobians.values.resize(any ? cache.num_factors * factor_stride : 0);
+  jacobians.values = ZeroedArray(any ? cache.num_factors * factor_stride : 0);
   jacobians.views.assign(num_slots, {jacobians.values.data(), factor_stride, kQuad});
   jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
 }

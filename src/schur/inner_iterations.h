@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/aligned_vector.h"
+#include "base/zeroed_array.h"
 #include "linearize/evaluator.h"
 
 namespace inceres::internal {
@@ -63,9 +63,13 @@ class InnerIterations {
   struct LandmarkJacobians {
     std::vector<std::int32_t> landmarks;  // per factor, -1: none that could move
     std::vector<const TangentMap*> maps;  // per factor and slot
-    AlignedVector<double> values;
+    ZeroedArray values;               // of those that are never asked the memory is never touched
     std::vector<JacobianView> views;  // per slot
     SlotJacobians blocks;             // the same, as kernels call them
+  };
+  struct SlotUse {
+    const TangentMap* map;
+    std::int32_t landmark;
   };
   struct NormalEquations {
     alignas(32) double P[kQuad * kQuad] = {};  // rows four apart
@@ -83,7 +87,8 @@ class InnerIterations {
 
   void RunChosen(double min_gain);
   double SumOfGains() const;
-  void BuildJacobians(const Linearization& cache);
+  std::vector<SlotUse> FindUses() const;
+  void BuildJacobians(const std::vector<SlotUse>& uses, const Linearization& cache);
   void BuildGroups();
   template <typename Selected>
   void Evaluate(bool jacobians, const Selected& selected);
