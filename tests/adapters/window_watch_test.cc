@@ -191,26 +191,52 @@ TEST(ModeChoice, WhatTouchesConstantsOnlyIsNoWorkOfAnIteration) {
   EXPECT_TRUE(of_few.WantsExact());
 }
 
-TEST(ModeChoice, RemembersWhatExactSolvesFindSoon) {
+ceres::Solver::Summary ExactSolve(ceres::TerminationType termination, int iterations) {
+  ceres::Solver::Summary summary;
+  summary.termination_type = termination;
+  summary.iterations.resize(iterations + 1);  // with iteration 0
+  return summary;
+}
+
+TEST(ModeChoice, RemembersWhereLittleChangesBetweenSolves) {
   ModeChoice choice;
-  ceres::Solver::Summary quick, slow, stopped;
-  quick.termination_type = slow.termination_type = ceres::CONVERGENCE;
-  quick.iterations.resize(ModeChoice::kPatience + 1);  // with iteration 0
-  slow.iterations.resize(ModeChoice::kPatience + 2);
-  stopped.termination_type = ceres::NO_CONVERGENCE;
+  const ceres::Solver::Summary quick = ExactSolve(ceres::CONVERGENCE, 5);
+  choice.NoteExact(quick, /*mostly_new=*/true);
   EXPECT_FALSE(choice.IsToRemember());
-  choice.NoteExact(quick);
+  choice.NoteExact(quick, /*mostly_new=*/false);
   EXPECT_FALSE(choice.IsToRemember());
-  choice.NoteExact(quick);
+  choice.NoteExact(quick, /*mostly_new=*/false);
   EXPECT_TRUE(choice.IsToRemember());
-  for (const ceres::Solver::Summary& summary : {slow, stopped}) {
-    choice.NoteExact(summary);
+  choice.NoteExact(ExactSolve(ceres::FAILURE, 5), /*mostly_new=*/false);
+  EXPECT_FALSE(choice.IsToRemember());
+  // However long they take.
+  for (int solve = 0; solve < ModeChoice::kSteady; ++solve) {
     EXPECT_FALSE(choice.IsToRemember());
-    choice.NoteExact(quick);
-    EXPECT_FALSE(choice.IsToRemember());
-    choice.NoteExact(quick);
-    EXPECT_TRUE(choice.IsToRemember());
+    choice.NoteExact(ExactSolve(ceres::NO_CONVERGENCE, 50), /*mostly_new=*/false);
   }
+  EXPECT_TRUE(choice.IsToRemember());
+}
+
+// After long exact solves the first incremental one decides.
+TEST(ModeChoice, ALossAfterLongSolvesIsOneTooMany) {
+  const auto lose = [](ModeChoice* choice) {
+    choice->Note(Work(4, 50000, 40000), Kept(10000), Sized(10200, 10200), 100, true);
+    return choice->WantsExact();
+  };
+  for (const ceres::Solver::Summary& last :
+       {ExactSolve(ceres::NO_CONVERGENCE, ModeChoice::kPatience),
+        ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience + 1)}) {
+    ModeChoice choice;
+    choice.NoteExact(last, /*mostly_new=*/false);
+    EXPECT_TRUE(lose(&choice));
+    ModeChoice after_win;
+    after_win.NoteExact(last, /*mostly_new=*/false);
+    after_win.Note(Work(4, 300, 2000), Kept(10000), Sized(10200, 10200), 100, true);
+    EXPECT_FALSE(lose(&after_win));
+  }
+  ModeChoice choice;
+  choice.NoteExact(ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience), /*mostly_new=*/false);
+  EXPECT_FALSE(lose(&choice));
 }
 
 TEST(ModeChoice, ASolveWithNothingToRememberTeachesNothing) {

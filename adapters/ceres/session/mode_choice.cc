@@ -51,8 +51,12 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
     return;  // mostly new: nothing was remembered yet
   }
   const double ratio = WorkRatio(update, changes, view, num_frames, verified);
-  num_losses_ = ratio > 1.0 ? num_losses_ + 1 : 0;
-  if (num_losses_ < kLosses) {
+  if (ratio <= 1.0) {
+    num_losses_ = 0;
+    is_trial_ = false;
+    return;
+  }
+  if (++num_losses_ < kLosses && !is_trial_) {
     return;
   }
   char text[128];
@@ -66,10 +70,10 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
             << " solves of this problem are exact.";
 }
 
-void ModeChoice::NoteExact(const ceres::Solver::Summary& summary) {
-  const bool is_quick = summary.termination_type == ceres::CONVERGENCE &&
-                        static_cast<int>(summary.iterations.size()) <= kPatience + 1;
-  num_quick_ = is_quick ? num_quick_ + 1 : 0;
+void ModeChoice::NoteExact(const ceres::Solver::Summary& summary, bool mostly_new) {
+  num_steady_ = summary.IsSolutionUsable() && !mostly_new ? num_steady_ + 1 : 0;
+  is_trial_ = summary.termination_type != ceres::CONVERGENCE ||
+              static_cast<int>(summary.iterations.size()) > kPatience + 1;
 }
 
 }  // namespace inceres::internal

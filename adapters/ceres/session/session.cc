@@ -85,6 +85,9 @@ class CeresSession::Impl {
   void SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
   std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
+  bool IsMostlyNew(double num_residual_blocks, double num_known) const {
+    return num_residual_blocks - num_known > options.core.batch_share * num_residual_blocks;
+  }
   bool RemembersLittle(const IncrementalOptions& core) const;
   void BeginToRemember(const internal::SolveCall& call, const internal::SolveInput& input,
                        const IncrementalOptions& core);
@@ -97,7 +100,8 @@ class CeresSession::Impl {
   int num_threads = 0;
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;
   internal::ProblemView view;
-  bool has_view = false;  // of the problem's structure as it is
+  bool has_view = false;      // of the problem's structure as it is
+  int num_moving_before = 0;  // residual blocks of the last exact solve that touch variable blocks
 };
 
 void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
@@ -289,6 +293,9 @@ std::string CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                                          internal::SolveInput* input) {
   living.reset();
+  // By their number: those that have gone in between are few, too, where few have come.
+  const int num_moving = input->view.reduced.num_residual_blocks;
+  const bool mostly_new = IsMostlyNew(num_moving, std::exchange(num_moving_before, num_moving));
   has_view = false;  // an exact solve empties it
   std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
   if (too_much.empty()) {
@@ -301,7 +308,7 @@ void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const intern
   }
   internal::SolveExactly(*input, call.summary, call.report);
   call.report->exact_reason = reason;
-  choice.NoteExact(*call.summary);
+  choice.NoteExact(*call.summary, mostly_new);
 }
 
 std::unique_ptr<internal::IncrementalProblem> CeresSession::Impl::NewLiving(
@@ -316,10 +323,9 @@ std::unique_ptr<internal::IncrementalProblem> CeresSession::Impl::NewLiving(
 // Whether the batch solver would have most of the solve: then it is exact mode's from beginning to
 // end.
 bool CeresSession::Impl::RemembersLittle(const IncrementalOptions& core) const {
-  const double num_moving = view.reduced.num_residual_blocks;
-  const double num_known = living != nullptr ? living->num_factors() : 0;
   return core.batch_share > 0.0 && core.batch_share < 1.0 &&
-         num_moving - num_known > core.batch_share * num_moving;
+         IsMostlyNew(view.reduced.num_residual_blocks,
+                     living != nullptr ? living->num_factors() : 0);
 }
 
 // Where an exact solve has ended, if what the next ones change is likely to be little.
