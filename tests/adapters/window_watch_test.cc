@@ -198,23 +198,33 @@ ceres::Solver::Summary ExactSolve(ceres::TerminationType termination, int iterat
   return summary;
 }
 
+TEST(ModeChoice, RemembersWhatExactSolvesFindSoon) {
+  ModeChoice choice;
+  const ceres::Solver::Summary quick = ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience);
+  for (const ceres::Solver::Summary& other :
+       {ExactSolve(ceres::FAILURE, 5), ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience + 1),
+        ExactSolve(ceres::NO_CONVERGENCE, 5)}) {
+    choice.NoteExact(other, /*mostly_new=*/true);
+    for (int solve = 0; solve < ModeChoice::kInARow; ++solve) {
+      EXPECT_FALSE(choice.IsToRemember());
+      choice.NoteExact(quick, /*mostly_new=*/true);
+    }
+    EXPECT_TRUE(choice.IsToRemember());
+  }
+}
+
+// However long exact solves take.
 TEST(ModeChoice, RemembersWhereLittleChangesBetweenSolves) {
   ModeChoice choice;
-  const ceres::Solver::Summary quick = ExactSolve(ceres::CONVERGENCE, 5);
-  choice.NoteExact(quick, /*mostly_new=*/true);
-  EXPECT_FALSE(choice.IsToRemember());
-  choice.NoteExact(quick, /*mostly_new=*/false);
-  EXPECT_FALSE(choice.IsToRemember());
-  choice.NoteExact(quick, /*mostly_new=*/false);
-  EXPECT_TRUE(choice.IsToRemember());
-  choice.NoteExact(ExactSolve(ceres::FAILURE, 5), /*mostly_new=*/false);
-  EXPECT_FALSE(choice.IsToRemember());
-  // However long they take.
-  for (int solve = 0; solve < ModeChoice::kSteady; ++solve) {
-    EXPECT_FALSE(choice.IsToRemember());
-    choice.NoteExact(ExactSolve(ceres::NO_CONVERGENCE, 50), /*mostly_new=*/false);
+  const ceres::Solver::Summary slow = ExactSolve(ceres::NO_CONVERGENCE, 50);
+  for (const ceres::TerminationType other : {ceres::FAILURE, ceres::CONVERGENCE}) {
+    choice.NoteExact(ExactSolve(other, 50), /*mostly_new=*/other != ceres::FAILURE);
+    for (int solve = 0; solve < ModeChoice::kInARow; ++solve) {
+      EXPECT_FALSE(choice.IsToRemember());
+      choice.NoteExact(slow, /*mostly_new=*/false);
+    }
+    EXPECT_TRUE(choice.IsToRemember());
   }
-  EXPECT_TRUE(choice.IsToRemember());
 }
 
 // After long exact solves the first incremental one decides.

@@ -71,9 +71,11 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
 }
 
 void ModeChoice::NoteExact(const ceres::Solver::Summary& summary, bool mostly_new) {
+  const bool is_quick = summary.termination_type == ceres::CONVERGENCE &&
+                        static_cast<int>(summary.iterations.size()) <= kPatience + 1;
+  num_quick_ = is_quick ? num_quick_ + 1 : 0;
   num_steady_ = summary.IsSolutionUsable() && !mostly_new ? num_steady_ + 1 : 0;
-  is_trial_ = summary.termination_type != ceres::CONVERGENCE ||
-              static_cast<int>(summary.iterations.size()) > kPatience + 1;
+  is_trial_ = !is_quick;
 }
 
 }  // namespace inceres::internal

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 
 #include <ceres/solver.h>
@@ -20,15 +21,16 @@ namespace inceres::internal {
 /// cost more than exact ones the next are exact, first kPause of them, each time it comes to the
 /// same twice as many; then it is tried again.
 ///
-/// To begin to remember takes one linearization of everything. It is worth it where little changes
-/// from solve to solve: of kSteady exact ones in a row each had most residual blocks of the one
-/// before. Where the last of them did not converge within kPatience iterations, a first loss is
-/// enough to give up again: what incremental steps do not end in as many, others do anew.
+/// To begin to remember takes one linearization of everything. It is worth it where solves end soon
+/// after what comes in between, or that is little: of kInARow exact ones in a row each has converged
+/// within kPatience iterations, or each had most residual blocks of the one before. After one that
+/// took longer a first loss is enough to give up again: what incremental steps do not end in as
+/// many, others do anew.
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;
   static constexpr int kPause = 16;
-  static constexpr int kSteady = 2;
+  static constexpr int kInARow = 2;
   /// Iterations after which incremental steps are given up for a solve: those that converge mostly
   /// take fewer than ten.
   static constexpr int kPatience = 25;
@@ -42,12 +44,13 @@ class ModeChoice {
   /// How an exact solve went. `mostly_new`: most of its residual blocks were not there before.
   void NoteExact(const ceres::Solver::Summary& summary, bool mostly_new);
   /// Whether what the last exact solve has found is to be remembered.
-  bool IsToRemember() const { return num_steady_ >= kSteady; }
+  bool IsToRemember() const { return std::max(num_quick_, num_steady_) >= kInARow; }
   /// Why solves are exact now.
   const std::string& reason() const { return reason_; }
 
  private:
   int num_losses_ = 0;
+  int num_quick_ = 0;
   int num_steady_ = 0;
   bool is_trial_ = false;  // exact solves were long, and none that was remembered has won yet
   int pause_ = kPause;
