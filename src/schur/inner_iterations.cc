@@ -82,27 +82,25 @@ InnerIterations::InnerIterations(Evaluator* evaluator)
 std::vector<InnerIterations::SlotUse> InnerIterations::FindUses() const {
   const FactorGraph& graph = evaluator_.graph();
   std::vector<SlotUse> uses(graph.num_variables(), {&constant_, -1});
-  for (int at = 0; at < static_cast<int>(layout_.variables.size()); ++at) {
-    const VariableId id = layout_.variables[at];
+  for (const VariableId id : layout_.variables) {
+    const int landmark = layout_.LandmarkOf(id);
     const bool moves =
-        at >= layout_.num_frames && graph.manifold(id) == nullptr && graph.bounds(id) == nullptr;
-    uses[id] = moves ? SlotUse{&identity_[layout_.TangentSize(at)], at - layout_.num_frames}
-                     : SlotUse{&unwanted_, -1};
+        landmark >= 0 && graph.manifold(id) == nullptr && graph.bounds(id) == nullptr;
+    uses[id] =
+        moves ? SlotUse{&identity_[graph.TangentSize(id)], landmark} : SlotUse{&unwanted_, -1};
   }
   return uses;
 }
 
 void InnerIterations::BuildJacobians(const std::vector<SlotUse>& uses, const Linearization& cache) {
-  const FactorGraph& graph = evaluator_.graph();
-  const int num_slots = cache.num_slots;
   LandmarkJacobians& jacobians = jacobians_[cache.id];
-  jacobians.maps.reserve(std::size_t(cache.num_factors) * num_slots);
+  jacobians.maps.reserve(std::size_t(cache.num_factors) * cache.num_slots);
   jacobians.landmarks.reserve(cache.num_factors);
   bool any = false;
   for (int i = 0; i < cache.num_factors; ++i) {
-    const VariableId* ids = graph.Variables(cache.id, i);
+    const VariableId* ids = evaluator_.graph().Variables(cache.id, i);
     int landmark = -1;
-    for (int s = 0; s < num_slots; ++s) {
+    for (int s = 0; s < cache.num_slots; ++s) {
       // A free place has no variables.
       const SlotUse use = ids[s] < 0 ? SlotUse{&constant_, -1} : uses[ids[s]];
       jacobians.maps.push_back(use.map);
@@ -114,7 +112,7 @@ void InnerIterations::BuildJacobians(const std::vector<SlotUse>& uses, const Lin
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache.residual_size} * kQuad;
   // One Jacobian a factor, rows four apart: at most one of its slots writes there.
   jacobians.values = ZeroedArray(any ? cache.num_factors * factor_stride : 0);
-  jacobians.views.assign(num_slots, {jacobians.values.data(), factor_stride, kQuad});
+  jacobians.views.assign(cache.num_slots, {jacobians.values.data(), factor_stride, kQuad});
   jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
 }
 
