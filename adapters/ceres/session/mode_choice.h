@@ -22,10 +22,10 @@ namespace inceres::internal {
 /// same twice as many; then it is tried again.
 ///
 /// To begin to remember takes one linearization of everything. It is worth it where solves end soon
-/// after what comes in between, or that is little: of kInARow exact ones in a row each has converged
-/// within kPatience iterations, or each had most residual blocks of the one before. After one that
-/// took longer a first loss is enough to give up again: what incremental steps do not end in as
-/// many, others do anew.
+/// after what comes in between, or that is little: of kInARow exact ones in a row each has
+/// converged within kPatience iterations, or each had most residual blocks of the one before. After
+/// one that took longer a first loss is enough to give up again: what incremental steps do not end
+/// in as many, others do anew.
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;

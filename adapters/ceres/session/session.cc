@@ -101,7 +101,7 @@ class CeresSession::Impl {
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;
   internal::ProblemView view;
   bool has_view = false;      // of the problem's structure as it is
-  int num_moving_before = 0;  // residual blocks of the last exact solve that touch variable blocks
+  int num_moving_before = 0;  // of the last exact solve: residual blocks that touch variable ones
 };
 
 void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
