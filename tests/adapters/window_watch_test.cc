@@ -200,6 +200,7 @@ ceres::Solver::Summary ExactSolve(ceres::TerminationType termination, int iterat
 
 TEST(ModeChoice, RemembersWhatExactSolvesFindSoon) {
   ModeChoice choice;
+  EXPECT_FALSE(choice.IsToRemember());
   const ceres::Solver::Summary quick = ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience);
   for (const ceres::Solver::Summary& other :
        {ExactSolve(ceres::FAILURE, 5), ExactSolve(ceres::CONVERGENCE, ModeChoice::kPatience + 1),

@@ -23,9 +23,9 @@ namespace inceres::internal {
 ///
 /// To begin to remember takes one linearization of everything. It is worth it where solves end soon
 /// after what comes in between, or that is little: of kInARow exact ones in a row each has
-/// converged within kPatience iterations, or each had most residual blocks of the one before. After
-/// one that took longer a first loss is enough to give up again: what incremental steps do not end
-/// in as many, others do anew.
+/// converged within kPatience iterations, or each had at most twice as many residual blocks
+/// as the one before. After one that took longer a first loss is enough to give up again: what
+/// incremental steps do not end in as many, others do anew.
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;
@@ -41,7 +41,7 @@ class ModeChoice {
   /// stayed was evaluated to be recognized.
   void Note(const UpdateSummary& update, const ProblemChanges& changes, const ProblemView& view,
             int num_frames, bool verified);
-  /// How an exact solve went. `mostly_new`: most of its residual blocks were not there before.
+  /// How an exact solve went. `mostly_new`: most of its residual blocks have come since the last.
   void NoteExact(const ceres::Solver::Summary& summary, bool mostly_new);
   /// Whether what the last exact solve has found is to be remembered.
   bool IsToRemember() const { return std::max(num_quick_, num_steady_) >= kInARow; }
@@ -52,7 +52,7 @@ class ModeChoice {
   int num_losses_ = 0;
   int num_quick_ = 0;
   int num_steady_ = 0;
-  bool is_trial_ = false;  // exact solves were long, and none that was remembered has won yet
+  bool is_trial_ = false;  // the last exact solve was long, and no incremental one has won since
   int pause_ = kPause;
   int num_exact_left_ = 0;
   std::string reason_;

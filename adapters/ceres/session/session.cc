@@ -293,9 +293,6 @@ std::string CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
 void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                                          internal::SolveInput* input) {
   living.reset();
-  // By their number: those that have gone in between are few, too, where few have come.
-  const int num_moving = input->view.reduced.num_residual_blocks;
-  const bool mostly_new = IsMostlyNew(num_moving, std::exchange(num_moving_before, num_moving));
   has_view = false;  // an exact solve empties it
   std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
   if (too_much.empty()) {
@@ -306,6 +303,9 @@ void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const intern
     internal::Decline(call, too_much);
     return;
   }
+  // Told by their number: where as many have gone as have come, all of them are taken for known.
+  const int num_moving = input->view.reduced.num_residual_blocks;
+  const bool mostly_new = IsMostlyNew(num_moving, std::exchange(num_moving_before, num_moving));
   internal::SolveExactly(*input, call.summary, call.report);
   call.report->exact_reason = reason;
   choice.NoteExact(*call.summary, mostly_new);

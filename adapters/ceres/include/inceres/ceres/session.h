@@ -38,10 +38,10 @@ struct INCERES_EXPORT SessionOptions {
 
   /// Whether solves are exact while that takes less work: while most of the problem is not
   /// remembered, which begins where of two exact solves in a row each has converged within 25
-  /// iterations, or had most residual blocks of the one before, and as counted in the incremental
-  /// solves so far; now and then those are tried again.
-  /// SolveReport::exact_reason tells, and the log when it changes. To begin to remember evaluates
-  /// each residual block once more, after an exact solve.
+  /// iterations, or had at most twice as many residual blocks as the one before, and as counted in
+  /// the incremental solves so far; now and then those are tried again. SolveReport::exact_reason
+  /// tells, and the log when it changes. To begin to remember evaluates each residual block once
+  /// more, after an exact solve.
   bool automatic = false;
 };
 
