@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Installs what is missing, configures a preset and builds it. From any directory, from a fresh clone.
 #
-#   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--benchmarks] [--warnings-as-errors] [--no-install]
+#   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--benchmarks] [--warnings-as-errors] [--unity] [--no-install]
+#
+# --unity compiles several sources at once: in less than half of the time, and functions are inlined elsewhere, so not for measuring.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -15,6 +17,7 @@ while (($# > 0)); do
     --target) targets+=(--target "${2:?--target needs a name}"); shift ;;
     --benchmarks) definitions+=(-DINCERES_BUILD_BENCHMARKS=ON) ;;
     --warnings-as-errors) definitions+=(-DINCERES_WARNINGS_AS_ERRORS=ON) ;;
+    --unity) definitions+=(-DCMAKE_UNITY_BUILD=ON) ;;
     --no-install) install=no ;;
     --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) echo "build.sh: unknown option $1 (see --help)" >&2; exit 2 ;;

@@ -2,7 +2,7 @@
 # Installs what is missing, builds everything and runs all tests. From any directory, from a fresh clone. Exit code 0: all passed.
 #
 #   tools/test.sh [--preset default|dev|asan|tsan] [--target NAME]... [--tests REGEX] [--without REGEX] [--benchmarks]
-#                 [--warnings-as-errors] [--no-install]
+#                 [--warnings-as-errors] [--unity] [--no-install]
 #
 # --tests and --without choose among the names that `ctest --preset NAME --show-only` prints; --target builds no more than these.
 set -euo pipefail
@@ -17,7 +17,7 @@ while (($# > 0)); do
     --target) build_options+=(--target "${2:?--target needs a name}"); shift ;;
     --tests) test_options+=(--tests-regex "${2:?--tests needs a regular expression}"); shift ;;
     --without) test_options+=(--exclude-regex "${2:?--without needs a regular expression}"); shift ;;
-    --benchmarks | --warnings-as-errors | --no-install) build_options+=("$1") ;;
+    --benchmarks | --warnings-as-errors | --unity | --no-install) build_options+=("$1") ;;
     --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) echo "test.sh: unknown option $1 (see --help)" >&2; exit 2 ;;
   esac
