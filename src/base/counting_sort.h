@@ -33,8 +33,8 @@ void CountingSort(std::size_t num_groups, const ForEach& for_each, std::vector<I
 template <typename Executors, typename GroupOf, typename Items>
 void CountingSort(const Executors& executor, int num_groups, int num_items, const GroupOf& group_of,
                   std::vector<int>* begin, Items* items) {
-  constexpr int kGrain = 1 << 14;  // items a thread, at least
-  const int num_parts = std::clamp(num_items / kGrain, 1, executor.num_threads());
+  constexpr int kItemsAThread = 1 << 14;  // at least
+  const int num_parts = std::clamp(num_items / kItemsAThread, 1, executor.num_threads());
   const auto begin_of = [&](int part) {
     return static_cast<int>(static_cast<std::int64_t>(part) * num_items / num_parts);
   };
