@@ -3,7 +3,8 @@
 #
 #   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--benchmarks] [--warnings-as-errors] [--unity] [--no-install]
 #
-# --unity compiles several sources at once: in less than half of the time, and functions are inlined elsewhere, so not for measuring.
+# --unity compiles several sources at once, which is faster but inlines other functions: do not measure with it. The build directory
+# keeps it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
