@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace inceres::internal {
 namespace {
@@ -30,20 +31,18 @@ double Product(int rows, int columns, const double* u, const double* B, const do
 
 }  // namespace
 
-// Ranks the candidates by their own gain δ_iᵀ S'_ii δ_i, and finds for each rank what leaving that
-// frame behind as well adds to the cost. One pass over the blocks of the candidates' rows.
+// Ranks the candidates by their own gain δ_iᵀ S'_ii δ_i.
 void ActiveSet::RankFrames(const std::vector<double>& frame_step,
                            const std::vector<double>& damping, const IncrementalSchur& schur) {
   const SymmetricBlockRows& S = schur.S();
-  const auto count = static_cast<int>(candidates_.size());
-  for (std::vector<double>* ranked : {&gains_, &costs_}) {
-    ranked->reserve(S.num_rows());  // how many are ranked is not the same from step to step
-  }
+  const std::size_t count = candidates_.size();
+  // How many are ranked is not the same from step to step.
+  gains_.reserve(S.num_rows());
   order_.reserve(S.num_rows());
   gains_.assign(count, 0.0);
   order_.resize(count);
-  for (int at = 0; at < count; ++at) {
-    order_[at] = at;
+  std::iota(order_.begin(), order_.end(), 0);
+  for (std::size_t at = 0; at < count; ++at) {
     const int i = candidates_[at];
     const int offset = schur.FrameOffset(i);
     const double* delta = frame_step.data() + offset;
@@ -64,30 +63,28 @@ void ActiveSet::RankFrames(const std::vector<double>& frame_step,
   std::sort(order_.begin(), order_.end(), [this](std::int32_t a, std::int32_t b) {
     return gains_[a] != gains_[b] ? gains_[a] < gains_[b] : a < b;
   });
-  rank_.resize(S.num_rows(), -1);
-  costs_.assign(count, 0.0);
-  for (int r = 0; r < count; ++r) {
-    // ½ δ_iᵀ S'_ii δ_i here, and below δ_iᵀ S_ij δ_j at the later of the two ranks: only from
-    // there on are both frames left behind.
-    rank_[candidates_[order_[r]]] = r;
-    costs_[r] = 0.5 * gains_[order_[r]];
-  }
-  for (const std::int32_t i : candidates_) {
-    const double* delta = frame_step.data() + schur.FrameOffset(i);
-    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
-      if (rank_[entry.column] < 0 || entry.column == i) {
-        continue;
-      }
-      const double product =
-          Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
-                  frame_step.data() + schur.FrameOffset(entry.column));
-      costs_[std::max(rank_[i], rank_[entry.column])] += product;
+}
+
+// What leaving candidate `at` behind adds to the cost: ½ δ_iᵀ S'_ii δ_i, and δ_iᵀ S_ij δ_j for each
+// frame j left before it. A block stands in the row of the later frame only; so each row is read
+// once, when its frame is asked for, and what it says of frames that are still to come waits in
+// cross_. Most candidates are never asked for, and S is long.
+double ActiveSet::CostOfLeaving(std::int32_t at, const std::vector<double>& frame_step,
+                                const IncrementalSchur& schur) {
+  const SymmetricBlockRows& S = schur.S();
+  const std::int32_t i = candidates_[at];
+  const double* delta = frame_step.data() + schur.FrameOffset(i);
+  double cost = 0.5 * gains_[at] + cross_[i];
+  for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
+    if (fates_[entry.column] == Fate::kMoves || entry.column == i) {
+      continue;
     }
+    const double product =
+        Product(S.size_of(i), S.size_of(entry.column), delta, S.values(entry.offset),
+                frame_step.data() + schur.FrameOffset(entry.column));
+    (fates_[entry.column] == Fate::kIsLeft ? cost : cross_[entry.column]) += product;
   }
-  // Back to -1, which costs the candidates only, not all rows.
-  for (const std::int32_t i : candidates_) {
-    rank_[i] = -1;
-  }
+  return cost;
 }
 
 // All of the step but for the longest leading part of the ranks that costs no more than the budget;
@@ -107,15 +104,29 @@ void ActiveSet::CutOff(const std::vector<double>& frame_step, const std::vector<
     return;
   }
   RankFrames(frame_step, damping, schur);
+  fates_.resize(schur.frames().size(), Fate::kMoves);
+  cross_.resize(schur.frames().size(), 0.0);
+  for (const std::int32_t i : candidates_) {
+    fates_[i] = Fate::kIsAsked;
+  }
   double undone = 0.0;
   std::size_t left = 0;
   // The first rank that does not fit ends it, even where one after it would make the sum fall
   // again.
-  while (left < order_.size() && undone + costs_[left] <= budget) {
-    undone += costs_[left++];
+  for (; left < order_.size(); ++left) {
+    undone += CostOfLeaving(order_[left], frame_step, schur);
+    if (!(undone <= budget)) {
+      break;
+    }
+    fates_[candidates_[order_[left]]] = Fate::kIsLeft;
   }
   for (std::size_t r = left; r < order_.size(); ++r) {
     move(candidates_[order_[r]]);
+  }
+  // Back to nothing, which costs the candidates only, not all rows.
+  for (const std::int32_t i : candidates_) {
+    fates_[i] = Fate::kMoves;
+    cross_[i] = 0.0;
   }
 }
 

@@ -54,12 +54,16 @@ class ActiveSet {
               double budget, IncrementalSystem* system);
   void RankFrames(const std::vector<double>& frame_step, const std::vector<double>& damping,
                   const IncrementalSchur& schur);
+  double CostOfLeaving(std::int32_t at, const std::vector<double>& frame_step,
+                       const IncrementalSchur& schur);
+
+  enum class Fate : std::uint8_t { kMoves, kIsAsked, kIsLeft };
 
   std::vector<std::int32_t> candidates_;  // the rows that may move, ascending
   std::vector<double> gains_;             // per candidate
   std::vector<std::int32_t> order_;       // candidates by gain
-  std::vector<std::int32_t> rank_;        // per row of S; -1: no candidate
-  std::vector<double> costs_;             // per rank: what leaving this frame behind too adds
+  std::vector<Fate> fates_;               // per row of S, while it is decided
+  std::vector<double> cross_;             // per row of S, and of its blocks with frames left so far
   PartialStep partial_step_;
   std::vector<std::int32_t> frames_;
   IndexSet listed_;  // landmarks of the list, while it is made

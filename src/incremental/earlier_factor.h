@@ -32,6 +32,7 @@ class EarlierFactor {
 
  private:
   bool SeesLittle(double remaining);
+  bool LeavesMuch(double promised) const;
   bool KnowsGraph() const;
   double MostLeft() const;
 
@@ -39,6 +40,7 @@ class EarlierFactor {
   FrameSolve& frame_solve_;
   double left_at_most_ = HUGE_VAL;  // before the first step, as far as the last Update tells
   double left_before_step_ = 0.0;   // by the model, of a step that kept its promise; else 0
+  double promise_error_ = 0.0;      // of the last step, in promises
   // What the last Update left undone, and at which cost; infinite: it did not converge.
   double left_ = HUGE_VAL;
   double left_at_cost_ = 0.0;

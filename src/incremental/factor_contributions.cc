@@ -120,24 +120,26 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
   return blocks;
 }
 
-// In place of the one with q_out if there is one.
-void FactorContributions::AddRows(const Contribution& contribution, const double* q,
-                                  const double* q_out, double sign, const std::int32_t* blocks) {
-  // b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up
-  // in the same kernel.
-  sums_.AddFactor(contribution, q, q_out, sign, blocks);
-  sums_.Touch(rows_of_);
+// b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up in
+// the same kernel.
+void FactorContributions::Add(FactorRef ref, double sign) {
+  if (Sum(ref, sign)) {
+    sums_.Touch(rows_of_);
+  }
 }
 
 // BlocksOf may add blocks to S and move its values, so it comes before the kernels are given
 // pointers.
-void FactorContributions::Add(FactorRef ref, double sign) {
+bool FactorContributions::Sum(FactorRef ref, double sign) {
   const bool is_there = sign > 0.0 ? !IsTurnedOff(ref) : HasBlocks(ref);
   const Contribution contribution = RowsOf(ref);
-  if (contribution.count > 0 && is_there) {
-    const std::int32_t* blocks = BlocksOf(ref);  // S may grow
-    AddRows(contribution, families_[ref.family].weighed().q(ref.factor), nullptr, sign, blocks);
+  if (contribution.count == 0 || !is_there) {
+    return false;
   }
+  const std::int32_t* blocks = BlocksOf(ref);  // S may grow
+  sums_.AddFactor(contribution, families_[ref.family].weighed().q(ref.factor), nullptr, sign,
+                  blocks);
+  return true;
 }
 
 double* FactorContributions::KeepRoom(std::ptrdiff_t count) {
@@ -182,7 +184,9 @@ void FactorContributions::Replace(FactorRef ref, std::ptrdiff_t kept) {
   contribution.replaces = true;
   const bool is_off = IsTurnedOff(ref);
   if (!is_off || HasBlocks(ref)) {
-    AddRows(contribution, families_[ref.family].weighed().q(ref.factor), out, 1.0, BlocksOf(ref));
+    const std::int32_t* blocks = BlocksOf(ref);
+    sums_.AddFactor(contribution, families_[ref.family].weighed().q(ref.factor), out, 1.0, blocks);
+    sums_.Touch(rows_of_);
   }
   if (is_off) {
     ReleaseBlocks(ref);

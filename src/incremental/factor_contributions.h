@@ -28,6 +28,8 @@ class FactorContributions {
 
   /// With the Jacobians cached now: sign +1 adds, -1 takes out.
   void Add(FactorRef ref, double sign);
+  /// The same where the rows are known to have changed; false: it has no place in S.
+  bool Sum(FactorRef ref, double sign);
   /// The same of its part in one row of S, and that row's column.
   void AddToRow(FactorRef ref, std::int32_t only);
   /// Jacobians are about to change: Keep before, Replace after, with what it gave. DropKept ends
@@ -50,8 +52,6 @@ class FactorContributions {
   void ReleaseBlocks(FactorRef ref);
   bool IsCoupled(std::int32_t row, std::int32_t column);
   bool IsTurnedOff(FactorRef ref) const;
-  void AddRows(const Contribution& contribution, const double* q, const double* q_out, double sign,
-               const std::int32_t* blocks);
   double* KeepRoom(std::ptrdiff_t count);
 
   std::vector<IncrementalFamily>& families_;

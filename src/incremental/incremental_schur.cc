@@ -234,6 +234,11 @@ int IncrementalSchur::ResumDrifted(double cost) {
   return static_cast<int>(scratch_.size());
 }
 
+void IncrementalSchur::NoteNoDrift(double cost) {
+  drift_cost_ = cost;
+  sums_.changes().ClearUnchecked();
+}
+
 // One row and its column, of factors with frames only and of landmarks that see the frame. Factors
 // of a landmark are listed with the landmark.
 void IncrementalSchur::ResumFrame(std::int32_t frame) {
@@ -269,7 +274,7 @@ void IncrementalSchur::Rebuild() {
   for (const IncrementalFamily& family : families_) {
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
       if (family.weighed().linearized(i)) {
-        factors_.Add({family.id(), i}, 1.0);
+        factors_.Sum({family.id(), i}, 1.0);  // all rows are touched above
       }
     }
   }

@@ -80,15 +80,22 @@ void ReducedVectors::Read(const IncrementalSchur& schur, std::int32_t row) {
 void ReducedVectors::Damp(const IncrementalSchur& schur, std::int32_t row) {
   // The thesis's form is there for comparison.
   const std::vector<double>& scale = form_ == DampingForm::kThesis ? diagonal_ : weights_;
-  const int offset = schur.FrameOffset(row);
+  const int offset = schur.FrameOffset(row), end = schur.FrameOffset(row + 1);
+  if (constant_[row] != 0) {
+    std::fill(damping_.begin() + offset, damping_.begin() + end, 1.0);
+    pulls_[row] = 0.0;
+    return;
+  }
+  for (int k = offset; k < end; ++k) {
+    damping_[k] = mu_ * std::max(scale[k], kTinyDiagonal);
+  }
+  // A held coordinate stays in the matrix, so that its pattern does not change: with b of zero and
+  // so much damping the step is zero but for rounding, and CutOff zeroes the rest.
   const char* held = schur.HeldAtBounds(schur.frames()[row].quad);
-  for (int k = offset; k < schur.FrameOffset(row + 1); ++k) {
-    // A held coordinate stays in the matrix, so that its pattern does not change: with b of zero
-    // and so much damping the step is zero but for rounding, and CutOff zeroes the rest.
-    damping_[k] = constant_[row] != 0 ? 1.0
-                  : held != nullptr && held[k - offset] != 0
-                      ? kHoldingDamping * std::max(diagonal_[k], kTinyDiagonal)
-                      : mu_ * std::max(scale[k], kTinyDiagonal);
+  for (int k = offset; held != nullptr && k < end; ++k) {
+    if (held[k - offset] != 0) {
+      damping_[k] = kHoldingDamping * std::max(diagonal_[k], kTinyDiagonal);
+    }
   }
   pulls_[row] = Pull(schur, row, b_.data() + offset);
 }

@@ -121,12 +121,30 @@ void TrialStep::ReachFromFrame(std::int32_t i) {
   }
 }
 
+// Where there is nobody but frames, and all of them move.
+void TrialStep::TouchAll() {
+  for (const IncrementalFamily& family : families_) {
+    for (std::int32_t i = 0; i < family.num_places(); ++i) {
+      if (family.weighed().linearized(i)) {
+        touched_[family.id()].Add(i);
+      }
+    }
+  }
+  active_.frames().ForEach([this](std::int32_t i) { reached_.Add(i); });
+}
+
 void TrialStep::NameTouched() {
   if (touched_named_) {
     return;
   }
   touched_named_ = true;
-  active_.frames().ForEach([this](std::int32_t i) { ReachFromFrame(i); });
+  const bool all_move = active_.frames().count() == schur_.structure().num_frames() &&
+                        schur_.structure().num_landmarks() == 0;
+  if (all_move) {
+    TouchAll();
+  } else {
+    active_.frames().ForEach([this](std::int32_t i) { ReachFromFrame(i); });
+  }
   // Through z: b follows the landmark's η in all rows of its separator.
   const auto reach_frames = [this](std::int32_t l) {
     if (reached_.count() == schur_.structure().num_frames()) {

@@ -117,6 +117,7 @@ class TrialStep {
   void Touch(const std::vector<FactorRef>& factors);
   void TouchAndReach(const std::vector<FactorRef>& factors);
   void NameTouched();
+  void TouchAll();
   void ReachFromFrame(std::int32_t frame);
   void DropChanges();
   void Stretch(std::int32_t landmark);

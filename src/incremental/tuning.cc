@@ -73,6 +73,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.share", &tuning->stop.share);
   real("stop.plain_share", &tuning->stop.plain_share);
   real("stop.rest_share", &tuning->stop.rest_share);
+  real("stop.plain_rest_share", &tuning->stop.plain_rest_share);
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.factor_growth", &tuning->stop.factor_growth);
   real("stop.nothing_share", &tuning->stop.nothing_share);
@@ -104,6 +105,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("earlier_factor.caution", &tuning->earlier_factor.caution);
   real("earlier_factor.step_share", &tuning->earlier_factor.step_share);
   real("earlier_factor.contraction", &tuning->earlier_factor.contraction);
+  real("earlier_factor.worth_asking", &tuning->earlier_factor.worth_asking);
   real("retreat.damping_growth", &tuning->retreat.damping_growth);
   real("retreat.poor_ratio", &tuning->retreat.poor_ratio);
   real("retreat.good_ratio", &tuning->retreat.good_ratio);

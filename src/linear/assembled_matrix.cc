@@ -45,10 +45,13 @@ void AssembledMatrix::Take(const SymmetricBlockRows& S, int row,
   if (values_.size() < end) {
     values_.resize(end);
   }
-  if (left_out) {
-    std::fill_n(values_.begin() + block.offset, length, 0.0);
-  } else {
-    std::copy_n(S.values(block.offset), length, values_.begin() + block.offset);
+  // Whole quads, of a block that is mostly too small for a library call to be worthwhile.
+  double* const taken = values_.data() + block.offset;
+  const double* const values = S.values(block.offset);
+  for (std::size_t k = 0; k < length; k += kQuad) {
+    for (std::size_t i = k; i < k + kQuad; ++i) {
+      taken[i] = left_out ? 0.0 : values[i];
+    }
   }
 }
 

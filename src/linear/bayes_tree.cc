@@ -26,21 +26,6 @@ namespace inceres::internal {
 
 namespace {
 
-// Calls visit(row of the block, its entry, the other row) for the blocks off the diagonal.
-// Both ways are needed because S stores a block with its larger row, while either row may be the
-// one that is eliminated first.
-template <typename Visit>
-void ForEachBlockOf(const SymmetricBlockRows& S, int row, const Visit& visit) {
-  for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
-    if (entry.column != row) {
-      visit(row, entry, entry.column);
-    }
-  }
-  for (const int below : S.below(row)) {
-    visit(below, SymmetricBlockRows::Entry{row, S.Find(below, row)}, below);
-  }
-}
-
 // A held row stays in the tree. Without its blocks, and with 1 on its diagonal, nothing couples it,
 // and to hold or free it costs no new order.
 bool IsLeftOut(const ReducedMatrix& A, int row, int column) {
@@ -65,8 +50,14 @@ Status BayesTree::PlanFor(const ReducedMatrix& A) {
     }
     version_ = S.version();
   }
+  // A row that has left S has no clique. Diagonals first: where much has changed they tell of most
+  // cliques, and the blocks of stale ones are not compared.
+  rows_.ForEachPending([&](int row) {
+    if (S.size_of(row) > 0) {
+      FindChangedDiagonal(A, row);
+    }
+  });
   rows_.TakePending([&](int row) {
-    // A row that has left S has no clique.
     if (S.size_of(row) > 0) {
       FindChangedBlocks(A, row);
     }
@@ -94,23 +85,43 @@ Status BayesTree::RebuildTree(const SymmetricBlockRows& S) {
   return rebuilt;
 }
 
-// A block lies in the columns of that of its rows which is eliminated first.
-// Compares the values of the row's blocks with those in the factor, but for blocks of cliques that
-// are stale already.
+void BayesTree::FindChangedDiagonal(const ReducedMatrix& A, int row) {
+  const SymmetricBlockRows& S = *A.rows();
+  const int own = tree_.CliqueOf(row);
+  if (tree_.clique(own).is_factored &&
+      (!assembled_.HasDiagonal(row, A.diagonal() + substitution_.Offset(row), S.size_of(row)) ||
+       !assembled_.Has(S, row, S.row(row).back(), IsLeftOut(A, row, row)))) {
+    MarkStale(own);
+  }
+}
+
+// Compares the values of the row's blocks off the diagonal with those in the factor, but for blocks
+// of cliques that are stale already. A block lies in the columns of that of its rows which is
+// eliminated first.
 void BayesTree::FindChangedBlocks(const ReducedMatrix& A, int row) {
   const SymmetricBlockRows& S = *A.rows();
   const int own = tree_.CliqueOf(row);
-  if (!assembled_.HasDiagonal(row, A.diagonal() + substitution_.Offset(row), S.size_of(row)) ||
-      !assembled_.Has(S, row, S.row(row).back(), IsLeftOut(A, row, row))) {
-    MarkStale(own);
-  }
-  ForEachBlockOf(S, row, [&](int i, const SymmetricBlockRows::Entry& block, int other) {
-    const int c = tree_.IsBefore(row, other) ? own : tree_.CliqueOf(other);
-    if (tree_.clique(c).is_factored &&
-        !assembled_.Has(S, i, block, IsLeftOut(A, i, block.column))) {
+  const auto clique_with = [&](int other) {
+    return tree_.IsBefore(row, other) ? own : tree_.CliqueOf(other);
+  };
+  const auto differs = [&](int i, const SymmetricBlockRows::Entry& block) {
+    return !assembled_.Has(S, i, block, IsLeftOut(A, i, block.column));
+  };
+  for (const SymmetricBlockRows::Entry& block : S.row(row)) {
+    if (block.column == row) {
+      continue;
+    }
+    const int c = clique_with(block.column);
+    if (tree_.clique(c).is_factored && differs(row, block)) {
       MarkStale(c);
     }
-  });
+  }
+  for (const int below : S.below(row)) {
+    const int c = clique_with(below);
+    if (tree_.clique(c).is_factored && differs(below, {row, S.Find(below, row)})) {
+      MarkStale(c);
+    }
+  }
 }
 
 // Children before parents, by stamp, one clique after the other; threads serve within a large
@@ -161,14 +172,18 @@ void BayesTree::Assemble(const ReducedMatrix& A, int c) {
   };
   for (int k = 0; k < clique.num_pivots; ++k) {
     const int row = clique.rows[k], size = S.size_of(row);
-    take(row, S.row(row).back());
-    ForEachBlockOf(S, row, [&](int i, const SymmetricBlockRows::Entry& block, int other) {
-      // Otherwise the block belongs to the clique of the other row, or comes when that pivot's turn
-      // does.
-      if (tree_.IsBefore(row, other)) {
-        take(i, block);
+    // A block stands with its larger row, while either row may be the one that is eliminated first.
+    // Otherwise it belongs to the clique of the other row, or comes when that pivot's turn does.
+    for (const SymmetricBlockRows::Entry& block : S.row(row)) {
+      if (block.column == row || tree_.IsBefore(row, block.column)) {
+        take(row, block);
       }
-    });
+    }
+    for (const int below : S.below(row)) {
+      if (tree_.IsBefore(row, below)) {
+        take(below, {row, S.Find(below, row)});
+      }
+    }
     const double* diagonal = A.diagonal() + substitution_.Offset(row);
     assembled_.TakeDiagonal(row, diagonal, size);
     // Down the diagonal: one column and one row further.

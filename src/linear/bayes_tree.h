@@ -71,6 +71,7 @@ class BayesTree : public ReducedSolver, public HalfSolves {
 
  private:
   Status RebuildTree(const SymmetricBlockRows& S);
+  void FindChangedDiagonal(const ReducedMatrix& A, int row);
   void FindChangedBlocks(const ReducedMatrix& A, int row);
   void MarkStale(int c) { tree_.ClearUpwards(c, &Clique::is_factored, &stale_); }
   void Assemble(const ReducedMatrix& A, int c);

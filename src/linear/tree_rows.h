@@ -38,7 +38,12 @@ class TreeRows {
   bool IsWhole() const { return tree_.IsWhole() && new_rows_.empty(); }
   /// CliqueTree::Rebuild with what was taken up.
   Status Rebuild(const SymmetricBlockRows& S, std::vector<int>* made);
-  /// Calls visit(row) of what has changed, and forgets that it has.
+  /// Calls visit(row) of what has changed.
+  template <typename Visit>
+  void ForEachPending(const Visit& visit) const {
+    std::for_each(pending_.begin(), pending_.end(), visit);
+  }
+  /// The same, and forgets that it has.
   template <typename Visit>
   void TakePending(const Visit& visit) {
     for (const int row : pending_) {
