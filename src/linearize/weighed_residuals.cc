@@ -94,12 +94,16 @@ RobustScale WeighedResiduals::Weigh(const Linearization& factors, int factor) {
   state.error = state.squared_gradient_error = 0.0;
   linearized_[factor] = corrected ? Linearized::kCorrected : Linearized::kPlainly;
   const double residual_scale = scale.residual();
-  const double sqrt_beta = std::sqrt(1.0 / scale.root - 1.0);
+  double* const predicted_f = predicted_f_.data() + First(factor);
+  double* const q = q_.data() + First(factor);
   for (int r = 0; r < size_; ++r) {
-    predicted_f_[First(factor) + r] = f[r];
-    q_[First(factor) + r] = residual_scale * f[r];
+    predicted_f[r] = f[r];
+    q[r] = residual_scale * f[r];
+  }
+  if (corrected) {
     // α < 0 does not occur here, for kNegative makes 1 − α at most 1; so β has a root.
-    if (corrected) {
+    const double sqrt_beta = std::sqrt(1.0 / scale.root - 1.0);
+    for (int r = 0; r < size_; ++r) {
       correction_[First(factor) + r] = sqrt_beta * f[r] / std::sqrt(value.s);
     }
   }
