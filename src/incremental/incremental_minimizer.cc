@@ -26,7 +26,6 @@ Tuning::Stop StopRulesFor(const IncrementalSystem& system, const IncrementalOpti
   }
   if (IsPlain(system)) {
     rules.share = rules.plain_share;
-    rules.rest_share = rules.plain_rest_share;
     rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
   }
   return rules;

@@ -3,9 +3,9 @@
 namespace inceres::internal {
 
 // The tests of docs/algorithms.md, "Stopping rule", in its letters: R is `remaining`, G
-// `landmark_gain`, L `landmark_rest`, T = Tolerance(cost), σ T = Allowed(cost), κ `rest_share`,
-// and the factor s of a claim is `series`. They only say that little is left; whether that is
-// believed (trust rules) is the minimizer's business.
+// `landmark_gain`, L `landmark_rest`, T = Tolerance(cost), σ T = Allowed(cost), and the factor s of
+// a claim is `series`. They only say that little is left; whether that is believed (trust
+// rules) is the minimizer's business.
 
 bool StoppingRule::IsLittleLeft(double remaining, double landmark_gain, double cost, int iteration,
                                 bool mostly_new) {

@@ -11,10 +11,10 @@ namespace inceres::internal {
 /// that the model sees left, G what of it landmarks could gain by themselves, and T the tolerance,
 /// it ends when
 ///
-///     R ≤ σ T and R + L ≤ κ T,
-///     or the steps to come gain little: a R / (1 − φ) + L ≤ κ T,
+///     R ≤ σ T and R + L ≤ T / 2,
+///     or the steps to come gain little: a R / (1 − φ) + L ≤ T / 2,
 ///     or the Update before ended by that with R₀ and nothing much has come since,
-///     s R₀ / (κ T) + max(0, R − R₀) / (σ T) ≤ 1 with its s = a / (1 − φ) and G = 0,
+///     s R₀ / (T / 2) + max(0, R − R₀) / (σ T) ≤ 1 with its s = a / (1 − φ) and G = 0,
 ///     or so many iterations have together gained no more than T, and R ≤ T.
 ///
 /// L is what landmarks could gain by themselves beyond G, by the curvatures that their last pass

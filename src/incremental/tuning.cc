@@ -73,7 +73,6 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.share", &tuning->stop.share);
   real("stop.plain_share", &tuning->stop.plain_share);
   real("stop.rest_share", &tuning->stop.rest_share);
-  real("stop.plain_rest_share", &tuning->stop.plain_rest_share);
   real("stop.steady_factor", &tuning->stop.steady_factor);
   real("stop.factor_growth", &tuning->stop.factor_growth);
   real("stop.nothing_share", &tuning->stop.nothing_share);

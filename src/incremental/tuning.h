@@ -21,8 +21,6 @@ struct Tuning {
     double plain_share = 0.35;
     /// Of the tolerance: what the steps so far let expect of all to come together.
     double rest_share = 0.5;
-    /// The same of a graph without landmarks and without losses.
-    double plain_rest_share = 0.9;
     /// What the model promises has to fall by more than this factor from one step to the next for
     /// that.
     double steady_factor = 0.5;

@@ -4,6 +4,7 @@
 #include <initializer_list>
 
 #include "base/growth_count.h"
+#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -101,7 +102,7 @@ void SymmetricBlockRows::ZeroRow(int row) {
 
 // All of the array, room that is free included: one pass.
 void SymmetricBlockRows::Zero() {
-  std::fill(values_.begin(), values_.end(), 0.0);
+  BestSmallKernels().set_zero(static_cast<std::int64_t>(values_.size()), values_.data());
 }
 
 // For solvers that know nothing of edits: the living rows, renumbered without gaps. Kept until a

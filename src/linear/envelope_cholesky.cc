@@ -121,7 +121,9 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   // The start belongs to the structure of S and to what is held, not to values.
   row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
-  memory.values.assign(static_cast<std::size_t>(size) * row.stride, 0.0);
+  memory.values.resize(static_cast<std::size_t>(size) * row.stride);
+  BestSmallKernels().set_zero(static_cast<std::int64_t>(memory.values.size()),
+                              memory.values.data());
   memory.inverse_pivots.resize(size);
   row.values = memory.values.data();
   row.inverse_pivots = memory.inverse_pivots.data();
