@@ -30,17 +30,6 @@ bool EarlierFactor::SeesLittle(double remaining) {
   return context_.IsLittleLeft(remaining, 0.0);
 }
 
-// What the step that promised this has left is foreseen, and b not looked at where it is too much
-// for either verdict. A step that was off by a share of e of its promise leaves about as much of
-// it; and what is left goes on to fall as it has fallen.
-bool EarlierFactor::LeavesMuch(double promised) const {
-  const Tuning::EarlierFactor& tuning = context_.tuning.earlier_factor;
-  const double T = context_.Tolerance();
-  const double factor = context_.stop.factor_of_last_step();
-  return promise_error_ * promised > tuning.worth_asking * T ||
-         (factor > tuning.contraction && factor * promised > T);
-}
-
 // A step that kept its promise, on a pose graph, has hardly changed S in the direction that counts:
 // b is new, and ½ bᵀS⁻¹b by the factor of before is taken to be right to a factor. Little left is
 // then left without a factorization; and of a rest that is small anyway a step by that factor takes
@@ -49,7 +38,7 @@ bool EarlierFactor::LeavesMuch(double promised) const {
 EarlierFactor::Verdict EarlierFactor::Ask() {
   const Tuning::EarlierFactor& tuning = context_.tuning.earlier_factor;
   const double before = std::exchange(left_before_step_, 0.0);
-  if (!(before > 0.0) || LeavesMuch(before) || context_.mostly_new || !KnowsGraph()) {
+  if (!(before > 0.0) || context_.mostly_new || !KnowsGraph()) {
     return Verdict::kSaysNothing;
   }
   frame_solve_.Refresh();
@@ -94,10 +83,23 @@ bool EarlierFactor::LittleHasCome() {
   return true;
 }
 
+// What a step has left is foreseen, and b not looked at where that is too much for either verdict
+// of Ask. A step that was off by a share of e of its promise leaves about as much of it; and what
+// is left goes on to fall as it has fallen.
+bool EarlierFactor::LeavesMuch(double promised, double error) const {
+  const Tuning::EarlierFactor& tuning = context_.tuning.earlier_factor;
+  const double T = context_.Tolerance();
+  const double factor = context_.stop.factor_of_last_step();
+  return error * promised > tuning.worth_asking * T ||
+         (factor > tuning.contraction && factor * promised > T);
+}
+
 void EarlierFactor::NoteStep(double gain_ratio, bool shortened) {
-  promise_error_ = std::fabs(gain_ratio - 1.0);
-  const bool kept = !shortened && promise_error_ <= context_.tuning.earlier_factor.kept;
-  left_before_step_ = kept ? context_.summary->remaining_decrease : 0.0;
+  const double promised = context_.summary->remaining_decrease;
+  const double error = std::fabs(gain_ratio - 1.0);
+  const bool is_worth_asking =
+      !shortened && error <= context_.tuning.earlier_factor.kept && !LeavesMuch(promised, error);
+  left_before_step_ = is_worth_asking ? promised : 0.0;
 }
 
 }  // namespace inceres::internal

@@ -32,15 +32,15 @@ class EarlierFactor {
 
  private:
   bool SeesLittle(double remaining);
-  bool LeavesMuch(double promised) const;
+  bool LeavesMuch(double promised, double error) const;
   bool KnowsGraph() const;
   double MostLeft() const;
 
   UpdateContext& context_;
   FrameSolve& frame_solve_;
   double left_at_most_ = HUGE_VAL;  // before the first step, as far as the last Update tells
-  double left_before_step_ = 0.0;   // by the model, of a step that kept its promise; else 0
-  double promise_error_ = 0.0;      // of the last step, in promises
+  // By the model, of a step that kept its promise and may have left little; else 0.
+  double left_before_step_ = 0.0;
   // What the last Update left undone, and at which cost; infinite: it did not converge.
   double left_ = HUGE_VAL;
   double left_at_cost_ = 0.0;

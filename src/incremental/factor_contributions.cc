@@ -120,16 +120,15 @@ const std::int32_t* FactorContributions::BlocksOf(FactorRef ref) {
   return blocks;
 }
 
-// b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up in
-// the same kernel.
 void FactorContributions::Add(FactorRef ref, double sign) {
   if (Sum(ref, sign)) {
     sums_.Touch(rows_of_);
   }
 }
 
-// BlocksOf may add blocks to S and move its values, so it comes before the kernels are given
-// pointers.
+// b has −J_cᵀq, so it gets the opposite sign of S. The peaks that drift is judged by are kept up in
+// the same kernel. BlocksOf may add blocks to S and move its values, so it comes before the kernel
+// is given pointers.
 bool FactorContributions::Sum(FactorRef ref, double sign) {
   const bool is_there = sign > 0.0 ? !IsTurnedOff(ref) : HasBlocks(ref);
   const Contribution contribution = RowsOf(ref);

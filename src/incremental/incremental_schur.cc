@@ -234,11 +234,6 @@ int IncrementalSchur::ResumDrifted(double cost) {
   return static_cast<int>(scratch_.size());
 }
 
-void IncrementalSchur::NoteNoDrift(double cost) {
-  drift_cost_ = cost;
-  sums_.changes().ClearUnchecked();
-}
-
 // One row and its column, of factors with frames only and of landmarks that see the frame. Factors
 // of a landmark are listed with the landmark.
 void IncrementalSchur::ResumFrame(std::int32_t frame) {
@@ -283,6 +278,9 @@ void IncrementalSchur::Rebuild() {
       contributions_.Add(l, -1.0);
     }
   }
+  // Sums that are new have not drifted; the next look begins with the cost of then.
+  sums_.changes().ClearUnchecked();
+  drift_cost_ = 0.0;
 }
 
 // ½ ‖z‖² = ½ ηᵀ (P + λD)⁻¹ η.

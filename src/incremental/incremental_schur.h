@@ -90,8 +90,6 @@ class IncrementalSchur {
   /// where cancellation has eaten digits: of S and C against C, of b against √(C · 2 cost). Returns
   /// how many.
   int ResumDrifted(double cost);
-  /// The same after Rebuild, where none can have.
-  void NoteNoDrift(double cost);
   /// S and b from the caches: every factor, and every landmark with the Y and z it has. Between the
   /// two calls contributions taken out are only forgotten: nothing of the old S and b is read.
   void BeginRebuild() { rebuilding_ = true; }

@@ -162,12 +162,8 @@ Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, Relineari
   work->num_landmarks = dirty_.Eliminate(lambda);
   cost_.Resum(families_, num_factors());
   // After S and b have changed for the last time; what is summed anew there does not change what
-  // they are, but for rounding. Where all was summed anew nothing has drifted.
-  if (work->rebuilt) {
-    schur_.NoteNoDrift(cost());
-  } else {
-    work->num_drifted_frames = schur_.ResumDrifted(cost());
-  }
+  // they are, but for rounding.
+  work->num_drifted_frames = schur_.ResumDrifted(cost());
   // By the b of now, so it comes last.
   HoldAtBounds();
   return Status::Ok();

@@ -33,7 +33,7 @@ void PaddedVectors::MakeRoom(std::int32_t quad, int size) {
 
 void PaddedVectors::Zero(std::int32_t quad, int size) {
   for (AlignedVector<double>* padded : {&rhs_, &C_diagonal_, &C_peak_, &b_peak_}) {
-    double* const entries = padded->data() + First(quad);
+    double* const entries = padded->data() + First(quad);  // mostly a quad or two
     for (int k = 0; k < size; k += kQuad) {
       std::fill_n(entries + k, kQuad, 0.0);
     }

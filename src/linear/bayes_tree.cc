@@ -57,11 +57,12 @@ Status BayesTree::PlanFor(const ReducedMatrix& A) {
       FindChangedDiagonal(A, row);
     }
   });
-  rows_.TakePending([&](int row) {
+  rows_.ForEachPending([&](int row) {
     if (S.size_of(row) > 0) {
       FindChangedBlocks(A, row);
     }
   });
+  rows_.ForgetPending();
   flops_ = 0.0;
   for (const int c : stale_) {
     flops_ += tree_.clique(c).front.flops();

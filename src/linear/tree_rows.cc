@@ -17,7 +17,7 @@ namespace inceres::internal {
 // - Any other block, or a row that is new: the cliques of its rows and those above dissolve.
 //
 // Neighbors are known from both ends, so that a change that is told of one row only is known of the
-// other. Pending rows stay pending until TakePending: what fails halfway is done again.
+// other. Pending rows stay pending until ForgetPending: what fails halfway is done again.
 
 namespace {
 

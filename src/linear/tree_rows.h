@@ -43,13 +43,8 @@ class TreeRows {
   void ForEachPending(const Visit& visit) const {
     std::for_each(pending_.begin(), pending_.end(), visit);
   }
-  /// The same, and forgets that it has.
-  template <typename Visit>
-  void TakePending(const Visit& visit) {
-    for (const int row : pending_) {
-      rows_[static_cast<std::size_t>(row)].is_pending = false;
-      visit(row);
-    }
+  void ForgetPending() {
+    ForEachPending([this](int row) { rows_[static_cast<std::size_t>(row)].is_pending = false; });
     pending_.clear();
   }
 
