@@ -130,7 +130,7 @@ bool IncrementalMinimizer::Begin() {
   }
   // The tolerance is made of the cost and its rounding at the values of now, so the linearization
   // comes first. Whatever the last Update has claimed counts for one that goes on from there, and
-  // not after the batch solver.
+  // not after the batch solver, whose last step is to bear out what is claimed next.
   const StoppingRule before = context_.stop;
   context_.stop = StoppingRule(StopRulesFor(system, context_.options, context_.tuning),
                                context_.options.function_tolerance, context_.options.fixed_cost,
@@ -138,6 +138,9 @@ bool IncrementalMinimizer::Begin() {
   if (begins) {
     context_.stop.GoOnFrom(before);
     summary.initial_cost = system.cost();
+  } else if (summary.iterations.back().step_is_successful) {
+    const UpdateIteration& row = summary.iterations.back();
+    context_.stop.StepTaken(row.model_cost_change, row.cost_change, row.relative_decrease);
   }
   earlier_factor_.Begin(begins);
   const bool go_on = !begins || context_.EndIteration();

@@ -135,6 +135,8 @@ class StoppingRule {
   // Gain ratio of a step along which the cost is straight: of what its slope promises, the model's
   // curvature takes half. Above that the cost curves downward.
   static constexpr double kCurvesDown = 2.0;
+  // Of a step that gained less than half of what it promised, for the cost curves upward there.
+  static constexpr double kCurvesUp = 0.5;
 
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;

@@ -28,6 +28,16 @@ bool IsLittle(StoppingRule* rule, double remaining, double landmark_gain) {
   return rule->IsLittleLeft(remaining * kTolerance, landmark_gain * kTolerance, kCost, 1, false);
 }
 
+// A first claim that no step bears out has to wait for one.
+TEST(StoppingRule, AStepThatMissesItsPromiseBearsNothingOut) {
+  for (const double gain_ratio : {0.2, 0.6, 1.9, 2.5}) {
+    StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+    rule.StepTaken(0.1 * kTolerance, 0.1 * gain_ratio * kTolerance, gain_ratio);
+    EXPECT_TRUE(IsLittle(&rule, 0.05, 0.0));
+    EXPECT_EQ(rule.WaitForStep(), gain_ratio < 0.5 || gain_ratio > 2.0) << gain_ratio;
+  }
+}
+
 TEST(StoppingRule, LandmarksThatMayCreepAreAskedFirst) {
   StoppingRule rule = RuleAfterAStep();
   EXPECT_FALSE(IsLittle(&rule, 0.07, 0.05));
