@@ -49,6 +49,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   void BeforeEvaluation(const double* state, bool jacobians, bool new_point) override;
   bool IsWorthTrying(const IterationSummary& iteration, const StepOrigin& origin) override;
   bool IsLast(const IterationSummary& iteration) override;
+  /// A step that is short for its damping is no sign of a minimum.
+  bool MayEndByTolerance() override {
+    return options_.batch_share == 0.0 || !IsByMarquardt() || tried_radius_ >= tuning_.proof_radius;
+  }
   bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
   bool HoldsRefusing() override { return hold_.on; }

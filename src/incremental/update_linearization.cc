@@ -66,11 +66,11 @@ bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& wor
 
 // Along a direction with a gradient g, in which H is as stiff as s, there is ½ g² / (s + μ) to gain
 // with a damping of μ. With λ in its place the step is δ = g / (s + λ): where s is small beside λ,
-// g is λδ, and ½ (λδ)² / μ the most that is hidden.
+// g is λδ, and ½ (λδ)² / μ the most that is hidden: of what is worth it to look for, whatever μ the
+// frames happen to have.
 bool UpdateLinearization::MayHide() const {
   const Tuning::Landmarks& landmarks = context_.tuning.landmarks;
-  const double least =
-      std::max(context_.control.mu(), landmarks.least_seen * landmarks.min_damping);
+  const double least = landmarks.least_seen * landmarks.min_damping;
   return 0.5 * damped_square_ > least * context_.tuning.stop.rest_share * context_.Tolerance();
 }
 

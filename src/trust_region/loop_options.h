@@ -49,6 +49,10 @@ class StepJudge {
   /// what it was. 0: as it is.
   virtual double LeastRadius() { return 0.0; }
 
+  /// Whether the step under judgment, where it is short or changes the cost by little, may end the
+  /// solve by a tolerance.
+  virtual bool MayEndByTolerance() { return true; }
+
   /// Whether a step that was accepted is taken back, and refused, where its end has a cost and no
   /// Jacobians. By default that ends the solve, as in Ceres.
   virtual bool TakesBack() { return false; }

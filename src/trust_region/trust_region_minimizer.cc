@@ -324,20 +324,20 @@ bool TrustRegionMinimizer::CallbacksContinue() {
 
 // Ceres asks before a candidate is accepted. CeresRules::k22 leaves the norm of the first steps 0.
 bool TrustRegionMinimizer::TolerancesReached() {
+  // A step that is short, or gains little, only because a border held it is no sign of a minimum.
+  const bool counts =
+      !trial_.IsHeldAtBorder() && (loop_.judge == nullptr || loop_.judge->MayEndByTolerance());
   // Up to 2.1 state_norm_ is −1 before the first accepted step, which no step is short against.
   if (loop_.rules == CeresRules::k21 || any_step_accepted_) {
     iteration_.step_norm = evaluation_.CandidateDistance(nullptr);
-    if (!trial_.IsHeldAtBorder() &&
-        EndsByParameterTolerance(iteration_.step_norm, state_norm_, options_.parameter_tolerance,
-                                 &summary_)) {
+    if (counts && EndsByParameterTolerance(iteration_.step_norm, state_norm_,
+                                           options_.parameter_tolerance, &summary_)) {
       return true;
     }
   }
-  // A step that is short, or gains little, only because a border held it is no sign of a minimum.
   iteration_.cost_change = cost_ - trial_.cost();
-  return !trial_.IsHeldAtBorder() &&
-         EndsByFunctionTolerance(iteration_.cost_change, cost_, loop_.fixed_cost,
-                                 options_.function_tolerance, &summary_);
+  return counts && EndsByFunctionTolerance(iteration_.cost_change, cost_, loop_.fixed_cost,
+                                           options_.function_tolerance, &summary_);
 }
 
 // The candidate becomes the current point. Factors may move their expansion points now, before the

@@ -32,19 +32,27 @@ std::int64_t NumEvaluations(const UpdateSummary& update) {
   return update.num_evaluated_factors + update.num_relinearized_factors;
 }
 
-bool IsOnItsWay(const ceres::Solver::Summary& summary, int iterations_left) {
+// What the last kPaceIterations have gained; all of it where there were fewer.
+double GainedLately(const ceres::Solver::Summary& summary) {
   const auto& iterations = summary.iterations;
-  if (static_cast<int>(iterations.size()) <= internal::kPaceIterations) {
-    return false;
-  }
+  const int num_before =
+      std::max(0, static_cast<int>(iterations.size()) - internal::kPaceIterations);
   const auto lower = [](double cost, const ceres::IterationSummary& iteration) {
     return iteration.step_is_successful ? std::min(cost, iteration.cost) : cost;
   };
-  const double before =
-      std::accumulate(iterations.begin(), iterations.end() - internal::kPaceIterations,
-                      summary.initial_cost, lower);
-  const double now = summary.final_cost;
-  return internal::IsOnItsWay(before - now, now - summary.fixed_cost, iterations_left);
+  return std::accumulate(iterations.begin(), iterations.begin() + num_before, summary.initial_cost,
+                         lower) -
+         summary.final_cost;
+}
+
+bool IsOnItsWay(const ceres::Solver::Summary& summary, int iterations_left) {
+  return static_cast<int>(summary.iterations.size()) > internal::kPaceIterations &&
+         internal::IsOnItsWay(GainedLately(summary), summary.final_cost - summary.fixed_cost,
+                              iterations_left);
+}
+
+double Tolerance(const internal::SolveInput& input, const ceres::Solver::Summary& summary) {
+  return input.options.function_tolerance * (summary.final_cost - summary.fixed_cost);
 }
 
 }  // namespace
@@ -80,8 +88,13 @@ class CeresSession::Impl {
   // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values
   // that cannot be evaluated.
   enum class Part { kNone, kDone, kAborted };
-  Part GoOnInBatch(const internal::SolveInput& input, TrustRegionStrategyKind strategy,
-                   int max_iterations, SolveReport* report, ceres::Solver::Summary* summary);
+  struct Descent {
+    TrustRegionStrategyKind strategy;
+    int max_iterations = 0;
+    bool as_ceres = false;  // by its iterates, and its rules
+  };
+  Part GoOnInBatch(const internal::SolveInput& input, const Descent& descent, SolveReport* report,
+                   ceres::Solver::Summary* summary);
   void SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
   std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
@@ -176,8 +189,8 @@ bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
 // The batch solver, from the values in the user's memory. What is remembered stays, and finds the
 // values changed.
 CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input,
-                                                         TrustRegionStrategyKind strategy,
-                                                         int max_iterations, SolveReport* report,
+                                                         const Descent& descent,
+                                                         SolveReport* report,
                                                          ceres::Solver::Summary* summary) {
   internal::SolveInput again{input.options, view, input.ordering, input.clock};
   again.asked = input.asked;
@@ -192,10 +205,10 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   std::swap(first, *summary);
   const SolveReport before = *report;
   IncrementalOptions of_batch = internal::IncrementalOptionsFor(again, options.core);
-  of_batch.max_num_iterations = max_iterations;
+  of_batch.max_num_iterations = descent.max_iterations;
   of_batch.max_factor_evaluations -= NumEvaluations(before.update);
-  of_batch.batch_share = std::min(of_batch.batch_share, 0.5);
-  of_batch.batch_strategy = strategy;
+  of_batch.batch_share = descent.as_ceres ? 0.0 : std::min(of_batch.batch_share, 0.5);
+  of_batch.batch_strategy = descent.strategy;
   internal::SolveIncrementally(again, of_batch, nullptr, summary, report);
   // What was reached stays, unless it is found to have no cost: what is remembered of it is then
   // out of date.
@@ -217,65 +230,66 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   return summary->IsSolutionUsable() ? Part::kDone : Part::kAborted;
 }
 
-// What incremental steps did not finish, first from where they have come to, by Marquardt's rule,
-// or by the user's strategy where they came down fast; where that does not end either, from the
-// start, as who remembers nothing would have gone. The lower of both ends counts. False after an
+// What incremental steps did not finish. Where they have hardly come down lately an end is near,
+// and Marquardt's rule goes on from there. What is not proven then is solved from the start as
+// Ceres would, so that no solve takes many more iterations than there; and from the lower one of
+// both ends Marquardt's rule goes on, unless that one has been its end before. False after an
 // abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::SolveInput& input,
                                        const IncrementalOptions& core,
                                        const internal::StartValues& start, SolveReport* report,
                                        ceres::Solver::Summary* summary) {
+  constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   const auto iterations_left = [&] {
     return std::max(
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
-  constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
-  const bool on_its_way = IsOnItsWay(*summary, iterations_left());
-  const int share = on_its_way ? iterations_left()
-                               : std::min(iterations_left(),
-                                          std::max(ModeChoice::kPatience, iterations_left() / 2));
-  const int others_left = iterations_left() - share;
-  Part part = GoOnInBatch(input, on_its_way ? core.batch_strategy : kGoOn, share, report, summary);
-  if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
-    return part != Part::kAborted;
+  // With too few iterations left to begin anew all of them go on from there.
+  if (iterations_left() < 2 * ModeChoice::kPatience) {
+    const Descent only{IsOnItsWay(*summary, iterations_left()) ? core.batch_strategy : kGoOn,
+                       iterations_left()};
+    return GoOnInBatch(input, only, report, summary) != Part::kAborted;
+  }
+  bool has_end = false;  // without a proof
+  if (GainedLately(*summary) <= Tolerance(input, *summary)) {
+    const Descent near{
+        kGoOn, std::min(iterations_left(), std::max(ModeChoice::kPatience, iterations_left() / 2))};
+    const int others_left = iterations_left() - near.max_iterations;
+    const Part part = GoOnInBatch(input, near, report, summary);
+    if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
+      return part != Part::kAborted;
+    }
+    has_end = iterations_left() > others_left;
   }
   const ceres::TerminationType termination = summary->termination_type;
-  // What has ended by itself, without a proof, asks for a second opinion and no more.
-  const bool ended_by_itself = iterations_left() > others_left;
-  const int others =
-      ended_by_itself ? std::min(iterations_left(), ModeChoice::kPatience) : iterations_left();
   const std::string message = summary->message;
   const double lowest = summary->final_cost;
-  internal::StartValues reached(view);  // there again, unless what comes now ends lower
+  // Another end next to it is none.
+  const double margin = has_end ? Tolerance(input, *summary) : 0.0;
+  internal::StartValues reached(view);  // there again, unless Ceres's way leads lower
   start.PutBack();
   Look(problem);
-  part = GoOnInBatch(input, core.batch_strategy, others, report, summary);
+  const Descent anew{core.batch_strategy, iterations_left() / 2, /*as_ceres=*/true};
+  const Part part = GoOnInBatch(input, anew, report, summary);
   if (part == Part::kAborted) {
     return false;
   }
-  // A limit that is a hair lower is no better end than one that has been found.
-  const bool has_end =
-      termination != ceres::CONVERGENCE || summary->termination_type == ceres::CONVERGENCE;
-  const double margin = has_end ? 0.0 : input.options.function_tolerance * lowest;
-  if (part == Part::kDone && summary->final_cost <= lowest - margin) {
-    reached.Keep();
-    return true;
+  const bool is_lower = part == Part::kDone && summary->final_cost <= lowest - margin;
+  const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
+  if (!is_lower) {
+    reached.PutBack();
+    summary->final_cost = lowest;
+    summary->message = message;
+    summary->termination_type = ended_by_user ? ceres::USER_SUCCESS : termination;
   }
-  reached.PutBack();
   reached.Keep();
-  summary->final_cost = lowest;
-  if (summary->termination_type == ceres::USER_SUCCESS) {
-    return true;
-  }
-  summary->termination_type = termination;
-  summary->message = message;
-  if (termination == ceres::CONVERGENCE || ended_by_itself || part == Part::kNone ||
-      !IsUnfinished(input, core, *report, *summary)) {
+  if (ended_by_user || part == Part::kNone || (has_end && !is_lower)) {
     return true;
   }
   Look(problem);
-  return GoOnInBatch(input, kGoOn, iterations_left(), report, summary) != Part::kAborted;
+  const Descent last{kGoOn, iterations_left()};
+  return GoOnInBatch(input, last, report, summary) != Part::kAborted;
 }
 
 // Empty: the solve is to be incremental.
