@@ -38,27 +38,31 @@ Contribution FactorContributions::RowsOf(FactorRef ref) {
   const int num_slots = family.num_slots();
   const std::int32_t* const frames = structure_.FramesOfFactor(ref);
   const SlotJacobians* const slots = family.slots();
-  rows_of_.clear();
+  rows_of_.resize(num_slots);
   if (rows_.size() < static_cast<std::size_t>(num_slots)) {
     rows_.resize(num_slots);
   }
+  std::int32_t* const rows_of = rows_of_.data();
+  BlockRow* const rows = rows_.data();
+  int count = 0;
   for (int s = 0; s < num_slots; ++s) {
     const std::int32_t row = frames[s];
     if (row < 0) {
       continue;
     }
-    const IncrementalStructure::Frame& frame = structure_.frames()[row];
-    std::size_t at = rows_of_.size();
-    rows_of_.push_back(row);
-    for (; at > 0 && rows_of_[at - 1] > row; --at) {
-      std::swap(rows_of_[at - 1], rows_of_[at]);
-      rows_[at] = rows_[at - 1];
+    int at = count++;
+    for (; at > 0 && rows_of[at - 1] > row; --at) {
+      rows_of[at] = rows_of[at - 1];
+      rows[at] = rows[at - 1];
     }
+    const IncrementalStructure::Frame& frame = structure_.frames()[row];
+    rows_of[at] = row;
     // Rows of a slot are padded to quads, as the frame's entries are.
-    rows_[at] = {slots[s].data + ref.factor * slots[s].factor_stride, frame.quad,
-                 slots[s].row_stride / kQuad, frame.size};
+    rows[at] = {slots[s].data + ref.factor * slots[s].factor_stride, frame.quad,
+                slots[s].row_stride / kQuad, frame.size};
   }
-  return {rows_.data(), static_cast<int>(rows_of_.size()), family.residual_size()};
+  rows_of_.resize(count);
+  return {rows, count, family.residual_size()};
 }
 
 void FactorContributions::Disconnect(FactorRef ref) {

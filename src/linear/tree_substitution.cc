@@ -120,7 +120,11 @@ const std::vector<int>& TreeSubstitution::Backward(const Truncation& truncation,
   // A fresh y below one that is not is not possible: y above it changed with it. So all fresh
   // cliques were reached.
   std::fill(is_fresh_.begin(), is_fresh_.end(), 0);
-  std::sort(solved_.begin(), solved_.end());
+  if (static_cast<int>(solved_.size()) == tree_.num_rows()) {
+    std::iota(solved_.begin(), solved_.end(), 0);
+  } else {
+    std::sort(solved_.begin(), solved_.end());
+  }
   return solved_;
 }
 
