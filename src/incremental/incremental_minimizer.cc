@@ -138,8 +138,8 @@ bool IncrementalMinimizer::Begin() {
   if (begins) {
     context_.stop.GoOnFrom(before);
     summary.initial_cost = system.cost();
-  } else if (summary.iterations.back().step_is_successful) {
-    const UpdateIteration& row = summary.iterations.back();
+  } else if (const UpdateIteration& row = summary.iterations.back();
+             row.step == UpdateStep::kBatch && row.step_is_successful) {
     context_.stop.StepTaken(row.model_cost_change, row.cost_change, row.relative_decrease);
   }
   earlier_factor_.Begin(begins);
