@@ -253,8 +253,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   bool has_end = false;  // without a proof
   if (GainedLately(*summary) <= Tolerance(input, *summary)) {
-    const Descent near{
-        kGoOn, std::min(iterations_left(), std::max(ModeChoice::kPatience, iterations_left() / 2))};
+    const Descent near{kGoOn, iterations_left() / 2};
     const int others_left = iterations_left() - near.max_iterations;
     const Part part = GoOnInBatch(input, near, report, summary);
     if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
