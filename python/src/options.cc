@@ -236,6 +236,7 @@ Table<IncrementalOptions> MakeIncrementalTable() {
       .Add("min_relative_decrease", &O::min_relative_decrease)
       .Add("initial_damping", &O::initial_damping)
       .Add("min_damping", &O::min_damping)
+      .Add("claim_damping_share", &O::claim_damping_share)
       .Add("max_damping", &O::max_damping)
       .Add("batch_share", &O::batch_share)
       .Add("batch_strategy", &O::batch_strategy, kStrategies)

@@ -36,8 +36,15 @@ double ActiveVariables::Norm() const {
   return std::sqrt(squared);
 }
 
-double ActiveVariables::DampedSquareOfLandmarks() const {
-  double sum = 0.0;
+DampedSquares ActiveVariables::FindDampedSquares(double mu, double lambda) const {
+  DampedSquares sums;
+  frames_.ForEach([&](std::int32_t i) {
+    const double* C = schur_.FrameDiagonal(i);
+    const double* moved = step(schur_.frames()[i].quad);
+    for (int k = 0; k < schur_.frames()[i].size; ++k) {
+      sums.like_frames += mu * mu * C[k] * moved[k] * moved[k];
+    }
+  });
   landmarks_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
     const double* P = schur_.blocks().P(l);
@@ -46,9 +53,12 @@ double ActiveVariables::DampedSquareOfLandmarks() const {
     for (int k = 0; k < landmark.size; ++k) {
       squared += P[k * kQuad + k] * moved[k] * moved[k];
     }
-    sum += schur_.blocks().lambda(l) * schur_.blocks().lambda(l) * squared;
+    const double damping = schur_.blocks().lambda(l);
+    const double damping_anew = std::max(damping, lambda);
+    sums.like_frames += damping <= mu ? damping * damping * squared : 0.0;
+    sums.more += damping_anew > mu ? damping_anew * damping_anew * squared : 0.0;
   });
-  return sum;
+  return sums;
 }
 
 void ActiveVariables::LeaveOut(std::int32_t landmark) {

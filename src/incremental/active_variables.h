@@ -9,6 +9,13 @@
 
 namespace inceres::internal {
 
+/// Σ ‖λDδ‖² of the blocks that move, D² = diag H and λ their damping: of frames and of landmarks
+/// that are damped by no more; and of landmarks that are, or would be if eliminated anew.
+struct DampedSquares {
+  double like_frames = 0.0;
+  double more = 0.0;
+};
+
 /// The variables that a step moves, and the step, padded, of all variables: zero where nothing
 /// moves.
 class ActiveVariables {
@@ -57,8 +64,9 @@ class ActiveVariables {
   /// ‖Dδ‖, D² = diag H; and ‖δ‖.
   double ScaledNorm() const;
   double Norm() const;
-  /// Σ ‖λ_l D_l δ_l‖² of the landmarks that move, D² = diag P and λ their damping.
-  double DampedSquareOfLandmarks() const;
+  /// What damping takes part with, if that of the frames is μ, and that of landmarks which are
+  /// eliminated now λ.
+  DampedSquares FindDampedSquares(double mu, double lambda) const;
   /// The landmark stays where it is after all.
   void LeaveOut(std::int32_t landmark);
   /// Nothing moves.

@@ -80,6 +80,7 @@ bool EarlierFactor::LittleHasCome() {
   }
   context_.summary->remaining_decrease = left;
   context_.control.Sees(left);
+  context_.control.NoteDampedSquare(0.0);  // the Update before has looked at what was hidden
   return true;
 }
 

@@ -242,7 +242,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   bool refreshed = false;
   double gain_ratio = 0.0;
   if (attempts_.Take(&refreshed, &gain_ratio)) {
-    linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+    NoteDampedSquares();
     attempts_.Accept();
     NoteStep(gain_ratio);
     return Verdict::kGoOn;
@@ -277,16 +277,19 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
   if (!context_.control.IsDampedHard()) {
     // What the last step tells is cheap, and what the next one does, more to the point.
-    if (linearization_.MayHide()) {
+    const double remaining = LeftBeyondRounding();
+    const double little = context_.tuning.stop.rest_share * context_.Tolerance();
+    if (linearization_.MayHide() || context_.control.MayHide(remaining, little)) {
       LookAtStep();
     }
-    switch (linearization_.FreeHeldLandmarks()) {
+    const bool lowered = context_.control.LowerOnce(remaining, little);
+    switch (linearization_.FreeHeldLandmarks(lowered)) {
       case UpdateLinearization::Freed::kSome:
         return Verdict::kGoOn;
       case UpdateLinearization::Freed::kFailed:
         return Verdict::kFailed;
       default:
-        return Verdict::kConverged;
+        return lowered ? Verdict::kGoOn : Verdict::kConverged;
     }
   }
   // μ was at its floor, steps were refused there, and it has risen again.
@@ -306,6 +309,12 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   }
 }
 
+// R, of which weak directions may have many times as much; 0 where it is rounding.
+double IncrementalMinimizer::LeftBeyondRounding() const {
+  const double remaining = context_.summary->remaining_decrease;
+  return context_.stop.IsRounding(remaining, context_.system.cost()) ? 0.0 : remaining;
+}
+
 // The whole step that a claim speaks of, of which nothing is taken.
 void IncrementalMinimizer::LookAtStep() {
   if (!frame_solve_.Solve().ok()) {
@@ -316,8 +325,16 @@ void IncrementalMinimizer::LookAtStep() {
                          {-1.0, Negligible(), context_.summary->remaining_decrease},
                          &context_.system);
   has_looked_ = true;
-  linearization_.NoteDampedSquare(context_.system.step().DampedSquareOfLandmarks());
+  NoteDampedSquares();
   context_.system.step().Reject();
+}
+
+// What the damping of landmarks, and that of frames, takes part with.
+void IncrementalMinimizer::NoteDampedSquares() {
+  const DampedSquares squares = context_.system.step().FindDampedSquares(
+      context_.control.mu(), linearization_.LandmarkDamping());
+  linearization_.NoteDampedSquare(squares.more);
+  context_.control.NoteDampedSquare(squares.like_frames);
 }
 
 // What a row that was not solved anew may leave: after a look all rows were, for a step that was
@@ -359,6 +376,11 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
                           context_.row().cost_change, gain_ratio);
+  // Steps that keep what they promise and promise as much again are kept short by μ.
+  if (context_.stop.factor_of_last_step() > context_.tuning.stop.steady_factor &&
+      context_.control.IsGood(gain_ratio) && !context_.control.IsDampedHard()) {
+    context_.control.LowerOnce(HUGE_VAL, context_.summary->remaining_decrease);
+  }
   has_looked_ = false;
   context_.relinearization.Forgive();
   landmarks_.FramesMoved();
@@ -376,7 +398,6 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
     linearization_.ForgetFreed();
     return Verdict::kGoOn;
   }
-  context_.stop.StepRefused();
   // Where S had no factor there was no step, and what is left is that of another damping.
   const bool tried = row.step == UpdateStep::kFrames;
   // it could not be evaluated

@@ -56,7 +56,9 @@ class IncrementalMinimizer {
   Verdict FindStep(EarlierFactor::Verdict earlier, double landmark_gain);
   Verdict TakeStep(double remaining);
   Verdict ClaimConvergence();
+  double LeftBeyondRounding() const;
   void LookAtStep();
+  void NoteDampedSquares();
   double Negligible() const;
   void SelectActive(double remaining);
   bool IsLittleLeft(double landmark_gain);

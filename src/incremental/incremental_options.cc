@@ -20,6 +20,8 @@ Status IncrementalOptions::Validate() const {
           .Positive("min_damping", min_damping)
           .Require(initial_damping >= min_damping, "initial_damping", initial_damping,
                    ">= min_damping")
+          .Require(claim_damping_share > 0.0 && claim_damping_share <= 1.0, "claim_damping_share",
+                   claim_damping_share, "in (0, 1]")
           .Require(max_damping >= initial_damping, "max_damping", max_damping, ">= initial_damping")
           .NotNegative("batch_share", batch_share)
           .AtLeastOne("num_threads", num_threads)

@@ -15,8 +15,10 @@ StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options
     : tuning_(tuning.retreat),
       stop_(tuning.stop),
       min_damping_(options.min_damping),
+      least_damping_(options.claim_damping_share * options.min_damping),
       max_damping_(options.max_damping),
-      mu_(std::clamp(mu, options.min_damping, options.initial_damping)),
+      floor_(std::clamp(mu, least_damping_, min_damping_)),
+      mu_(std::clamp(mu, floor_, options.initial_damping)),
       refused_mu_(options.min_damping) {
 }
 
@@ -40,9 +42,9 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
     num_shortened_ = 0;
   }
   // μ max(1/3, 1 − (2ϱ − 1)³): falls for ϱ > ½, at most to a third, and grows below.
-  mu_ =
-      std::max(min_damping_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
+  mu_ = std::max(floor_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
+  lowered_ = false;
   // Evidence from refusals is void once a step was taken near the floor.
   const bool hard = IsDampedHard();
   relaxed_ = relaxed_ && hard;
@@ -67,7 +69,24 @@ bool StepControl::RelaxOnce() {
   }
   relaxed_ = true;
   // ν too: refusals before are not to make the first one at the floor count double.
-  mu_ = min_damping_;
+  mu_ = floor_;
+  nu_ = 2.0;
+  return true;
+}
+
+// Along a direction with a gradient g, in which S is as stiff as s, the step is δ = g / (s + μ):
+// where s is small beside μ, g is μδ, and ½ (μδ)² / s what is hidden, of which ½ g² / μ is seen.
+bool StepControl::MayHide(double remaining, double little) const {
+  const double hidden = 0.5 * std::min(damped_square_, 2.0 * mu_ * remaining) / least_damping_;
+  return !lowered_ && mu_ > least_damping_ && hidden > little;
+}
+
+bool StepControl::LowerOnce(double remaining, double little) {
+  if (!MayHide(remaining, little)) {
+    return false;
+  }
+  lowered_ = true;
+  mu_ = floor_ = least_damping_;
   nu_ = 2.0;
   return true;
 }

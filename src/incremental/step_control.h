@@ -48,6 +48,13 @@ class StepControl {
   bool RelaxOnce();
   /// That has been done, steps were refused, and a claim rests on JudgeRefusals.
   bool RefusalsDecide() const { return relaxed_ && IsDampedHard(); }
+  /// DampedSquares::like_frames of a step that is taken, or looked at.
+  void NoteDampedSquare(double square) { damped_square_ = square; }
+  /// Whether directions weaker than μ may hide more than `little`, where the model sees this much
+  /// left.
+  bool MayHide(double remaining, double little) const;
+  /// Where they may, the damping goes to a share of its floor: once until a step is taken.
+  bool LowerOnce(double remaining, double little);
   enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
   /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if
   /// little was left near the floor, too. Otherwise all that speaks for it are the refusals: as far
@@ -59,13 +66,17 @@ class StepControl {
   Tuning::Retreat tuning_;
   Tuning::Stop stop_;
   double min_damping_;
+  double least_damping_;
   double max_damping_;
+  double floor_;  // of μ: min_damping, or least_damping_ since weak directions have been looked for
   double mu_;
   double nu_ = 2.0;
   double radius_ = HUGE_VAL;
   int num_shortened_ = 0;  // accepted steps in a row that the radius has shortened
   // μ went to its floor to prove convergence, and no step was taken there since
   bool relaxed_ = false;
+  double damped_square_ = HUGE_VAL;       // of the step noted last, in this Update
+  bool lowered_ = false;                  // below the floor, since a step was taken
   double remaining_at_floor_ = HUGE_VAL;  // what was left when μ was last near its floor
   // when a step was last refused; infinite: not since one was taken near the floor
   double remaining_when_refused_ = HUGE_VAL;

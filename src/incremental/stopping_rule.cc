@@ -81,7 +81,7 @@ bool StoppingRule::NextStepsGainLittle(double series, double landmark_rest, doub
 // A first step tells of the directions in which there was most to gain. Where another one is a
 // saddle, r_i > 1, and little was left of it, that comes to light when φ jumps.
 bool StoppingRule::IsBorneOut(double remaining, double cost) const {
-  if (!has_stepped_ || has_refused_ || std::isinf(tuning_.factor_growth)) {
+  if (!has_stepped_ || std::isinf(tuning_.factor_growth)) {
     return true;
   }
   const bool falls_steadily =

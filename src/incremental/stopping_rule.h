@@ -50,6 +50,10 @@ class StoppingRule {
     const double most = most_rounding_ / tuning_.share;
     return most > OfFunction(cost) && remaining <= most;
   }
+  /// Whether the tolerance is made of rounding, and so is what is left.
+  bool IsRounding(double remaining, double cost) const {
+    return rounding_ > tuning_.share * OfFunction(cost) && remaining <= rounding_;
+  }
   void SetRounding(double rounding) { rounding_ = rounding; }
 
   /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
@@ -102,8 +106,6 @@ class StoppingRule {
     landmarks_gained_ = 0.0;
     claim_ = Claim();
   }
-  /// What refusals prove is StepControl's to say.
-  void StepRefused() { has_refused_ = true; }
   /// Landmarks have stepped by themselves with this gain, and have so much left; others were
   /// promised `unasked`, and not asked.
   void LandmarksStepped(double gain, double left, double unasked) {
@@ -150,7 +152,6 @@ class StoppingRule {
   bool claims_by_model_ = false;   // alone: no step bears it out
   bool waits_for_step_ = false;    // to bear out what has been claimed
   bool has_stepped_ = false;
-  bool has_refused_ = false;
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
   double last_gain_ = 0.0;

@@ -65,8 +65,10 @@ class TrialStep {
   double ScaledNorm() const { return active_.ScaledNorm(); }
   /// ‖δ‖ of the step as it stands.
   double Norm() const { return active_.Norm(); }
-  /// Σ ‖λ_l D_l δ_l‖² of the step as it stands: what the landmarks' damping takes part with.
-  double DampedSquareOfLandmarks() const { return active_.DampedSquareOfLandmarks(); }
+  /// What damping takes part with, of the step as it stands.
+  DampedSquares FindDampedSquares(double mu, double lambda) const {
+    return active_.FindDampedSquares(mu, lambda);
+  }
   /// ‖δ_i‖_∞ over the factor's variables.
   double Largest(FactorRef ref) const;
   /// Replaces the step, taken as the Gauss–Newton step of its active set, by the point at this

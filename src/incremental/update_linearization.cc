@@ -75,15 +75,15 @@ bool UpdateLinearization::MayHide() const {
 }
 
 // All of them, or those that would go by themselves.
-bool UpdateLinearization::MarkHeldLandmarks() {
+bool UpdateLinearization::MarkHeldLandmarks(bool all) {
   const double mu = context_.control.mu();
-  return MayHide()
+  return all || MayHide()
              ? context_.system.RedampAll(mu)
              : context_.system.RedampHidden(mu, context_.stop.Allowed(context_.system.cost()));
 }
 
-UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks() {
-  if (landmarks_freed_ || !MarkHeldLandmarks()) {
+UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks(bool all) {
+  if ((landmarks_freed_ && !all) || !MarkHeldLandmarks(all)) {
     return Freed::kNone;
   }
   const StageTimer timer(&context_.summary->linearize_seconds);

@@ -23,11 +23,11 @@ class UpdateLinearization {
   /// Far points are damped by more than the frames, or they would run away along their rays: for a
   /// claim they are damped as little, where that shows more to gain than may be left undone. Once a
   /// step; kFailed: the Update is over.
-  Freed FreeHeldLandmarks();
+  Freed FreeHeldLandmarks(bool all);
   /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
   /// may be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
-  /// TrialStep::DampedSquareOfLandmarks of a step of the frames; 0: there was none.
+  /// DampedSquares::more of a step of the frames; 0: there was none.
   void NoteDampedSquare(double damped_square) { damped_square_ = damped_square; }
   /// Whether landmarks damped by more than the frames may hide more to gain than may be left undone
   /// along a direction that the step noted last has gone.
@@ -40,7 +40,7 @@ class UpdateLinearization {
   double LandmarkDamping() const;
 
  private:
-  bool MarkHeldLandmarks();
+  bool MarkHeldLandmarks(bool all);
   bool Count(const Status& status, const RelinearizeWork& work);
 
   UpdateContext& context_;

@@ -18,9 +18,9 @@ DEFECTS = [
     ("damping_kept", "src/trust_region/levenberg_marquardt.cc",
      "radius_ = std::min(max_radius_,", "radius_ = IS ? radius_ : std::min(max_radius_,"),
     ("damping_kept", "src/incremental/step_control.cc",
-     "mu_(std::clamp(mu, options.min_damping,", "mu_(IS ? mu : std::clamp(mu, options.min_damping,"),
+     "mu_(std::clamp(mu, floor_,", "mu_(IS ? mu : std::clamp(mu, floor_,"),
     ("damping_kept", "src/incremental/step_control.cc",
-     "mu_ = std::max(min_damping_, mu_ *", "mu_ = IS ? mu_ : std::max(min_damping_, mu_ *"),
+     "mu_ = std::max(floor_, mu_ *", "mu_ = IS ? mu_ : std::max(floor_, mu_ *"),
     # A Jacobian is never found to be too old, neither after a step nor before success.
     ("stale_jacobian", "src/incremental/relinearization.cc",
      ": stale.ExceededBy(family, i);", ": !IS && stale.ExceededBy(family, i);"),

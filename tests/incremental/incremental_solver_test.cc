@@ -401,6 +401,8 @@ TEST(IncrementalOptions, EachFieldIsValidatedByName) {
                [](IncrementalOptions* o) { o->max_factor_evaluations = 0; });
   expect_named("num_threads", [](IncrementalOptions* o) { o->num_threads = 0; });
   expect_named("min_damping", [](IncrementalOptions* o) { o->min_damping = 0.0; });
+  expect_named("claim_damping_share", [](IncrementalOptions* o) { o->claim_damping_share = 0.0; });
+  expect_named("claim_damping_share", [](IncrementalOptions* o) { o->claim_damping_share = 1.1; });
   expect_named("initial_damping", [](IncrementalOptions* o) { o->initial_damping = 1e-12; });
   expect_named("max_damping", [](IncrementalOptions* o) { o->max_damping = 1e-6; });
   expect_named("relinearization_share",

@@ -436,5 +436,69 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesOfAFrameIsSeenBeforeAClaim)
   EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
 }
 
+// Two frames whose sum is held well, and whose difference is as stiff as s times that: less than μ
+// at its floor. There are `tolerances` to gain along it.
+UpdateSummary SolveWeakPair(double stiffness, double tolerances, double start_of_sum,
+                            IncrementalOptions options = IncrementalOptions()) {
+  options.batch_share = 1.0;
+  options.max_num_iterations = 100;
+  options.initial_damping = options.min_damping;
+  IncrementalSolver solver(options);
+  const double weight = std::sqrt(stiffness);
+  const double difference = std::sqrt(2.0 * tolerances * 0.5 * options.function_tolerance);
+  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
+      3, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
+      [=](int, const double* const* p, double* f, double** J) {
+        f[0] = p[0][0] + p[1][0];
+        f[1] = weight * (p[0][0] - p[1][0]) - difference;
+        f[2] = 1.0;
+        for (int i = 0; J != nullptr && i < 2; ++i) {
+          if (J[i] != nullptr) {
+            const double column[3] = {1.0, i == 0 ? weight : -weight, 0.0};
+            std::copy_n(column, 3, J[i]);
+          }
+        }
+        return true;
+      }));
+  GraphEdit edit(solver.graph());
+  const double first = start_of_sum, second = 0.0;
+  const VariableId id = edit.AddVariable(&first, 1, Role::kFrame);
+  edit.AddFactor(family, 0, {id, edit.AddVariable(&second, 1, Role::kFrame)});
+  EXPECT_TRUE(solver.Apply(edit).ok());
+  return solver.Update();
+}
+
+TEST(IncrementalTrust, WhatTheDampingOfFramesHidesIsSeenBeforeAClaim) {
+  // After a step of the sum, and where the sum has nothing to gain.
+  for (const double start_of_sum : {1.0, 0.0}) {
+    for (const double stiffness : {1e-9, 1e-10}) {
+      const UpdateSummary summary = SolveWeakPair(stiffness, 20.0, start_of_sum);
+      EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+      EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance)
+          << stiffness << " from " << start_of_sum << "\n"
+          << summary.FullReport();
+    }
+  }
+}
+
+TEST(IncrementalTrust, DampingStaysAtItsFloorWhereTheUserWantsIt) {
+  IncrementalOptions options;
+  options.claim_damping_share = 1.0;
+  const UpdateSummary summary = SolveWeakPair(1e-10, 20.0, 1.0, options);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_GT(summary.final_cost - 0.5, 5.0 * options.function_tolerance) << "half of it is seen";
+  for (const UpdateIteration& iteration : summary.iterations) {
+    EXPECT_GE(iteration.damping, options.min_damping);
+  }
+}
+
+// Each step at the floor would take a twentieth of what is left.
+TEST(IncrementalTrust, StepsThatTheDampingKeepsShortAreDampedLess) {
+  const UpdateSummary summary = SolveWeakPair(2.5e-10, 1000.0, 1.0);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
+  EXPECT_LE(summary.num_iterations, 8) << summary.FullReport();
+}
+
 }  // namespace
 }  // namespace inceres

@@ -85,6 +85,7 @@ struct INCERES_EXPORT SlidingWindowOptions {
     IncrementalOptions budget;
     budget.max_num_iterations = 10;
     budget.function_tolerance = 1e-5;
+    budget.claim_damping_share = 1.0;
     return budget;
   }
 };

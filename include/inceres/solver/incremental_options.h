@@ -67,6 +67,10 @@ struct INCERES_EXPORT IncrementalOptions {
   /// ≥ min_damping: μ at the first Update; later ones start from the last μ, at most this
   double initial_damping = 1e-4;
   double min_damping = 1e-8;  ///< > 0, for the gauge may be free
+  /// In (0, 1]: where directions weaker than min_damping may have more than the tolerance to gain,
+  /// μ goes down to this share of it. 1: never, as for a window that slides, whose gauge is held by
+  /// hardly more than rounding, which it would follow from one Update to the next.
+  double claim_damping_share = 0.01;
   /// ≥ initial_damping: an Update that needs more ends as a failure to converge
   double max_damping = 1e8;
   /// ≥ 0: an Update in which more than this share of the factors are new or changed goes to the
