@@ -45,10 +45,11 @@ FineBlocks::FineBlocks(const Communicator& ranks, const SharedFrames& frames,
   *status = ranks.Agree(own);
 }
 
-// Blocks of the lower half, by the numbers of the frames.
-// The local pattern is lower triangular by positions in the layout, the owned one by numbers; where
-// the two orders differ, the block is transposed. By construction of the clusters both frames have
-// one owner, so that of the row will do.
+// Blocks of the lower half, by the numbers of the frames. The local pattern is lower triangular by
+// positions in the layout, the owned one by numbers; where the two orders differ, the block is
+// transposed. By construction of the clusters both frames have one owner, so that of the row will
+// do. By ascending row and column of the local pattern, so lists of parts have one order on each
+// rank, in which keys and later values are sent.
 void FineBlocks::CollectParts(const FrameClusters& clusters) {
   for (int i = 0; i < pattern_.num_blocks(); ++i) {
     for (int k = pattern_.row_begin[i]; k < pattern_.row_begin[i + 1]; ++k) {

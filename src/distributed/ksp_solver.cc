@@ -127,6 +127,8 @@ void KspSolver::MakeSolver() {
   name_ += matrix_ != nullptr ? "formed" : "by products";
 }
 
+// A shell has no entries, so PETSc's own preconditioners could not be made; that is said by the
+// option's name before the first solve, instead of by an error of PETSc's in the middle of it.
 Status KspSolver::CheckPreconditioner() const {
   PC pc = nullptr;
   const char* type = nullptr;
@@ -155,7 +157,9 @@ PetscErrorCode KspSolver::ApplyBlocks(PC shell, Vec r, Vec z) {
   return OnArrays(r, z, [&](const double* in, double* out) { system->Precondition(in, out); });
 }
 
-// A step that took too many iterations is as good as any.
+// A step that took too many iterations is as good as any. S and its preconditioner are made for
+// each step, as each has another damping. What PETSc calls diverged is an error but for the limit
+// of iterations, and reads kSingular, as of any step that cannot be solved for.
 Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
   if (matrix_ != nullptr) {
     matrix_->Assemble();

@@ -86,9 +86,9 @@ double HashOf(const std::string& text) {
   return static_cast<double>(std::hash<std::string>()(text) >> 12);
 }
 
-// What all ranks decide by.
-// Numbers of threads and observers are not in the list: they may differ. A new option of the loop
-// must get a row here.
+// What all ranks decide by. Numbers of threads and observers are not in the list: they may differ.
+// A new option of the loop must get a row here. All as doubles, in one gathering: flags are 0 and
+// 1, kinds their numbers, and integers are exact.
 Named Numbers(const DistributedOptions& options) {
   const SolverOptions& s = options.solver;
   const ConjugateGradientsOptions& cg = s.conjugate_gradients;

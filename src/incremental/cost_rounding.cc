@@ -7,13 +7,34 @@
 #include <utility>
 
 namespace inceres::internal {
+
+// How much of the cost is rounding (docs/algorithms.md, "Stopping rule"):
+//
+//     F_ε = ½ Σ_v Σ_i∋v min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖_∞)²
+//         ≤ ½ (n ε)² Σ_v ‖x_v‖_∞² tr C_vv,    n = 16.
+//
+// The tolerance asks for it, since no minimum is known better than the cost is. AtMost is the sum
+// on the right, which needs the diagonal of C and no factor; OfResiduals is the one on the left.
+// Both run over the frames v, and over the landmarks where no frame can move: a factor of two
+// frames counts with both.
+//
+// What a frame adds is kept in a tree of sums by rows of S, so an Update costs what has changed,
+// and the bits are those of a sum that was made from nothing: pairs are added, then pairs of these,
+// whatever was before. The landmarks' sum is made anew each time, in their order.
+//
+// J is the cached one, with its weight √w, and q the residual as that Jacobian sees it, so that
+// both are in units of the square root of the cost. Norms are Frobenius norms: tr C_vv = Σ_i
+// ‖J_iv‖².
+
 namespace {
 
 // Operations on numbers of full size that a residual is taken to come of; and what they round.
 constexpr double kOperations = 16.0;
 constexpr double kRounding = kOperations * std::numeric_limits<double>::epsilon();
 
-// min(most, factor ‖J‖²), reading no more rows of J than that takes.
+// min(most, factor ‖J‖²), reading no more rows of J than that takes. The sum only grows, so it may
+// stop where it has reached `most`: of a residual of zero, as a prior that holds has, nothing is
+// read at all.
 double LeastOf(double most, double factor, const SlotJacobians& slot, const double* J, int rows) {
   double least = 0.0;
   for (int k = 0; k < rows && least < most; ++k, J += slot.row_stride) {
@@ -26,6 +47,9 @@ double LeastOf(double most, double factor, const SlotJacobians& slot, const doub
 
 }  // namespace
 
+// ‖x_v‖_∞ of the values now, in the ambient space: of a quaternion that is at most 1, of a position
+// it grows with the distance from the origin, and so does what a difference of two positions is
+// rounded by.
 double CostRounding::LargestValue(VariableId id) const {
   double largest = 0.0;
   for (int k = 0; k < graph_.AmbientSize(id); ++k) {
@@ -34,6 +58,7 @@ double CostRounding::LargestValue(VariableId id) const {
   return largest;
 }
 
+// ½ (n ε)² ‖x_v‖_∞² tr C_vv, of diagonal entries that lie `stride` apart.
 double CostRounding::MostOf(VariableId id, int size, const double* diagonal, int stride) const {
   double trace = 0.0;
   for (int k = 0; k < size; ++k) {
@@ -43,21 +68,25 @@ double CostRounding::MostOf(VariableId id, int size, const double* diagonal, int
   return 0.5 * rounding * rounding * trace;
 }
 
-// Zero of a free row and of a frame that is held.
+// Zero of a free row and of a frame that is held. The diagonal is that of C, before landmarks are
+// eliminated: S_vv is smaller, and would tell of the rounding of a difference, not of residuals.
 double CostRounding::MostOfFrame(std::int32_t row) const {
   const IncrementalSchur::Frame& frame = schur_.frames()[row];
   const bool moves = frame.id >= 0 && !frame.held;
   return moves ? MostOf(frame.id, frame.size, schur_.FrameDiagonal(row), 1) : 0.0;
 }
 
-// Zero outside S.
+// Zero outside S, where a landmark does not move. In P rows are a quad apart, hence the stride from
+// one diagonal entry to the next.
 double CostRounding::MostOfLandmark(std::int32_t l) const {
   const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
   const bool moves = landmark.id >= 0 && schur_.IsInS(l);
   return moves ? MostOf(landmark.id, landmark.size, schur_.blocks().P(l), kQuad + 1) : 0.0;
 }
 
-// The most of all frames together; what has changed waits to be asked for its residuals.
+// The most of all frames together; what has changed waits to be asked for its residuals. The first
+// time all rows count as changed, whatever was told before. They ascend in either case, as SumTree
+// asks for.
 double CostRounding::Follow() {
   const std::size_t num_rows = schur_.frames().size();
   most_.Grow(num_rows);
@@ -73,6 +102,8 @@ double CostRounding::Follow() {
 }
 
 template <typename Value>
+// value(l, most of l) of all landmarks, free places among them, which are zero. Cost: a pass over
+// the landmarks.
 double CostRounding::SumOfLandmarks(const Value& value) const {
   double sum = 0.0;
   for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
@@ -88,6 +119,10 @@ double CostRounding::AtMost() {
                          : SumOfLandmarks([](std::int32_t /*l*/, double most) { return most; });
 }
 
+// Of a frame whose bound is zero nothing is asked: it does not move, or no factor reaches it.
+// Frames that have not changed since they were asked last keep their share; those that have are
+// `unasked_`, which may have gathered over several calls of AtMost. A share is never above the
+// bound, also where rounding of the two sums would have it so.
 double CostRounding::OfResiduals() {
   const auto least_of = [this](double most, const Part& part) {
     return most > 0.0 ? std::min(most, OfResidualsOf(part)) : most;
@@ -107,6 +142,8 @@ double CostRounding::OfResiduals() {
 }
 
 template <typename Visit>
+// A frame's factors are its own, which touch no landmark, and those between it and each landmark
+// that it sees; a landmark lists all of its factors itself.
 void CostRounding::ForEachFactorOf(const Part& part, const Visit& visit) const {
   if (part.frame < 0) {
     const std::vector<FactorRef>& factors = schur_.landmarks()[part.landmark].factors;
@@ -120,7 +157,8 @@ void CostRounding::ForEachFactorOf(const Part& part, const Visit& visit) const {
   }
 }
 
-// ½ Σ_i min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖)² over the variable's factors.
+// ½ Σ_i min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖)² over the variable's factors. Factors that are not linearized
+// have no J to ask.
 double CostRounding::OfResidualsOf(const Part& part) const {
   const double rounding = kRounding * LargestValue(part.id);
   double sum = 0.0;

@@ -6,13 +6,25 @@
 
 namespace inceres::internal {
 
+// Steps of landmarks alone (docs/algorithms.md, "Landmark refinement" and "Stopping rule"). Given
+// the frames, landmarks are independent of each other: each steps, and is accepted, for itself, so
+// a pass needs neither S nor its factor and costs the factors of those that step.
+//
+// There are two reasons for a pass. After a step of the frames, where landmarks hold more than half
+// of what is left, up to `max_landmark_refinements` of them follow, which saves solves of the whole
+// system; and where a claim of convergence depends on what landmarks have left (L of the stopping
+// rule), those that decide it are asked by stepping. The two have counts of their own, and both
+// begin anew with a step of the frames: without the second limit a claim could wait forever for
+// landmarks that creep.
+
 // The sum is kept by difference, and summed anew where rounding may have eaten a share of what the
-// Update may leave.
+// Update may leave. G of the stopping rule, Σ ½ ‖z‖² over the landmarks.
 double LandmarkPasses::Gain() const {
   return context_.system.schur().gains().Total(context_.tuning.truncate.sum_share *
                                                context_.stop.Allowed(context_.system.cost()));
 }
 
+// Less than a share of σT is not worth the evaluations: it would be left by the claim in any case.
 bool LandmarkPasses::Step() {
   const double gain = Gain();
   if (num_left_ <= 0 ||
@@ -30,6 +42,9 @@ double LandmarkPasses::ShareOfMean(double gain) const {
   return context_.tuning.landmarks.share * gain / count;
 }
 
+// Landmarks whose gain is above the threshold take a step. The stopping rule is told what the pass
+// gained, what those that stepped have left, by their line searches, and what all the others
+// promise: its L is made of these. It is told also where none has moved, for that is an answer.
 bool LandmarkPasses::Pass(double threshold, double gain) {
   IncrementalSystem& system = context_.system;
   UpdateSummary& summary = *context_.summary;
@@ -59,6 +74,11 @@ bool LandmarkPasses::Pass(double threshold, double gain) {
   return moved;
 }
 
+// A claim goes first. Those it asks hold more than 3 % of G each; where landmarks that were not
+// asked make up most of L, all of more than a share of the mean are, for then no few decide it.
+// Without a claim each step of the frames may begin one series of passes, which Step goes on with
+// until num_left_ is used up or too little is left. In an Update that is mostly new there are none
+// but those of claims.
 bool LandmarkPasses::StepBeforeFrames(double gain, double remaining) {
   if (context_.stop.waits_for_landmarks() && num_claims_left_ > 0) {
     --num_claims_left_;

@@ -42,7 +42,9 @@ bool TakesPart(const IncrementalSchur::Frame& frame) {
   return frame.id >= 0 && !frame.held && !(frame.factors.empty() && frame.landmarks.empty());
 }
 
-// diag(C) of the frames that take part, mixed signs in units of its −½th power.
+// diag(C) of the frames that take part, mixed signs in units of its −½th power. Mixed signs, since
+// a vector of ones may be orthogonal to what it is to find, by symmetry. Entries of frames that
+// take no part stay zero in both.
 void MakeProbe(const IncrementalSchur& schur, Eigen::VectorXd* D, Eigen::VectorXd* x) {
   std::uint32_t bits = 1;
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
@@ -57,6 +59,7 @@ void MakeProbe(const IncrementalSchur& schur, Eigen::VectorXd* D, Eigen::VectorX
   }
 }
 
+// By row and id: a row that was given to another frame since counts as new.
 void SeeAll(const IncrementalSchur& schur, WeakestDirection* weakest) {
   weakest->seen.resize(schur.frames().size());
   std::transform(schur.frames().begin(), schur.frames().end(), weakest->seen.begin(),
@@ -64,6 +67,7 @@ void SeeAll(const IncrementalSchur& schur, WeakestDirection* weakest) {
   weakest->num_seen = schur.structure().num_frames();
 }
 
+// They ascend, as the searches of ScaledBlock and the order of its scalars rely on.
 std::vector<int> NewRows(const IncrementalSchur& schur, const WeakestDirection& weakest) {
   std::vector<int> rows;
   for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
@@ -76,7 +80,10 @@ std::vector<int> NewRows(const IncrementalSchur& schur, const WeakestDirection& 
   return rows;
 }
 
-// D^−½ S D^−½ of a few rows; D^−½ of all rows, zero of the others.
+// D^−½ S D^−½ of a few rows; D^−½ of all rows, zero of the others. Scaled, since an eigenvalue of S
+// itself depends on units: meters and radians would be held against each other. Below the diagonal
+// only, which is what S stores and the eigenvalue solver reads; entries above it are not read. The
+// frames from before are held by being left out.
 Eigen::MatrixXd ScaledBlock(const IncrementalSchur& schur, const std::vector<int>& rows,
                             Eigen::VectorXd* inverse_roots) {
   std::vector<int> places;
@@ -143,7 +150,12 @@ Eigen::VectorXd DampingTimes(const IncrementalSchur& schur,
 }
 
 // The largest xᵀΔx / xᵀSx by power iteration with S⁻¹Δ, from x on. Without Δ the inverse of S is at
-// most 1 / (1 − share) times as large, in every direction.
+// most 1 / (1 − share) times as large, in every direction. The quotient is that of the pencil (Δ,
+// S), whose largest eigenvalue is at most 1, for S − Δ is what the landmarks' factors leave and has
+// no negative direction. Each iteration costs a solve with the factor of S + μD and a pass over the
+// landmarks; μ is taken off yᵀ(S + μD)y again, so the share is one of S. The result is a lower
+// bound that grows, hence the end once it grows little. Rounding may make the quotient larger than
+// 1 or the curvature zero: then all of it is damping.
 Status FindDampingShare(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
                         const Eigen::VectorXd& D, const Eigen::VectorXd& x, double* share) {
   const std::vector<std::int32_t> landmarks = AllLandmarks(schur);
@@ -183,6 +195,9 @@ VariableId LargestShare(const IncrementalSchur& schur, const Eigen::VectorXd& sq
 
 }  // namespace
 
+// Without landmarks no damping is hidden in S, and what is new need not be looked at by itself.
+// With them a graph must not have got more new frames than a dense matrix is for, and μ must not
+// have fallen: what a larger μ was found with may have been μ's doing.
 bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur, double mu) {
   const int num_frames = schur.structure().num_frames();
   return weakest.is_known && num_frames <= kGrowth * weakest.num_frames &&
@@ -191,7 +206,12 @@ bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur
 }
 
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
-// smallest eigenvalue is μ more than that of D^−½ S D^−½.
+// smallest eigenvalue is μ more than that of D^−½ S D^−½. Four iterations tell an eigenvalue that
+// is smaller by far than the next ones, as that of a free gauge is. Where several are alike, as the
+// seven of a free gauge, the quotient is small whichever combination of them y is. Where the
+// landmarks' damping has more than a tenth of what holds the direction it takes more iterations,
+// for the gauge and others beside it are then alike. But for rounding θ − μ is never below the
+// eigenvalue, so a direction that is found to be weak is one.
 Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
                    WeakestDirection* weakest) {
   Eigen::VectorXd D = Eigen::VectorXd::Zero(schur.size());
@@ -231,7 +251,11 @@ bool IsHeld(const WeakestDirection& weakest, double open) {
   return weakest.eigenvalue > open && weakest.of_landmarks <= kMostOfLandmarks * weakest.eigenvalue;
 }
 
-// Without landmarks the variances of new rows tell as much.
+// Without landmarks the variances of new rows tell as much. Cost: the cube of the scalars of the
+// new frames, of which IsStillKnown allows few, and their landmarks. The smallest eigenvector v of
+// the block stands in units of D^½; x = D^−½ v is what the landmarks' damping is asked of. What it
+// has of xᵀSx joins the largest share known, for the covariances that are given out from now on
+// concern the new frames, too.
 VariableId FindFreeNewFrame(const IncrementalSchur& schur, double open, WeakestDirection* weakest) {
   if (schur.structure().num_landmarks() == 0 ||
       schur.structure().num_frames() == weakest->num_seen) {

@@ -7,10 +7,22 @@ namespace inceres {
 
 using internal::JsonObject;
 
+// Updates as JSON (docs/json.md has the keys); what people read is in update_report.cc. Every field
+// of the structs is written, whatever the Update came to, in the order in which they declare it but
+// for a few, so that a script finds a key without asking how it ended. On one processor counts and
+// costs are the same in each run, and doubles have 17 digits: two runs may be compared as text, but
+// for their seconds.
+//
+// What JSON has no number for becomes null. So a radius that is infinite, as it is until a step is
+// shortened, reads as null; the cost change of a candidate without a cost is −DBL_MAX, which is a
+// number, and stays one.
+
 namespace {
 
 // Keys are read by scripts and stay what they are when a field is renamed: some keep an older
-// spelling or word.
+// spelling or word. One row of the trace. Of the batch solver's rows (kBatch) several fields mean
+// what they mean in Ceres's summary, which the header says field by field; the keys are the same
+// for all kinds of steps, so that the trace is one table.
 std::string ToJson(const UpdateIteration& row) {
   return JsonObject()
       .Add("iteration", row.iteration)
@@ -40,7 +52,9 @@ std::string ToJson(const UpdateIteration& row) {
 
 }  // namespace
 
-// Without a default, so that the compiler names a step that is missing here.
+// Without a default, so that the compiler names a step that is missing here. These words are values
+// of the key "step": scripts compare them, and they stay as they are, too. What is not one of the
+// four can only come of a number that was cast.
 const char* ToString(UpdateStep step) {
   switch (step) {
     case UpdateStep::kNone:
@@ -55,7 +69,10 @@ const char* ToString(UpdateStep step) {
   return "unknown";
 }
 
-// Every field of the summary, then the rows of the trace.
+// Every field of the summary, then the rows of the trace. First how it ended and the costs, then
+// counts, then memory and seconds. `batch_stages` is an object that the batch solver's summary has
+// as well, and its own writer makes it: hence AddRaw. ToJson of a row is named with its namespace,
+// because in here the plain name is that of the member.
 std::string UpdateSummary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))

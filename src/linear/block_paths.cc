@@ -23,6 +23,8 @@ namespace {
 // no path.
 constexpr int kMostNeighbors = 3 * kMostTileScalars - 1;
 
+// Finds nodes first, then their neighbors, then paths. Cost: passes over the blocks of S, a sort of
+// the rows by hash, and for each node a look at its neighbors until there are three.
 class PathFinder {
  public:
   explicit PathFinder(const BlockPattern& pattern) : pattern_(pattern), graph_(pattern) {}
@@ -47,7 +49,9 @@ class PathFinder {
   int num_rows() const { return pattern_.num_blocks(); }
   int NumNeighbors(int row) const { return graph_.begin[row + 1] - graph_.begin[row]; }
 
-  // Of the closed neighborhood, whatever the order.
+  // Of the closed neighborhood, whatever the order. A sum of mixed numbers, so that neighbors may
+  // come in any order and the row itself counts as one of them: of rows that are coupled to each
+  // other and to the same others it is the same. Equal hashes prove nothing, so AreAlike compares.
   std::uint64_t HashOf(int row) const {
     const auto mixed = [](int r) {
       std::uint64_t h = (static_cast<std::uint64_t>(r) + 1) * 0x9E3779B97F4A7C15u;
@@ -61,6 +65,8 @@ class PathFinder {
     return sum;
   }
 
+  // The neighbors of both, ascending, walked side by side; each is left out of the other's list,
+  // for they are coupled, and a closed neighborhood has both.
   bool AreAlike(int a, int b) const {
     if (NumNeighbors(a) != NumNeighbors(b)) {
       return false;
@@ -82,7 +88,9 @@ class PathFinder {
   }
 
   // Rows by hash, then by number; a run of equal hashes is cut where rows are not alike after all,
-  // or a node would be too large.
+  // or a node would be too large. A row is compared with the leader of the row before it, for what
+  // is alike to one row of a node is so to all. Cut at kMostTileScalars, a long run of alike rows
+  // becomes several nodes that are coupled to each other, and then mostly is no path.
   void JoinRows() {
     std::vector<std::pair<std::uint64_t, int>> by_hash;
     for (int row = 0; row < num_rows(); ++row) {
@@ -151,6 +159,8 @@ class PathFinder {
     }
   }
 
+  // One or two neighbors, all of the same size as the node, for tiles of a path have one size. A
+  // node without neighbors is a matrix by itself, and left to the rest.
   bool MayBeOnPath(int n) const {
     const Near& near = near_[n];
     const int size = SizeOf(n);
@@ -178,6 +188,9 @@ class PathFinder {
     return to;
   }
 
+  // Both ways from n: to where a node that is on no path, or nothing, comes. In a ring the walk
+  // comes back to n, which is then taken off the path and becomes both of its ends; nodes are taken
+  // in their order, so which one it is follows from the pattern.
   void Walk(int n) {
     std::vector<int> nodes, back;
     const int next = Follow(n, near_[n].node[0], &nodes);

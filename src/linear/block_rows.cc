@@ -69,6 +69,8 @@ void SymmetricBlockRows::RemoveRow(int row) {
   SetGroup(row, 0);
 }
 
+// The list of groups is only as long as it has to be: of a problem without groups it is empty. A
+// row that goes back to group 0 leaves its place there.
 void SymmetricBlockRows::SetGroup(int row, int group) {
   if (group == group_of(row)) {
     return;
@@ -88,6 +90,8 @@ void SymmetricBlockRows::ReviveRow(int row, int size) {
   rows_[row].assign(1, {row, Allocate(size, size)});
 }
 
+// A pass over the row's own blocks and a search for each of those below it. The structure stays,
+// and with it all offsets and version_.
 void SymmetricBlockRows::ZeroRow(int row) {
   const auto zero = [this](std::int64_t offset, int rows, int columns) {
     std::fill_n(values_.begin() + offset, QuadsOf(rows, columns) * kQuad, 0.0);
@@ -141,6 +145,7 @@ const BlockPattern& SymmetricBlockRows::Pattern() const {
   return pattern_;
 }
 
+// Lists of rows are counted as they grow (GrowthCount), which spares a pass over all rows here.
 std::int64_t SymmetricBlockRows::Bytes() const {
   std::size_t bytes =
       values_.capacity() * sizeof(double) + pattern_.value_begin.capacity() * sizeof(std::int64_t);
@@ -172,6 +177,7 @@ std::int64_t SymmetricBlockRows::FindOrAdd(int row, int column) {
   return offset;
 }
 
+// Both lists lose it, and its room waits for a block of the same length.
 void SymmetricBlockRows::RemoveBlock(int row, int column) {
   ++version_;
   auto& entries = rows_[row];
@@ -182,12 +188,15 @@ void SymmetricBlockRows::RemoveBlock(int row, int column) {
   below.erase(std::lower_bound(below.begin(), below.end(), row));
 }
 
+// A binary search among the row's blocks; row ≥ column, for the upper triangle has no values.
 std::int64_t SymmetricBlockRows::Find(int row, int column) const {
   const auto& entries = rows_[row];
   const auto entry = std::lower_bound(entries.begin(), entries.end(), column, BeforeColumn);
   return entry != entries.end() && entry->column == column ? entry->offset : -1;
 }
 
+// Padding is zeroed with the rest, and kernels that add whole quads keep it zero. Room grows as
+// that of a vector does, so a block costs constant time on average.
 std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
   const std::size_t quads = QuadsOf(rows, columns);
   // Room of the same length is taken up first, and zeroed: a window that slides does not grow.
@@ -203,6 +212,7 @@ std::int64_t SymmetricBlockRows::Allocate(int rows, int columns) {
   return offset;
 }
 
+// What was released last is given out first.
 void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
   ++num_released_;
   const std::size_t quads = QuadsOf(rows, columns);

@@ -25,6 +25,8 @@ constexpr int kTriangle = 4;  // what of a diagonal block is factored by hand
 // Column by column, left-looking: columns ahead are subtracted first, then the column is divided by
 // its root. With the number of columns known there are no loops left.
 template <int kWidth>
+// `failed` counts columns of the triangle. Columns before it are written, and the caller gives the
+// whole factor up.
 bool FactorTriangle(double* A, std::ptrdiff_t stride, int* failed) {
   double L[kWidth][kWidth];  // by columns
 #pragma GCC unroll 4
@@ -91,7 +93,8 @@ decltype(&PlaceSized<6, 6>) FindPlaceSized(int rows, int columns) {
 }  // namespace
 
 // Called for every block of S and every factorization. The usual block lies below the diagonal: the
-// destination is written along its columns.
+// destination is written along its columns. A is column-major and S row-major, so one of the two is
+// walked with a stride: mostly S, whose blocks are small.
 void PlaceAnyBlock(const double* block, int block_stride, int rows, int columns, int first_row,
                    int first_column, double* A, std::ptrdiff_t stride) {
   if (const auto place = FindPlaceSized(rows, columns)) {
@@ -115,6 +118,8 @@ void PlaceAnyBlock(const double* block, int block_stride, int rows, int columns,
 }
 
 // Right-looking: a small triangle, the rows below it, what they take from the rest of the block.
+// Triangles of four: what is between the calls of the kernels is then unrolled, and the kernels
+// have four columns at a time.
 bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
   const Kernels& kernels = BestKernels();
   const SmallKernels& small = BestSmallKernels();
@@ -140,6 +145,8 @@ bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
 }
 
 // Four columns at a time, each entry of y less one product after the other, as by single columns.
+// Parentheses fix the order of the differences; so the rows below, which do not depend on each
+// other, may be done by vectors, and y is read and written once for four columns.
 void SolveTriangle(const double* __restrict__ L, int stride, int width, double* __restrict__ y) {
   for (int j = 0; j < width; j += kTriangle) {
     const double* column = L + static_cast<std::ptrdiff_t>(j) * stride;

@@ -65,6 +65,8 @@ bool IsHeld(const char* held, int row) {
 
 }  // namespace
 
+// Memory of rows is kept when there are fewer than before. What makes a row's bits the same resumed
+// or not is that CopyRow writes it whole and FactorRow reads rows before it only.
 bool EnvelopeCholesky::Factorize(const SymmetricBlockRows& S, const RowOrder& order,
                                  const double* damping, int first_changed, const char* held) {
   const int num_rows = order.num_places();
@@ -170,7 +172,9 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
 
 // All block columns from the first on, whether S has a block there or not: inside the envelope
 // there is fill. The diagonal block at last; the kernels fill its square, and its lower triangle is
-// what FactorSmall reads.
+// what FactorSmall reads. Neighbors of the row's own size go to one call of a kernel that keeps the
+// block solved last in registers; others go one by one. Which blocks are such a run follows from
+// sizes alone.
 bool EnvelopeCholesky::FactorRow(int i) {
   const EnvelopeRow& row = rows_[i];
   const int size = BlockSize(i);
@@ -192,6 +196,8 @@ bool EnvelopeCholesky::FactorRow(int i) {
 }
 
 // Both rows are zero before their starts: the sum begins at the later one, which is a whole quad.
+// For j = i it is the diagonal block that loses L_ik L_ikᵀ, the row with itself. Cost: twice the
+// depth times both sizes.
 void EnvelopeCholesky::SolveBlock(int i, int j) {
   const EnvelopeRow& row = rows_[i];
   const EnvelopeRow& other = rows_[j];
@@ -207,6 +213,7 @@ void EnvelopeCholesky::SolveBlock(int i, int j) {
   }
 }
 
+// In x itself: forwards, and then row by row from the last one up.
 void EnvelopeCholesky::Solve(const double* b, double* x) const {
   ForwardSubstitute(b, 0, x);
   for (int i = num_rows() - 1; i >= 0; --i) {
@@ -214,6 +221,8 @@ void EnvelopeCholesky::Solve(const double* b, double* x) const {
   }
 }
 
+// Row i is the dot product of L's row with y, which the row layout is made for; backwards a row of
+// L is a column of Lᵀ, and takes its contribution out of all y before it.
 void EnvelopeCholesky::ForwardSubstitute(const double* b, int first_row, double* y) const {
   const Kernels& kernels = BestKernels();
   for (int i = first_row; i < num_rows(); ++i) {
@@ -261,6 +270,7 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
                                length);
 }
 
+// With the padding of rows and the gap before their first column: what a pass over L reads.
 std::int64_t EnvelopeCholesky::NumEntries() const {
   std::int64_t entries = 0;
   for (int i = 0; i < num_rows_; ++i) {

@@ -12,6 +12,8 @@ namespace inceres::internal {
 // factor"). All vectors are copies: the tree's own y is not touched. Nothing here is as long as the
 // tree has cliques, so that what a short path costs does not grow with the problem.
 
+// For who adds to any clique: all of them, in the order of their stamps, and memory for one column
+// that is cleared as it is used.
 ForwardPaths::ForwardPaths(const CliqueTree& tree) : tree_(&tree), lanes_(1) {
   for (std::size_t c = 0; c < tree.cliques().size(); ++c) {
     if (tree.cliques()[c].is_used) {
@@ -21,6 +23,11 @@ ForwardPaths::ForwardPaths(const CliqueTree& tree) : tree_(&tree), lanes_(1) {
   LayOut();
 }
 
+// Columns are padded to whole vectors of the kernels, with zeros that stay zero. Cliques of the
+// paths from each row to its root are gathered with repeats, which LayOut takes out: the paths of
+// neighboring rows share most of their cliques. Solving goes by ascending stamps, children first,
+// so each clique has all that it gets when its turn comes, and sums are formed in one order
+// whatever order the rows of V have.
 ForwardPaths::ForwardPaths(const CliqueTree& tree, const SparseColumns& V) : tree_(&tree) {
   const int columns = static_cast<int>(V.values.cols());
   const int width = std::max(kQuad, BestKernels().width);
@@ -46,6 +53,8 @@ ForwardPaths::ForwardPaths(const CliqueTree& tree, const SparseColumns& V) : tre
   }
 }
 
+// One piece of memory for all fronts, each with the room of its pivots and its separator for all
+// lanes. It is cleared front by front, by Of.
 void ForwardPaths::LayOut() {
   tree_->SortByStamp(&cliques_);
   cliques_.erase(std::unique(cliques_.begin(), cliques_.end()), cliques_.end());
@@ -58,6 +67,7 @@ void ForwardPaths::LayOut() {
   is_begun_.assign(cliques_.size(), 0);
 }
 
+// Else a search by stamps. The clique is there: with a clique all above it are.
 int ForwardPaths::Find(int c, int from) const {
   // A path goes from each clique to the next.
   if (from < size() && cliques_[from] == c) {
@@ -99,7 +109,10 @@ void ForwardPaths::SolveForward(int i) {
   }
 }
 
-// Clique by clique that both reach: its pivots' rows. Those beyond belong to cliques further up.
+// Clique by clique that both reach: its pivots' rows. Those beyond belong to cliques further up. A
+// walk along both lists, which ascend by stamp, as a merge does. The kernel subtracts products, so
+// the sum has the wrong sign until the end; it runs over cliques upward and over the rows of each,
+// in one order. Cost: the pivots that both reach, times lanes of both.
 Eigen::MatrixXd ForwardPaths::InnerProducts(const ForwardPaths& other) const {
   Eigen::MatrixXd negative = Eigen::MatrixXd::Zero(lanes_, other.lanes_);
   for (int i = 0, j = 0; i < size() && j < other.size();) {

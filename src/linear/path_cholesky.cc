@@ -18,6 +18,16 @@ namespace inceres::internal {
 // so that a path of any length is a band of two blocks a column (simd/path_kernels_body.inc), and
 // leaves three blocks in the rest, which is a matrix of nodes. The fronts of a multifrontal factor
 // would be as small, and what is around a front takes longer than the arithmetic in it.
+//
+// A factorization eliminates each path, adds what it leaves to the rest, and factors that; a solve
+// goes forwards along each path, solves the rest, and goes backwards along each path. Paths have
+// memory of their own and are cut into tasks; what they leave is added by the calling thread, path
+// by path, so that a block of the rest in which several paths end is a sum in their order, and the
+// bits do not depend on the number of threads.
+//
+// The order of elimination is one of the many that there are, so stability is that of any Cholesky
+// factorization of a positive definite matrix: no pivots are looked for, and one that is not
+// positive and finite ends it.
 
 namespace {
 
@@ -53,7 +63,9 @@ Status PathCholesky::Analyze(const ReducedMatrix& A) {
   return Analyze(A.pattern(), FindBlockPaths(A.pattern()));
 }
 
-// Arrays only grow: a solve whose pattern changes little takes no new memory.
+// Arrays only grow: a solve whose pattern changes little takes no new memory. The rest is analyzed
+// with the pattern that it has after all paths are gone, and with values that mean nothing yet:
+// only where blocks are is looked at.
 Status PathCholesky::Analyze(const BlockPattern& pattern, BlockPaths paths) {
   factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   plan_ = PathPlan(pattern, std::move(paths));
@@ -69,6 +81,8 @@ Status PathCholesky::Analyze(const BlockPattern& pattern, BlockPaths paths) {
   return rest_.Analyze(ReducedMatrix(rest, rest_values_.data(), rest_diagonal_.data()));
 }
 
+// A block goes to its place as it is or turned, by the two steps of the piece; planar and spatial
+// poses have loops of constant lengths.
 void PathCholesky::PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix& A,
                               double* values) const {
   const double* const block = A.Block(piece.i, piece.block);
@@ -89,7 +103,11 @@ void PathCholesky::PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix&
   }
 }
 
-// From assembly to elimination while it is in the cache.
+// From assembly to elimination while it is in the cache. Cleared, filled from S, damped and
+// eliminated, one path after the other. The tile behind the last node is cleared with them: what
+// the path leaves at its end and between its two ends is summed there, and S has no part in it. So
+// is the anchor's own block, which lies apart, because each node adds to it. Returns the scalar
+// that fails, counted along the path, or −1.
 int PathCholesky::EliminatePath(int p, const ReducedMatrix& A) {
   const BlockPaths::Path& path = plan_.path(p);
   const PathPlan::Place& place = plan_.place(p);
@@ -130,6 +148,10 @@ void PathCholesky::AddBlock(const double* from, int column_stride, int row, int 
   }
 }
 
+// Three blocks: next with next, anchor with anchor, and anchor with next. They have minus signs
+// already, for the kernels subtract from zeros. The section for the anchor in the last tile has the
+// anchor's rows and the columns of what is next, so it is turned where the rest has that block the
+// other way around.
 void PathCholesky::AddToRest(int p) {
   const BlockPaths::Path& path = plan_.path(p);
   if (path.next == BlockPaths::kNone) {
@@ -153,6 +175,9 @@ void PathCholesky::AddToRest(int p) {
   }
 }
 
+// S's own blocks between nodes of the rest first, then paths in their order, then the damping of
+// its rows, which the sparse factor adds. Everything is formed anew: a factorization of the rest is
+// dearer than that, and in a batch solve all of S has changed.
 Status PathCholesky::FactorizeRest(const ReducedMatrix& A) {
   const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
   std::fill(rest_values_.begin(), rest_values_.end(), 0.0);
@@ -171,6 +196,9 @@ Status PathCholesky::FactorizeRest(const ReducedMatrix& A) {
   return rest_.Factorize(ReducedMatrix(rest, rest_values_.data(), rest_diagonal_.data()), {});
 }
 
+// All paths are eliminated even if one fails, as tasks know nothing of each other; the culprit is
+// the first in the order of the paths, and the same for any number of threads. What is returned is
+// remembered, so that a solve without a factor says why there is none.
 Status PathCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = PredictedFlops();
   ForPaths([&](int p) { failed_[p] = EliminatePath(p, A); });
@@ -183,7 +211,9 @@ Status PathCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) 
   return factored_;
 }
 
-// Of the first path that fails, in their order; else of the rest, where it is known to a node.
+// Of the first path that fails, in their order; else of the rest, where it is known to a node. Of a
+// path the failing scalar tells the node, and within it the last block row that begins at or before
+// the scalar. The rest names one of its rows, which is a node; its first block row stands for it.
 int PathCholesky::RowThatFails() const {
   const auto failed =
       std::find_if(failed_.begin(), failed_.end(), [](int scalar) { return scalar >= 0; });
@@ -200,7 +230,9 @@ int PathCholesky::RowThatFails() const {
   return culprit;
 }
 
-// y = L⁻¹ b of a path, in padded sections, and what it takes from its two ends.
+// y = L⁻¹ b of a path, in padded sections, and what it takes from its two ends. Sections of the two
+// ends begin with zeros, and afterwards have −Σ L y of the path, which SolveRest adds to the rest's
+// b. Where a path ends freely L has zeros, and such a section stays zero.
 void PathCholesky::SolveForward(int p, const double* b) {
   const BlockPattern& pattern = plan_.pattern();
   const BlockPaths::Path& path = plan_.path(p);
@@ -216,6 +248,8 @@ void PathCholesky::SolveForward(int p, const double* b) {
                                         AnchorOf(p));
 }
 
+// Again by the calling thread, in the order of the paths: an entry of b in which several paths end
+// is a sum in that order.
 Status PathCholesky::SolveRest(const double* b, double* x) {
   const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
   for (int row = 0; row < rest.num_blocks(); ++row) {
@@ -279,6 +313,8 @@ Status PathCholesky::Solve(const double* b, const Rows& /*changed_b*/,
   return solved;
 }
 
+// Paths in their order, each from its first node on, then what is left, in the order of the sparse
+// factor.
 std::vector<int> PathCholesky::order() const {
   std::vector<int> rows;
   const auto add = [&rows](int row, int) { rows.push_back(row); };

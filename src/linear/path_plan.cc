@@ -11,6 +11,10 @@ namespace inceres::internal {
 // systems"): a tile has the columns of a node of a path, in three sections, its own rows, those of
 // the anchor, and those of the next node (simd/small_kernels.h); the rest is a matrix in whose
 // pattern the two ends of a path are coupled. Done once for a structure.
+//
+// A plan is a list of pieces, each a block of S with the address of its first entry in the tiles or
+// in the rest, and two steps: a factorization then copies, and asks nothing. Sections are padded to
+// quads, so that the kernels' vectors begin on their boundaries; a tile has three in each column.
 
 namespace {
 
@@ -19,6 +23,8 @@ constexpr double kLeastShare = 0.25;
 
 }  // namespace
 
+// A path of n nodes makes the rest smaller by n, and what it leaves at its two ends is work again:
+// short ones do not count.
 bool AreWorthEliminating(const BlockPaths& paths) {
   const double saved =
       static_cast<double>(paths.nodes.size()) - 2.0 * static_cast<double>(paths.paths.size());
@@ -33,6 +39,7 @@ PathPlan::PathPlan(const BlockPattern& pattern, BlockPaths paths)
   ListPieces();
 }
 
+// Where each block row begins within its node, by the order of its rows.
 void PathPlan::PlaceRows() {
   local_.assign(pattern_->num_blocks(), 0);
   for (int n = 0; n < paths_.num_nodes(); ++n) {
@@ -44,7 +51,10 @@ void PathPlan::PlaceRows() {
   }
 }
 
-// Paths one behind the other, then the nodes that are left as rows of the rest.
+// Paths one behind the other, then the nodes that are left as rows of the rest. One tile more than
+// there are nodes, for what the path leaves at its end, and two sections more in vectors, for both
+// ends. Flops and entries are those of full tiles with an anchor, and too many by its share for
+// paths that have none.
 void PathPlan::PlacePaths() {
   path_of_.assign(paths_.num_nodes(), BlockPaths::kNone);
   index_.assign(paths_.num_nodes(), 0);
@@ -69,7 +79,11 @@ void PathPlan::PlacePaths() {
   }
 }
 
-// The blocks of S between nodes of the rest, and those that paths leave between their ends.
+// The blocks of S between nodes of the rest, and those that paths leave between their ends. Pairs
+// are sorted by row and column and made unique: several paths may have the same ends, or ends that
+// S couples as well. Every node of the rest has a diagonal pair, from its own block rows, so each
+// row of the pattern is closed by it. An anchor and a next that are one node, of a ring, add to the
+// diagonal block, which is there.
 void PathPlan::MakeRestPattern() {
   std::vector<std::pair<int, int>> pairs;
   const auto add = [&pairs](int a, int b) { pairs.emplace_back(std::max(a, b), std::min(a, b)); };
@@ -118,7 +132,9 @@ std::ptrdiff_t PathPlan::RestBlock(int row, int column) const {
   return rest_pattern_.value_begin[at - begin];
 }
 
-// By the tile that they go to, and those of the rest.
+// By the tile that they go to, and those of the rest. A block with one node on a path goes with
+// that path; two nodes on different paths are never coupled, or the paths would have gone on.
+// Within a path pieces are sorted by where they go: tiles are then filled from front to back.
 void PathPlan::ListPieces() {
   std::vector<int> begin;
   const auto for_each_on_path = [this](const auto& add) {
@@ -150,7 +166,11 @@ void PathPlan::ListPieces() {
   }
 }
 
-// In the tile of the node that is eliminated first: which section, then the place in it.
+// In the tile of the node that is eliminated first: which section, then the place in it. A block
+// within a node lies in its own section; above the diagonal of the tile nothing is asked for. One
+// with a later node of the path, or with the end behind the last node, is in the section for next;
+// one with the anchor in the section for the anchor, which only the first node has in S: those of
+// later nodes are fill.
 PathPlan::Piece PathPlan::PieceOnPath(int i, int j, int block) const {
   const int a = paths_.node_of[i], b = paths_.node_of[j];
   const bool is_turned = path_of_[a] != BlockPaths::kNone && a != b &&
@@ -175,6 +195,9 @@ PathPlan::Piece PathPlan::PieceOnPath(int i, int j, int block) const {
           is_turned ? stride : 1, is_turned ? 1 : stride};
 }
 
+// Rows of a block in the rest are as long as its column node is large, since nodes join several
+// block rows. Of two different nodes the later one has the block, so it is turned where S has it
+// the other way around; within a node nothing is turned, for its rows ascend as those of S do.
 PathPlan::Piece PathPlan::PieceOfRest(int i, int j, int block) const {
   const int a = index_[paths_.node_of[i]], b = index_[paths_.node_of[j]];
   const int row = std::max(a, b), column = std::min(a, b);

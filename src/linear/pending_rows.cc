@@ -28,6 +28,7 @@ constexpr double kLeastLeft = 1e-4;
 
 }  // namespace
 
+// Null: the row is not pending.
 const PendingRows::Place* PendingRows::Find(int row) const {
   const auto at = std::lower_bound(places_.begin(), places_.end(), row,
                                    [](const Place& place, int r) { return place.row < r; });
@@ -51,7 +52,10 @@ bool PendingRows::ListPlaces(const SymmetricBlockRows& S, const BayesTree& tree,
 }
 
 // A block between a pending row and another must be as it was; one between two of them goes where
-// it belongs, of the tree's own less what is in the factor.
+// it belongs, of the tree's own less what is in the factor. Values are compared, padding included:
+// a block that was only summed anew to the same values has not changed. Δ, the difference to what
+// was factored, goes into K_, from which B C⁻¹ Bᵀ is taken later; blocks of T that the factor did
+// not have count as zeros there.
 bool PendingRows::AddBlock(const SymmetricBlockRows& S, const BayesTree& tree, int row, int column,
                            MatrixXd* C) {
   const Place *a = Find(row), *b = Find(column);
@@ -79,6 +83,8 @@ bool PendingRows::AddBlock(const SymmetricBlockRows& S, const BayesTree& tree, i
   return true;
 }
 
+// All or nothing: what was filled in before it says no is never used. C is a block of S, and
+// definite where S is.
 bool PendingRows::TakeUp(const SymmetricBlockRows& S, const BayesTree& tree,
                          const std::vector<int>& rows) {
   if (!ListPlaces(S, tree, rows)) {
@@ -110,7 +116,9 @@ bool PendingRows::TakeUp(const SymmetricBlockRows& S, const BayesTree& tree,
   return true;
 }
 
-// Along the odometry T is the pose that new ones began at: it stays.
+// Along the odometry T is the pose that new ones began at: it stays. G = E_TᵀA⁻¹E_T and L⁻¹E_T
+// depend on the factor and on T alone, not on what was added, so they stay while T does. They cost
+// the cliques from T to the root.
 void PendingRows::SolveForTree(const CliqueTree& tree) {
   SparseColumns E_T;
   E_T.values.setIdentity(tree_size_, tree_size_);
@@ -127,6 +135,10 @@ void PendingRows::SolveForTree(const CliqueTree& tree) {
   }
 }
 
+// V̂ has the rows of T, V_T − B C⁻¹ V_N here, and others that V has, which are substituted by
+// themselves: products of both are summed as cross and square terms of V̂ᵀA⁻¹V̂. V_N becomes
+// L_C⁻¹V_N in its place, whose square is V_NᵀC⁻¹V_N. I + K G is small and not symmetric, hence LU
+// with pivots. The result is made symmetric, for its rounding is not.
 Status PendingRows::Product(const SparseColumns& V, const std::vector<int>& offsets,
                             const CliqueTree& tree, MatrixXd* product) const {
   const Eigen::Index k = V.values.cols();

@@ -14,6 +14,11 @@ namespace inceres::internal {
 // of odometry costs a few products of 3 × 3 or 6 × 6 blocks, however large the problem. What is
 // carried on is never further from S⁻¹ than rounding of S itself is: a difference K below that
 // counts as zero, a Σ' far from Σ is given up.
+//
+// Products are written as lazy ones and solves row by row: of blocks this small a call of a general
+// product takes longer than the product itself. All that is remembered of S is what row p had, its
+// diagonal block, its neighbors and their blocks, and how many blocks S had lost: anything else
+// that changes at p is seen by comparing.
 
 namespace {
 
@@ -58,6 +63,8 @@ void ReadCoupling(const SymmetricBlockRows& S, int n, int p, Columns* block) {
 
 // X := L⁻¹ X, and X := L⁻ᵀ X, of the factor that FactorSmall leaves.
 template <typename Square, typename Columns>
+// All columns of X at once, row by row of L. The diagonal is not read, only its reciprocals, which
+// FactorSmall has kept.
 void SolveForward(const Square& L, const double* inverse_pivots, Columns* X) {
   for (int i = 0; i < L.rows(); ++i) {
     for (int k = 0; k < i; ++k) {
@@ -137,7 +144,10 @@ bool TipMarginal::HasGainedOnly(const SymmetricBlockRows& S, int n) const {
   return is_as_before && num_new == 1 && known == neighbors_.size();
 }
 
-// Σ' = Σ − Σ (I + K Σ)⁻¹ K Σ.
+// Σ' = Σ − Σ (I + K Σ)⁻¹ K Σ. K Σ is neither symmetric nor small where a row becomes much better
+// known, so I + K Σ is solved with pivots. The difference is exact as long as it is not much
+// smaller than what it is a difference of: variances must neither fall nor rise by more than 10⁴.
+// On false Σ is of no use, and the caller gives it up.
 bool TipMarginal::AddToTip(const Block& K) {
   Block I_KS = K.lazyProduct(sigma_);
   const Block K_sigma = I_KS;
@@ -170,6 +180,9 @@ bool TipMarginal::Advance(const SymmetricBlockRows& S, int n) {
 }
 
 template <int kSize>
+// With C = L Lᵀ and X = L⁻¹Bᵀ, B C⁻¹ Bᵀ is XᵀX: symmetric by construction, and taken before X
+// becomes M. Two solves, forwards and backwards, give M and C⁻¹ side by side. Where K is rounding,
+// as along the odometry, Σ' = Σ to the bit, and nothing gathers over thousands of poses.
 bool TipMarginal::CarryOn(const SymmetricBlockRows& S, int n) {
   using Square = Sized<kSize, kSize>;
   using Columns = Sized<kSize, kSize == Eigen::Dynamic ? kSize : 2 * kSize>;
@@ -204,6 +217,8 @@ bool TipMarginal::CarryOn(const SymmetricBlockRows& S, int n) {
   return true;
 }
 
+// Two rows, one of them p: that is a pose that has come along the odometry. Whatever else has
+// changed, a loop or a landmark, is beyond it.
 void TipMarginal::Follow(const SymmetricBlockRows& S, const std::vector<std::int32_t>& changed) {
   const bool is_pair = changed.size() == 2 && (changed[0] == row_ || changed[1] == row_);
   if (row_ != kNone && !(is_pair && Advance(S, changed[0] == row_ ? changed[1] : changed[0]))) {

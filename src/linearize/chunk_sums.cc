@@ -9,6 +9,18 @@ namespace inceres::internal {
 // The frames' half of H from Jacobians in chunks (docs/algorithms.md, "Linearization"). The plan of
 // products is that of Jacobians that are kept; of each of its segments the chunk has a run of
 // terms, behind those of the chunk before.
+//
+// A chunk has of each family the records from Begin to End, and terms of a segment ascend by
+// record: so a number for each segment, of the next term, is all that is remembered between chunks.
+// Whether a term has come is seen from the place that it names, for places are counted in quads
+// from record 0 whatever chunk is in memory.
+//
+// What a chunk adds to a block is summed by itself, from zeros and with padded rows, as the kernels
+// want it, and then added to C, whose rows follow each other without a gap. So a block's sum is one
+// of chunks in their order, and of terms in the order of the plan within each: it differs by
+// rounding from that of Jacobians that are kept, and not with the number of threads. Each task has
+// blocks of its own, and with them their segments' numbers, and of a diagonal block the frame's
+// entries of the gradient and the diagonal.
 
 namespace {
 
@@ -23,6 +35,8 @@ ChunkSums::ChunkSums(const Evaluator& evaluator, const FramePlans& plans)
       next_term_(plans.hessian.segments.size()) {
 }
 
+// Cost, besides the products: a look at the next term of each segment, chunk by chunk. Blocks
+// without memory in C have no segments, as frames that share landmarks only.
 void ChunkSums::Add(int chunk, const std::vector<std::int64_t>& begin, double* C, double* gradient,
                     double* diagonal) {
   evaluator_.executor().For(static_cast<int>(plans_.block_row.size()), kGrain,
@@ -42,6 +56,8 @@ void ChunkSums::Add(int chunk, const std::vector<std::int64_t>& begin, double* C
                             });
 }
 
+// A block that no chunk adds to is zero all the same, and so is the gradient of a frame without
+// factors, whose diagonal block is there for the damping.
 void ChunkSums::Begin(std::size_t block, double* C, double* gradient, double* diagonal) {
   const BlockPattern& pattern = plans_.pattern;
   const int row = plans_.block_row[block];
@@ -65,6 +81,7 @@ bool ChunkSums::HasCome(int chunk, int s, int term) const {
              evaluator_.jacobian_chunks()->End(chunk, source.family) * quads;
 }
 
+// Looked at before AddToBlock clears its room for a sum: of most blocks a chunk has nothing.
 bool ChunkSums::HasTerms(int chunk, std::size_t block) const {
   bool has = false;
   for (int s = plans_.hessian.segments_begin[block];
@@ -75,7 +92,8 @@ bool ChunkSums::HasTerms(int chunk, std::size_t block) const {
 }
 
 // sum += the products of the block, g += Jᵀf of its row if it is a diagonal one. Jacobians lie
-// elsewhere in each chunk.
+// elsewhere in each chunk. ProductsOf is therefore asked anew, and not once as where Jacobians are
+// kept. The run of terms is closed before the kernels see it, so they take it in one call.
 void ChunkSums::AddTerms(int chunk, std::size_t block, double* sum, double* g) {
   const BlockPattern& pattern = plans_.pattern;
   for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
@@ -106,6 +124,9 @@ void ChunkSums::AddTerms(int chunk, std::size_t block, double* sum, double* g) {
   }
 }
 
+// The kernels fill the lower triangle of a symmetric block; it is mirrored before it is added, so
+// that C has whole squares. The diagonal is copied after each chunk that adds something: that of
+// the last one stays.
 void ChunkSums::AddToBlock(int chunk, std::size_t block, double* C, double* gradient,
                            double* diagonal) {
   const BlockPattern& pattern = plans_.pattern;

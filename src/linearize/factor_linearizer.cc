@@ -40,7 +40,10 @@ Status FactorLinearizer::MapOf(VariableId id, const TangentMap** map) {
   return Status::Ok();
 }
 
-// Whatever the factor's place, its Jacobians are at the beginning.
+// Whatever the factor's place, its Jacobians are at the beginning. Jacobians of slots follow each
+// other, each padded as the evaluator's are; those that nobody wants have no room, a null pointer
+// and a map that says constant, so that the family does not write them. Cost: the slots, and tables
+// that grow to the factor's place once.
 Status FactorLinearizer::Connect(FactorId id, Linearization* factors) {
   factors->GrowTables(std::max(factors->num_factors, id.index + 1));
   slots_ = factors->slots;
@@ -72,6 +75,7 @@ Status FactorLinearizer::Connect(FactorId id, Linearization* factors) {
   return Status::Ok();
 }
 
+// Residuals lie by place and Jacobians at the beginning, where the next factor overwrites them.
 Status FactorLinearizer::LinearizePlainly(FactorId id, LinearizedFactor* result) {
   Linearization& factors = families_.try_emplace(id.family, graph_, id.family).first->second;
   const Status connected = Connect(id, &factors);
@@ -89,6 +93,8 @@ Status FactorLinearizer::LinearizePlainly(FactorId id, LinearizedFactor* result)
   return Status::Ok();
 }
 
+// Offsets of −1 tell the correction which slots have no Jacobian; the others are 0, as all that is
+// asked of them is not to be negative.
 Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
   const Status linearized = LinearizePlainly(id, result);
   if (!linearized.ok()) {

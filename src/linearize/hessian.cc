@@ -53,6 +53,9 @@ void PackDiagonal(int size, double* padded, double* packed) {
 
 }  // namespace
 
+// Of a landmark of size d P takes d (d − 1) / 2 numbers here and its diagonal in diagonal_, and η
+// none, as it is −gradient_: three numbers of a point, where P with padding would be twelve. Where
+// Jacobians come in chunks these are cut here, and H is summed as they come.
 Hessian::Hessian(const Evaluator& evaluator, const LandmarkIncidences& incidences,
                  const FramePlans& plans)
     : evaluator_(evaluator),
@@ -96,6 +99,8 @@ void Hessian::PlaceFrameBlocks() {
 
 // Jacobians stay where they are, so what the kernels are told of a source is put together once: of
 // the blocks of a pose graph most have a single product, which takes no longer than that would.
+// Families in single precision have no residuals to multiply with: their part of the gradient comes
+// from the strips (Evaluator::strip_gradient), and v is null to say so.
 void Hessian::BuildProducts() {
   for (const FramePlans::HessianSource& source : plans_.hessian_sources) {
     const Linearization& cache = evaluator_.families()[source.family];
@@ -112,7 +117,10 @@ void Hessian::BuildProducts() {
 
 // Blocks of 3 × 3, of planar poses or of the halves of spatial ones: mostly one product a block,
 // and what is around it would take several times as long. So one kernel sums all of a block, and
-// the gradient of a diagonal one, from terms that say all.
+// the gradient of a diagonal one, from terms that say all. Terms are listed here with everything
+// that a product needs, in the order of the plan, segments apart: sums are those of
+// accumulate_products segment by segment, and have the same bits. Where a family of another depth
+// comes first, all blocks with other depths are summed by the usual way.
 void Hessian::PlanSmallBlocks() {
   for (const Source& source : sources_) {
     small_sources_.push_back({source.products.a, source.products.b, source.gradient.v});
@@ -136,7 +144,8 @@ void Hessian::PlanSmallBlocks() {
 }
 
 // Of residuals of 3 or 6, whichever comes first, in double, rows padded, with no product that is
-// kept.
+// kept. The depth is decided by the first block that is small, and the kernel is told it once for
+// all of them.
 bool Hessian::IsSmall(std::size_t block) {
   constexpr int kSize = 3;
   constexpr int kMostTerms = 32;  // of a segment: more are summed in batches
@@ -162,6 +171,8 @@ bool Hessian::IsSmall(std::size_t block) {
   return begin < end;
 }
 
+// A symmetric product has one factor, and its second place says where the residual is
+// (ProductTerm); others have no part in the gradient.
 void Hessian::AddSmallTerms(std::size_t block) {
   for (int s = plans_.hessian.segments_begin[block]; s < plans_.hessian.segments_begin[block + 1];
        ++s) {
@@ -176,7 +187,8 @@ void Hessian::AddSmallTerms(std::size_t block) {
   }
 }
 
-// Frames and landmarks write to entries of their own, also of gradient_ and diagonal_.
+// Frames and landmarks write to entries of their own, also of gradient_ and diagonal_. Two passes
+// over J, by frames in the order of FramePlans and by landmarks in that of LandmarkIncidences.
 void Hessian::Accumulate() {
   if (chunk_sums_ != nullptr) {
     return;  // done as they came
@@ -230,7 +242,8 @@ void Hessian::AccumulateChunk(int chunk) {
   }
 }
 
-// Those from `begin` on; returns the first block that is not one of them, or `end`.
+// Those from `begin` on; returns the first block that is not one of them, or `end`. A run of
+// neighbors is one call: what is around a call would take longer than a block of one product.
 int Hessian::SumSmallBlocks(int begin, int end) {
   if (small_terms_.empty() || begin == end || small_blocks_[begin].num_terms == 0) {
     return begin;
@@ -245,6 +258,8 @@ int Hessian::SumSmallBlocks(int begin, int end) {
 }
 
 // A kept product is summed apart, whether it is formed now or was before: the bits are the same.
+// Products of a family whose Jacobians have not changed since are not formed again, which is what
+// keeping is for.
 void Hessian::AddSegment(int s, int rows, int columns, double* sum) {
   const ProductPlan::Segment& segment = plans_.hessian.segments[s];
   const Source& source = sources_[segment.source];
@@ -281,6 +296,9 @@ void Hessian::AddWidened(int source, const BlockProducts& products, double* out)
                     products.symmetric ? nullptr : J_row.single, out);
 }
 
+// g_i = Σ J_iᵀf in the order of the plan of the diagonal block, whose terms name the residuals: no
+// list of its own. Strips' part of it comes first. The diagonal is read from C, as the diagonal
+// block has just been written by the same task.
 void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   const BlockPattern& pattern = plans_.pattern;
   const auto i = static_cast<std::size_t>(frame);
@@ -310,7 +328,8 @@ void Hessian::AccumulateGradient(int frame, BlockScratch* scratch) {
   }
 }
 
-// P and η_l of one landmark, from its factors alone, family after family.
+// P and η_l of one landmark, from its factors alone, family after family. The kernels sum −Jᵀf,
+// hence the two signs: gradient_ is Jᵀf of landmarks as of frames.
 void Hessian::AccumulateLandmarks(int begin, int end) {
   const Layout& layout = evaluator_.layout();
   for (int l = begin; l < end; ++l) {

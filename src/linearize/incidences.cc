@@ -20,6 +20,13 @@ constexpr int kIncidenceGrain = 1024;                      // landmarks, of a fe
 // A target is 2 · place + flag, the flag telling whether the factor adds to the block or is the
 // first one there and overwrites it: so Y never has to be zeroed. Which factor is first follows
 // from the order of the lists, which the kernels walk as well.
+//
+// Tasks take ranges of landmarks or of chunks, and each writes what belongs to these. How many
+// there are depends on the threads; numbers and places follow from the problem alone, for a
+// landmark's incidences are numbered by themselves and moved to where the sizes before them say.
+//
+// Cost: a few passes over the slots of all factors, most of them by several threads, and one over
+// the incidences for each list that is sorted by frame.
 
 struct Factor {
   const VariableId* id;   // of each slot
@@ -47,8 +54,10 @@ void ForEachFactorOf(const LandmarkIncidences& incidences, int landmark, const E
   }
 }
 
-// Finds the frames of one landmark after the other. One number a frame tells whether it is known
-// to this landmark: no search through a separator.
+// Finds the frames of one landmark after the other. One number a frame tells whether it is known to
+// this landmark: no search through a separator. Numbers are never reset between landmarks: they go
+// up over all that one finder looks at, in 64 bits, so that a frame's last number tells by itself
+// whether it is of this landmark. A finder takes 8 bytes a frame, and each task has one.
 class FrameFinder {
  public:
   FrameFinder(const LandmarkIncidences& incidences, const Evaluator& evaluator)
@@ -108,8 +117,10 @@ LandmarkIncidences::LandmarkIncidences(const Evaluator& evaluator, std::int64_t 
   NameRecords(evaluator);
 }
 
-// Per family and slot, the factors of each landmark. A slot that holds a landmark in one factor
-// may hold a frame in another.
+// Per family and slot, the factors of each landmark. A slot that holds a landmark in one factor may
+// hold a frame in another. What entries of a slot have in common is put together here, pointers to
+// Jacobians and residuals included; ListFactors adds the stretch of the list that is a landmark's.
+// Targets are −1 where a slot has no frame: constants, and the landmark itself.
 void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   const Layout& layout = evaluator.layout();
   // A family that no landmark goes through has no targets at all.
@@ -151,7 +162,8 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
   ListFactors(slots);
 }
 
-// By landmark, its families in their order.
+// By landmark, its families in their order. Families that a landmark has no factor of leave no
+// entry, so entries are counted before, and the array has the size that it keeps.
 void LandmarkIncidences::ListFactors(const std::vector<FactorsThroughSlot>& slots) {
   std::size_t num_entries = 0;
   for (const FactorsThroughSlot& through : slots) {
@@ -175,7 +187,11 @@ void LandmarkIncidences::ListFactors(const std::vector<FactorsThroughSlot>& slot
 }
 
 // Finds the incidences of each landmark and notes in y_targets_, for the time being, 2 · its number
-// among those of the landmark + (not the first factor there).
+// among those of the landmark + (not the first factor there). Two rounds: the first finds the
+// frames of each landmark, part by part, and how many they are; sums of these are where each
+// landmark begins, and the second copies them there. Parts are ranges of landmarks, four a thread,
+// for landmarks with many factors may be neighbors. The list of a part is freed as soon as it is
+// copied: of a large problem both at once would be felt.
 void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   constexpr int kPartsPerThread = 4;
   const Layout& layout = evaluator.layout();
@@ -215,7 +231,9 @@ void LandmarkIncidences::CollectIncidences(const Evaluator& evaluator) {
   });
 }
 
-// One kind of storage for all of Y, so all frames must have the same size.
+// One kind of storage for all of Y, so all frames must have the same size. The last column apart
+// saves two quads of nine for BAL's cameras, and as much of what is read to form S. Kernels are
+// told once for all blocks, hence the same size.
 void LandmarkIncidences::ChooseStorage(const Layout& layout, bool may_have_tail) {
   const int size = frames.empty() ? 0 : layout.TangentSize(frames[0]);
   tail = may_have_tail && MayHaveTail(size) &&
@@ -235,6 +253,7 @@ int LandmarkIncidences::QuadsOfBlock(int incidence) const {
   return tail ? QuadsWithTail(depth, (row_quads - 1) * kQuad + 1) : depth * row_quads;
 }
 
+// By factor, as chunks keep them: the stride is that of a whole record.
 std::int64_t LandmarkIncidences::QuadsOfJacobians(int landmark) const {
   std::int64_t quads = 0;
   for (int k = factors_begin[landmark]; k < factors_begin[landmark + 1]; ++k) {
@@ -244,7 +263,9 @@ std::int64_t LandmarkIncidences::QuadsOfJacobians(int landmark) const {
 }
 
 // Cut by the memory that Y takes, or Jacobians, if they come in the same chunks. At least one
-// chunk, even without landmarks.
+// chunk, even without landmarks. What each landmark takes is found in parallel, and cutting, which
+// needs the sums, is one pass over these. A chunk ends before the landmark that would not fit, so
+// the largest chunk, which decides how much memory Y gets, may be that of a single landmark.
 void LandmarkIncidences::CutIntoChunks(const Evaluator& evaluator, std::int64_t quads_per_chunk) {
   struct Quads {
     std::int64_t Y;
@@ -284,7 +305,10 @@ int LandmarkIncidences::ChunkOf(int landmark) const {
          1;
 }
 
-// Of an entry all but three numbers is the same as in others.
+// Of an entry all but three numbers is the same as in others. Which slot an entry is of is seen
+// from the list its pointer is into: addresses of different arrays are compared by std::less, which
+// has an order for them. An entry is then of 12 bytes instead of 64, and FactorsAt puts them
+// together again for a few instructions.
 void LandmarkIncidences::ShortenFactors() {
   few_numbers_.reserve(factors.size());
   for (const FactorList& list : factor_lists_) {
@@ -308,7 +332,9 @@ void LandmarkIncidences::ShortenFactors() {
   std::vector<LandmarkFactors>().swap(factors);
 }
 
-// Y of one chunk is still there when it is substituted back; else Wᵀδ comes from the Jacobians.
+// Y of one chunk is still there when it is substituted back; else Wᵀδ comes from the Jacobians. By
+// frame and by incidence nothing is asked after planning. Memory is given back by swapping, as
+// clearing would keep it; of few entries there is nothing to gain.
 void LandmarkIncidences::ForgetPlaces() {
   if (factors.size() > kFewEntries) {
     ShortenFactors();
@@ -338,7 +364,10 @@ std::int64_t LandmarkIncidences::Bytes() const {
 }
 
 // Blocks of a frame lie together within a chunk, and within these by landmark size: the terms of a
-// block of S that are equally deep then follow each other (FramePlans::SchurSource).
+// block of S that are equally deep then follow each other (FramePlans::SchurSource). Chunks are
+// sorted by tasks, each in its own stretch of by_size, and a counting sort by frame keeps that
+// order: so a frame's list is by chunk, size and landmark. Mostly all landmarks have one size, and
+// nothing is sorted.
 void LandmarkIncidences::PlaceBlocks(const Evaluator& evaluator) {
   const int num_frames = evaluator.layout().num_frames;
   const Executor& executor = evaluator.executor();
@@ -367,7 +396,9 @@ void LandmarkIncidences::PlaceBlocks(const Evaluator& evaluator) {
 }
 
 // Puts the chunk's part of `order`, unless null, by size. All chunks begin at 0: they use the same
-// memory one after the other. `next`: where the next block of each frame goes.
+// memory one after the other. `next`: where the next block of each frame goes. A counting sort by
+// frame of blocks of unlike length: first how many quads each frame has in the chunk, whose sums
+// are where it begins, then each block takes the next place of its frame.
 void LandmarkIncidences::PlaceBlocksOf(int chunk, int num_frames, int* order,
                                        std::vector<std::int64_t>* next) {
   const int first = begin[chunk_begin[chunk]];
@@ -389,7 +420,8 @@ void LandmarkIncidences::PlaceBlocksOf(int chunk, int num_frames, int* order,
   }
 }
 
-// From the number of an incidence to its place, the flag kept.
+// From the number of an incidence to its place, the flag kept. In the same order as FrameFinder
+// went, by tasks over landmarks: a factor has one landmark, so no target is written twice.
 void LandmarkIncidences::SetTargets(const Evaluator& evaluator) {
   evaluator.executor().For(num_landmarks(), kIncidenceGrain, [&](int first, int last) {
     for (int l = first; l < last; ++l) {
@@ -404,7 +436,8 @@ void LandmarkIncidences::SetTargets(const Evaluator& evaluator) {
   });
 }
 
-// Kernels know factors by their records.
+// Kernels know factors by their records. Last, since what is above asks the graph, which knows
+// factors by their own numbers. Where records have the order of the factors there is nothing to do.
 void LandmarkIncidences::NameRecords(const Evaluator& evaluator) {
   for (FactorList& list : factor_lists_) {
     const Linearization& cache = evaluator.families()[list.family];

@@ -6,6 +6,11 @@ namespace inceres::internal {
 // EvaluateCandidate (f, cost, w' and q at the candidate), TryStep (J δ is kept) and Accept (the
 // candidate becomes the present). A step that is refused leaves only values of the candidate
 // behind, which the next one overwrites.
+//
+// J is kept with the weight and the correction that its loss had when it was linearized, and q is
+// the residual for which Jᵀq is the exact robust gradient with that J (docs/algorithms.md,
+// "Linearization"): q is renewed at every point, J only where the linearization has become wrong.
+// Both lie by place, so that lists of factors need no other table.
 
 IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
     : factors_(graph, id), kernels_(&BestKernels()), weighed_(*factors_.family) {
@@ -45,6 +50,8 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
   }
 }
 
+// On a failure some candidates are weighed and others are not; the caller gives the step up, and
+// they are never read.
 EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::int32_t>& factors,
                                                        const Executor& executor) {
   const EvaluationFailure unprepared = factors_.Prepare(/*jacobians=*/false, factors);
@@ -61,6 +68,8 @@ EvaluationFailure IncrementalFamily::EvaluateCandidate(const std::vector<std::in
   });
 }
 
+// A factor whose weight was zero and is linearized anew has a J of now, so what was parked of it is
+// out of date.
 EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& factors,
                                                const Executor& executor) {
   const EvaluationFailure unprepared = factors_.Prepare(/*jacobians=*/true, factors);
@@ -80,6 +89,8 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
   });
 }
 
+// √w (I − α n nᵀ) J, unless that is J itself, as without a loss or within Huber's bend. f stays as
+// it was evaluated, for q and costs are made of it.
 void IncrementalFamily::Weigh(int factor) {
   const RobustScale scale = weighed_.Weigh(factors_, factor);
   if (!scale.is_one()) {
@@ -88,6 +99,7 @@ void IncrementalFamily::Weigh(int factor) {
   }
 }
 
+// Jδ of each factor stays by its place: Accept moves f̂ by it, f̂ := f̂ + Jδ.
 double IncrementalFamily::PredictDecrease(const std::vector<std::int32_t>& factors,
                                           const double* padded_step) {
   kernels_->multiply_rows(factors_.Rows(0, 0), factors.data(), static_cast<int>(factors.size()),
@@ -101,13 +113,15 @@ void IncrementalFamily::SubtractGradient(const std::vector<std::int32_t>& factor
                                 static_cast<int>(factors.size()), weighed_.q(), padded_rhs);
 }
 
+// Evaluates the loss: only factors that are asked for this pay for it.
 bool IncrementalFamily::HasCurvedLoss(int factor) const {
   return LossValue(factors_.graph->loss(id(), factor), residual(factor), residual_size()).rho[2] >
          0.0;
 }
 
 // One pass over the Jacobians for both products. If the step is refused, padded_rhs is the caller's
-// to throw away.
+// to throw away. What is subtracted is Σ Jᵀ(q_candidate − q), the change of η with the sign that b
+// has; J stays, so that difference is all that a step does to the gradient.
 double IncrementalFamily::TryStep(const std::vector<std::int32_t>& factors,
                                   const double* padded_step, double* padded_rhs) {
   FactorRows rows = factors_.Rows(0, 0);

@@ -17,6 +17,16 @@ namespace inceres::internal {
 //
 // Evaluations of one point give the same bits however often they are asked for: values of losses
 // that were found meanwhile at a candidate are recognized by their residuals, and found anew.
+//
+// Chunks are those of the elimination, by landmarks, so that P and Y of a landmark are made of
+// Jacobians that are all there. Factors that touch no landmark come in chunks of their own behind
+// those, or with the chunk of the landmark before which they lie. Within a chunk each family has a
+// stretch of the array, whose records ascend.
+//
+// A factor's J and residual have the bits that they would have if they were kept, for it is
+// evaluated by the same call of its family; what is not the same is the order in which sums go over
+// all factors. A chunk's cost is a sum over pieces, which are cut by the problem alone, and the
+// cost one over chunks.
 
 namespace {
 
@@ -50,11 +60,16 @@ const char* JacobianChunks::Obstacle(const FactorGraph& graph) {
   return graph.HasPins() ? "pinned variables" : nullptr;
 }
 
+// All blocks of a record follow each other, so that the stride of the first slot is the record's
+// length.
 std::int64_t JacobianChunks::QuadsOf(FamilyId family) const {
   const std::vector<SlotJacobians>& slots = evaluator_.families()[family].slots;
   return slots.empty() ? 0 : slots[0].factor_stride / kQuad;
 }
 
+// Memory is asked for by name before it is taken, and is that of the largest chunk: all of them use
+// it one after the other. Slots point there from the beginning, so that none is without an address
+// before the first evaluation.
 void JacobianChunks::Cut(const LandmarkIncidences& incidences) {
   FindFactors();
   CutByLandmarks(incidences);
@@ -77,6 +92,7 @@ void JacobianChunks::Cut(const LandmarkIncidences& incidences) {
   }
 }
 
+// The inverse of Linearization::records; empty, as that is, where each factor is its own record.
 void JacobianChunks::FindFactors() {
   factors_.resize(evaluator_.families().size());
   for (const Linearization& cache : evaluator_.families()) {
@@ -89,7 +105,9 @@ void JacobianChunks::FindFactors() {
 }
 
 // A landmark's records ascend, and those of the landmarks before it lie before them. What is
-// between them, without a landmark, goes with the next.
+// between them, without a landmark, goes with the next. So the end of a chunk in a family is behind
+// the last record of its landmarks, and never before that of the chunk before, where a chunk has
+// none of the family.
 void JacobianChunks::CutByLandmarks(const LandmarkIncidences& incidences) {
   const std::vector<Linearization>& families = evaluator_.families();
   num_chunks_ = incidences.num_chunks();
@@ -107,7 +125,9 @@ void JacobianChunks::CutByLandmarks(const LandmarkIncidences& incidences) {
   }
 }
 
-// Factors of frames alone: chunks as large as those of landmarks, family after family.
+// Factors of frames alone: chunks as large as those of landmarks, family after family. A chunk may
+// have the end of one family and the beginning of the next. Where it is full it is closed, and the
+// family goes on in another one; a single record that is larger than a chunk has one by itself.
 void JacobianChunks::CutTheRest() {
   std::vector<int> end(ends_.end() - static_cast<std::ptrdiff_t>(evaluator_.families().size()),
                        ends_.end());
@@ -136,6 +156,8 @@ void JacobianChunks::CutTheRest() {
   }
 }
 
+// The most that a chunk has decides how much room costs, failures and moved views get, once: no
+// evaluation allocates.
 void JacobianChunks::CutIntoPieces() {
   std::size_t most = 0, most_slots = 0;
   bool any_moved = false;
@@ -162,6 +184,8 @@ void JacobianChunks::CutIntoPieces() {
   }
 }
 
+// A pass in which each chunk is read by whoever sums H while it is in memory; without that it would
+// have to come twice. On a failure the cost is of no use, and chunks behind it were not evaluated.
 Status JacobianChunks::Linearize(bool known_point, double* cost) {
   *cost = 0.0;
   in_memory_ = -1;
@@ -179,12 +203,16 @@ Status JacobianChunks::Linearize(bool known_point, double* cost) {
   return Status::Ok();
 }
 
-// The point was linearized before: tangent maps are there, and losses may be.
+// The point was linearized before: tangent maps are there, and losses may be. The chunk that is in
+// memory already costs nothing: a pass may go on with the one that the pass before has ended with.
 Status JacobianChunks::Bring(int chunk) {
   double cost = 0.0;
   return chunk == in_memory_ ? Status::Ok() : Evaluate(chunk, /*known_point=*/true, &cost);
 }
 
+// Nothing counts as in memory until all of it is: who is told of a failure must not find half a
+// chunk. Of pieces that fail the first one is named, in the order of the families and their
+// records, whichever thread met it first. Pieces' costs are added in their order.
 Status JacobianChunks::Evaluate(int chunk, bool known_point, double* cost) {
   in_memory_ = -1;
   evaluator_.points().PointTo(/*candidate=*/false);
@@ -224,6 +252,11 @@ int JacobianChunks::EndOfRun(const Piece& piece, int record) const {
   return end;
 }
 
+// Where records are in the order of the factors a piece is one run, but for free places. Else it is
+// cut into runs of factors that are neighbors in both orders, of a problem that was filled photo by
+// photo mostly single ones; each is evaluated by its factors' numbers and written to its records,
+// by views that are moved for it. Each piece of a chunk has such views of its own, so that tasks do
+// not disturb each other.
 EvaluationFailure JacobianChunks::EvaluatePiece(const Piece& piece, bool known_point, Moved* moved,
                                                 double* cost) {
   Linearization& cache = evaluator_.families()[piece.family];
@@ -256,6 +289,8 @@ EvaluationFailure JacobianChunks::EvaluatePiece(const Piece& piece, bool known_p
   return {};
 }
 
+// Losses are applied in groups of kSumSize from the beginning of the run, right after the
+// evaluation, while its Jacobians are in the cache.
 EvaluationFailure JacobianChunks::EvaluateRun(FamilyId family, int begin, int end, bool known_point,
                                               const LinearizationPlaces& places, double* cost) {
   Linearization& cache = evaluator_.families()[family];

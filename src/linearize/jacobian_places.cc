@@ -32,7 +32,8 @@ bool ComesUnwritten(std::size_t size) {
 // take 51 MB, 2 % of those of a solve.
 constexpr std::int64_t kMostPadded = std::int64_t{1} << 27;  // 128 MiB
 
-// One to three entries at the end of each row.
+// One to three entries at the end of each row. Without a loop inside: it is called for each block
+// of a problem whose Jacobians come unwritten.
 void ClearPadding(int padding, int row_stride, double* begin, double* end) {
   for (double* next_row = begin + row_stride; next_row <= end; next_row += row_stride) {
     next_row[-1] = 0.0;
@@ -47,6 +48,7 @@ void ClearPadding(int padding, int row_stride, double* begin, double* end) {
 
 // The first variable of the factor that is one, or -1.
 template <typename Is>
+// A free place has −1 in each slot, and so no such variable.
 VariableId FirstOf(const FactorGraph& graph, FamilyId id, int factor, const Is& is) {
   const VariableId* const ids = graph.Variables(id, factor);
   const VariableId* const end = ids + graph.family(id).num_slots();
@@ -61,7 +63,9 @@ int LandmarkOfFactor(const FactorGraph& graph, const Layout& layout, FamilyId id
       graph, id, factor, [&](VariableId variable) { return layout.LandmarkOf(variable) >= 0; }));
 }
 
-// The factors of one landmark stay in the family's order, and with them the sums over them.
+// The factors of one landmark stay in the family's order, and with them the sums over them. Factors
+// without a landmark come last, in a group of their own. What is returned is the inverse of the
+// sorted order: per factor its record.
 std::vector<std::int32_t> SortByLandmark(const FactorGraph& graph, const Layout& layout,
                                          FamilyId id) {
   const int num_landmarks = layout.num_landmarks();
@@ -80,7 +84,10 @@ std::vector<std::int32_t> SortByLandmark(const FactorGraph& graph, const Layout&
   return records;
 }
 
-// And what else of the candidate Linearization::Grow would have made.
+// And what else of the candidate Linearization::Grow would have made. Blocks of the family's slots
+// are views into the rows, at the columns of the variables of factor 0, which are those of all
+// factors; who factors J reads it as it was written. Zeros are needed from the start: columns of
+// variables that the family does not touch are written by nobody.
 void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   cache->storage = JacobianStorage::kWholeRows;
   // Both points have residuals of their own.
@@ -101,6 +108,8 @@ void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   }
 }
 
+// Slot after slot, as a product of two slots over all factors reads them: neighbors in memory are
+// blocks of the same slot.
 void PlaceBySlot(int num_places, Linearization* cache) {
   const auto size = static_cast<std::size_t>(FactorSize(*cache) * num_places);
   cache->jacobian_values = ComesUnwritten(size) ? ZeroedArray::Unwritten(size) : ZeroedArray(size);
@@ -119,7 +128,9 @@ void PlaceBySlot(int num_places, Linearization* cache) {
 }
 
 // Landmarks ascend, in families of any size; empty where they do so anyway, with few factors that
-// touch none between them, for these go with the next landmark's chunk.
+// touch none between them, for these go with the next landmark's chunk. A landmark's records must
+// lie together and behind those of the landmarks before it, or a chunk would not be a stretch of
+// records.
 std::vector<std::int32_t> RecordsInChunks(const FactorGraph& graph, const Layout& layout,
                                           FamilyId id) {
   constexpr int kFew = 1024;
@@ -148,7 +159,9 @@ void PlaceInChunks(int num_places, std::vector<std::int32_t> order, Linearizatio
 
 }  // namespace
 
-// Small enough, nothing to eliminate, no free places, and all factors of a family alike.
+// Small enough, nothing to eliminate, no free places, and all factors of a family alike. Then a
+// step is a small dense factorization, for which blocks would only be gathered again. Cost: a look
+// at the sizes, and a comparison of ids where these are small enough.
 JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
   std::int64_t num_rows = 0;
   bool whole = layout.num_landmarks() == 0 && layout.size() <= kMaxWholeColumns;
@@ -167,6 +180,8 @@ JacobianStorage StorageFor(const FactorGraph& graph, const Layout& layout) {
   return whole ? JacobianStorage::kWholeRows : JacobianStorage::kBySlot;
 }
 
+// By all families together, since it is one memory: of those whose sizes are multiples of four
+// padding adds nothing, and without any the answer is no.
 bool IsPaddingDear(const FactorGraph& graph) {
   std::int64_t padded = 0, entries = 0;
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
@@ -180,6 +195,8 @@ bool IsPaddingDear(const FactorGraph& graph) {
   return padded > entries && padded * std::int64_t{sizeof(double)} > kMostPadded;
 }
 
+// A landmark is over once another one has come: a factor of it behind that is not next to its
+// others. Landmarks here are those that move by what the graph says, without a layout.
 bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id) {
   if (!Linearization::MayHaveStrips(graph.NumFactors(id))) {
     return false;
@@ -211,7 +228,8 @@ std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layo
              : SortByLandmark(graph, layout, id);
 }
 
-// By entry, so that tasks may share a family.
+// By entry, so that tasks may share a family. Offsets are kept twice where records have an order of
+// their own: by factor for who evaluates and corrects, by record for who passes over J.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache) {
   const VariableId* ids = begin < end ? cache->graph->Variables(cache->id, 0) : nullptr;
@@ -226,6 +244,8 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   }
 }
 
+// What is left of the six kinds is kept by factor. Single precision is refused to families that are
+// small, or that prepare evaluations, and these keep doubles.
 void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization* cache) {
   const FactorGraph& graph = *cache->graph;
   const int num_places = graph.NumFactors(cache->id);
@@ -250,6 +270,9 @@ void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization
                            : RecordsByLandmark(graph, layout, cache->id));
 }
 
+// A block without a place in the tangent vector is written by no evaluation, and neither is
+// padding: both stay zero. Other entries are written each time. Cost: once, a pass over what is at
+// most a megabyte a family.
 void ClearUnwritten(Linearization* cache) {
   if (!ComesUnwritten(cache->jacobian_values.size())) {
     return;
@@ -271,7 +294,8 @@ void ClearUnwritten(Linearization* cache) {
 }
 
 // The whole block with its padding, which is zero. After the correction for the loss, where a
-// weight of zero makes blocks vanish, too.
+// weight of zero makes blocks vanish, too. A block of zeros adds nothing to any sum; without an
+// offset products skip it. NaN is not equal to zero, and stays in.
 void LeaveOutZeroBlocks(int begin, int end, Linearization* cache) {
   const std::size_t num_slots = cache->slots.size();
   for (std::size_t s = 0; s < num_slots; ++s) {

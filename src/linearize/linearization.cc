@@ -15,6 +15,10 @@ namespace inceres::internal {
 //
 // Pins (first-estimate Jacobians) split a linearization in two: one call with Jacobians at the
 // pinned values, and for factors with a pin another one for the residual where the variables are.
+//
+// How J lies in memory is decided once (jacobian_places.h) and said by two numbers a slot, from
+// factor to factor and from row to row: kernels read every kind by them. Families write by the
+// views, which are the same addresses, or by those of a strip.
 
 namespace {
 
@@ -28,6 +32,7 @@ void Enlarge(std::size_t size, std::size_t used, ZeroedArray* array) {
 // Records lie apart where they are in another order than the factors: so many ahead are asked for.
 constexpr int kRecordsAhead = 12;
 
+// The whole record, line by line, and for writing. In single precision nothing is asked for.
 void FetchToWrite(const Linearization& cache, int factor) {
   constexpr std::ptrdiff_t kLine = 64 / sizeof(double);
   if (cache.records.empty() || cache.keeps_singles()) {
@@ -84,7 +89,9 @@ void Linearization::GrowTables(int num_places) {
   }
 }
 
-// Kept values move to the new place; new ones are zero.
+// Kept values move to the new place; new ones are zero. With the same capacity only the tables
+// become longer, for columns of Jacobians have room already. All addresses of Jacobians change
+// where it grows, so slots and views are set together.
 void Linearization::Grow(int num_places, int new_capacity) {
   const int before = num_factors;
   if (new_capacity > capacity) {
@@ -144,6 +151,8 @@ void Linearization::PlaceByFactor(int num_places, bool in_singles,
   record_offsets.resize(records.empty() ? 0 : parameters.size());
 }
 
+// Blocks of one record: slot after slot, each residual_size rows without padding. What is between
+// the last one and the record's end fills a quad.
 void Linearization::PlaceSlots(double* first) {
   for (int s = 0; s < num_slots; ++s) {
     SlotJacobians& slot = slots[s];
@@ -153,6 +162,7 @@ void Linearization::PlaceSlots(double* first) {
   }
 }
 
+// All slots get one stride from factor to factor, since their blocks share a record.
 std::ptrdiff_t PackRows(Linearization* factors) {
   int size = 0;
   for (SlotJacobians& slot : factors->slots) {
@@ -191,6 +201,7 @@ BlockProducts ProductsOf(const Linearization& factors, int row_slot, int column_
   return products;
 }
 
+// Jᵀf: `a` is J of the slot, whose places terms name, and v the residuals, which they name as well.
 VectorProducts GradientOf(const Linearization& factors, int slot) {
   VectorProducts products;
   products.a = factors.slots[slot].data;
@@ -200,6 +211,7 @@ VectorProducts GradientOf(const Linearization& factors, int slot) {
   return products;
 }
 
+// With padding where rows have any: it is read with the rest.
 std::ptrdiff_t FactorSize(const Linearization& factors) {
   return std::accumulate(factors.slots.begin(), factors.slots.end(), std::ptrdiff_t{0},
                          [&](std::ptrdiff_t sum, const SlotJacobians& slot) {
@@ -216,6 +228,7 @@ EvaluationFailure Linearization::EvaluateCandidate(int begin, int end, double* f
 
 // Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
 // where the Jacobians of factor 0 would be. That address is a number only: none of it is used.
+// Residuals are written there, too, where records have an order of their own (WrittenResiduals).
 void Linearization::BeginStrip(int first) {
   strip_begin_ = first;
   PlaceSlots(AddressBefore(first * slots[0].factor_stride, strip_values.data()));
@@ -236,7 +249,9 @@ void Linearization::EndStrip() {
   }
 }
 
-// In the strip behind its Jacobians, where the order of records is another one.
+// In the strip behind its Jacobians, where the order of records is another one. They end where the
+// strip's memory does, so that the residual of factor strip_begin_ + kStripSize would be at its
+// end, and that of factor 0 so many before.
 double* Linearization::WrittenResiduals() const {
   if (records.empty() || !has_strips()) {
     return residuals.data();
@@ -245,7 +260,9 @@ double* Linearization::WrittenResiduals() const {
   return AddressBefore(std::ptrdiff_t{strip_begin_ + kStripSize} * residual_size, strip_end);
 }
 
-// Of all slots, for a factor's blocks lie together.
+// Of all slots, for a factor's blocks lie together. Neighboring factors of a strip go to records
+// that may be far apart, each a line or more that is not in the cache: hence the requests ahead,
+// which end with the range, for what is behind it is another task's.
 void Linearization::KeepStrip(int begin, int end) {
   const SlotJacobians& first = slots[0];
   const double* const f = WrittenResiduals();
@@ -265,6 +282,7 @@ void Linearization::KeepStrip(int begin, int end) {
   }
 }
 
+// Pointers stay good as long as the store or the states that they lead into.
 void Linearization::Connect(std::size_t entry, const double* x, const double* pinned,
                             const TangentMap& map) {
   parameters[entry] = x;
@@ -284,7 +302,8 @@ void Linearization::Pin(std::size_t entry, const double* pinned) {
   }
 }
 
-// One pinned variable is enough: the residual there was taken at the pinned value.
+// One pinned variable is enough: the residual there was taken at the pinned value. Cost: the slots.
+// Asked only in families that have a pin.
 bool Linearization::IsPinned(int factor) const {
   const auto first = pins.begin() + Entry(factor);
   return std::any_of(first, first + num_slots, [](const double* pin) { return pin != nullptr; });
@@ -363,9 +382,10 @@ EvaluationFailure Linearization::Prepare(bool jacobians, const std::vector<std::
   return failure;
 }
 
-// Jacobians at the pinned values, then residuals where the variables are.
-// Residuals at the pinned values are written as well, and those of factors without a pin are
-// right.
+// Jacobians at the pinned values, then residuals where the variables are. Residuals at the pinned
+// values are written as well, and those of factors without a pin are right. Two evaluations of a
+// factor with a pin, and one of all others, which are evaluated in one call with these.
+// VariableLookUp serves no family with pins, so the tables are there.
 EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   for (std::ptrdiff_t entry = Entry(batch.begin); entry < Entry(batch.end); ++entry) {
     jacobian_parameters_[entry] = pins[entry] != nullptr ? pins[entry] : parameters[entry];
@@ -386,7 +406,8 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   return failure;
 }
 
-// As the kernels see a range of records.
+// As the kernels see a range of records. Of whole rows a range is that of one block, which is all
+// rows of the family.
 FactorRows Linearization::Rows(int begin, int end) const {
   FactorRows rows;
   rows.begin = begin;

@@ -25,6 +25,8 @@ void Clamp(const VariableBounds& bounds, double* x) {
 
 }  // namespace
 
+// Both states begin as the graph's: constants, and variables that nothing moves, are written by no
+// step and are the same in both.
 PointPair::PointPair(const FactorGraph& graph, const Layout& layout)
     : graph_(&graph), layout_(layout), current_(graph.state()), candidate_(graph.state()) {
   BuildTangents();
@@ -76,6 +78,9 @@ void PointPair::BuildTangents() {
   }
 }
 
+// Values that lie one after the other in the state and in the packed vector are one run, so x + δ
+// of a bundle of landmarks is one loop. Where variables were added in another order than the layout
+// has, runs are short and many.
 void PointPair::AddFlat(VariableId id) {
   const std::int64_t offset = graph_->StateOffset(id);
   const int packed = layout_.packed_offset[layout_.position[id]];
@@ -88,6 +93,7 @@ void PointPair::AddFlat(VariableId id) {
   flat_runs_.back().size += graph_->AmbientSize(id);
 }
 
+// Bounds are the graph's and stay there; only of variables that move is there anything to clamp.
 void PointPair::BuildBounds() {
   for (std::size_t i = 0; graph_->HasBounds() && i < layout_.variables.size(); ++i) {
     if (const VariableBounds* bounds = graph_->bounds(layout_.variables[i])) {
@@ -139,6 +145,9 @@ void PointPair::AcceptCandidate() {
   }
 }
 
+// Values and names are swapped, both: afterwards current_ is the vector that it was not, with the
+// values that it had, and factors' pointers lead to the other point. Cost: a pass over the values,
+// and none where a solve evaluates the same point again.
 void PointPair::PointTo(bool candidate) {
   if (points_to_candidate_ != candidate) {
     std::swap_ranges(current_.begin(), current_.end(), candidate_.begin());
@@ -149,6 +158,7 @@ void PointPair::PointTo(bool candidate) {
 
 // compute(tangent, id, x) of all that have a manifold; it returns what is wrong.
 template <typename Compute>
+// The first fault ends it, as Ceres calls nothing more after one.
 Status PointPair::ComputeTangentsAt(const std::vector<double>& state, const Compute& compute) {
   for (std::size_t k = 0; k < curved_.size(); ++k) {
     const VariableId id = curved_[k];
@@ -173,6 +183,7 @@ Status PointPair::ComputeCandidateTangents() {
   });
 }
 
+// Of a curved variable there are two maps, at the current point and at the candidate.
 std::int64_t PointPair::Bytes() const {
   auto bytes = static_cast<std::int64_t>(sizeof(double) * current_.size() * 2 +
                                          sizeof(FlatRun) * flat_runs_.capacity());

@@ -10,15 +10,25 @@ namespace {
 // Costs and corrections of a group of factors (docs/algorithms.md, "Robust losses"). Losses are
 // asked one by one; the Jacobians of the group are then scaled by one call of a kernel, slot by
 // slot, while they are in the cache.
+//
+// A group is at most kSumSize factors, of which the cost is one sum, factor by factor: it is the
+// smallest unit that sums of costs are made of, and how factors are spread over threads cannot
+// change it. The cost is of f as it was evaluated; correction comes after.
+//
+// Values of losses are kept from the candidate's evaluation, for an accepted candidate is
+// linearized next. Whether they are of the same residual is asked of s = ‖f‖² and its bits. Equal
+// squares of other residuals would have the same values, since a loss sees nothing but s.
 
-// What the losses of a group make of it.
+// What the losses of a group make of it. of_jacobian is √ρ' and (α / s), of_residual what f is
+// multiplied by, √ρ' / (1 − α).
 struct GroupScales {
   FactorScale of_jacobian[kSumSize];
   double of_residual[kSumSize];
   bool are_finite = true;
 };
 
-// Of the candidate: the values of the losses are kept.
+// Of the candidate: the values of the losses are kept. With the number of rows known to the
+// compiler, s of a residual is a few instructions beside the loss's call.
 double SumCandidateCosts(int begin, int end, const double* candidate_f, Linearization* family) {
   const std::shared_ptr<const Loss>* const losses = family->graph->losses(family->id);
   const double* f = candidate_f + std::ptrdiff_t{begin} * family->residual_size;
@@ -36,6 +46,10 @@ double SumCandidateCosts(int begin, int end, const double* candidate_f, Lineariz
 
 // Those of the point that was linearized; a loss is not asked again where its value is known.
 template <typename Size>
+// Most losses have ρ'' ≤ 0 and take no second-order term, which leaves J and f with the same factor
+// √ρ'. Nothing is written to J or f here: where one factor of the group has no root, the others
+// stay uncorrected. A weight that is not finite or negative, whose root is NaN, is noted by a sum
+// that such a number makes NaN, so that the loop has no branch for it.
 double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, int begin, int end,
                           const double* residuals, Linearization* family, GroupScales* scales,
                           EvaluationFailure* failure) {
@@ -73,7 +87,9 @@ double SumLinearizedCosts(Size rows, bool known_point, LossCurvature curvature, 
   return cost;
 }
 
-// J first, for it needs f as it was evaluated.
+// J first, for it needs f as it was evaluated. A group with a scale that is not finite goes factor
+// by factor, for the kernel would leave NaN in the padding (RobustScale::Apply); so do whole rows,
+// of which there are few.
 void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int end,
              const LinearizationPlaces& places, Linearization* family) {
   const auto num_slots = static_cast<int>(family->slots.size());

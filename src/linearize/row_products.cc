@@ -13,6 +13,8 @@ namespace inceres::internal {
 // its sign matters. The same pass gives ‖Jδ‖², the curvature along δ. Sums run over fixed chunks
 // and these in their order: the bits are those of one thread.
 
+// Where Jacobians are not kept each chunk is evaluated once more, by the same calls as before: that
+// fails only where a cost function is not the same function the second time.
 RowProducts JacobianProduct::Multiply(const double* v) {
   RowProducts total;
   JacobianChunks* const chunks = evaluator_.jacobian_chunks();
@@ -39,6 +41,7 @@ RowProducts JacobianProduct::Multiply(const double* v) {
   return total;
 }
 
+// Family by family, of each the records that the chunk has.
 void JacobianProduct::AddChunk(int chunk, RowProducts* total) {
   const JacobianChunks& chunks = *evaluator_.jacobian_chunks();
   for (const Linearization& cache : evaluator_.families()) {
@@ -46,6 +49,10 @@ void JacobianProduct::AddChunk(int chunk, RowProducts* total) {
   }
 }
 
+// For the way back, which finds the landmarks' steps chunk by chunk: frames are there from the
+// beginning and are padded with the first chunk, landmarks with their own. A factor's landmark lies
+// in the factor's chunk, so no entry is read before it is there. Behind the landmarks' chunks
+// everything is.
 void JacobianProduct::AddChunk(int chunk, const LandmarkIncidences& incidences, const double* v,
                                RowProducts* total) {
   const Layout& layout = evaluator_.layout();
@@ -60,6 +67,8 @@ void JacobianProduct::AddChunk(int chunk, const LandmarkIncidences& incidences, 
   AddChunk(chunk, total);
 }
 
+// Chunks of 1,024 records count from `begin`, which the problem decides, so the sums are the same
+// for any number of threads. Each task writes the sums of its own chunks.
 void JacobianProduct::AddRows(const Linearization& cache, int begin, int end, RowProducts* total) {
   constexpr int kChunkSize = 1024;
   const Kernels& kernels = BestKernels();

@@ -9,6 +9,15 @@ namespace inceres::internal {
 // Parameters and tangent maps by variable (docs/large.md, "Memory"). A table of them by slot takes
 // 32 bytes of an observation; to look them up takes a few instructions beside the hundreds of its
 // evaluation.
+//
+// The pointers of a few factors at a time are collected on the stack, in the form in which a
+// family's Evaluate expects them, with the address that factor 0 would have: families, and the
+// failures that they report, know factors by their own numbers and nothing of this. Tables per
+// variable are small next to those per slot, as each variable has many factors, and are shared by
+// all families.
+//
+// What is looked up stays true as long as the solve: PointPair's states never move, and points that
+// trade places have their values swapped, not their addresses.
 
 namespace {
 
@@ -18,6 +27,7 @@ static_assert(kMostSlots <= kMostEntries);
 
 }  // namespace
 
+// Of a variable that was removed there is nothing to point to, and no factor names it.
 void VariableLookUp::Bind(const FactorGraph& graph, const PointPair& points) {
   values_.resize(graph.num_variables());
   for (VariableId id = 0; id < graph.num_variables(); ++id) {
@@ -26,7 +36,10 @@ void VariableLookUp::Bind(const FactorGraph& graph, const PointPair& points) {
   maps_ = points.tangent_maps();
 }
 
-// Small families take little.
+// Small families take little. Families whose factors are evaluated otherwise than in passes over
+// chunks keep their tables: those with strips or whole rows, or that prepare for a list of factors,
+// move expansion points, have pins or keep evaluations. Memory is given back here by swapping with
+// empty columns, since clearing would keep it.
 void VariableLookUp::Serve(Linearization* family) const {
   const FactorFamily& factors = *family->family;
   if (!Linearization::MayHaveStrips(family->num_factors) || family->has_strips() ||
@@ -41,6 +54,9 @@ void VariableLookUp::Serve(Linearization* family) const {
   family->candidate_residuals = ZeroedArray();
 }
 
+// Threads: any number, for the tables are only read and what is collected is on the stack of each.
+// Factors are evaluated in ascending order, and the first failure ends it, as in one call for all
+// of them. Without Jacobians no maps are collected, and the family is told of none.
 EvaluationFailure VariableLookUp::Evaluate(const Linearization& family, FactorBatch batch) const {
   const double* values[kMostEntries];
   const TangentMap* maps[kMostEntries];
@@ -72,6 +88,8 @@ EvaluationFailure EvaluateBatch(const Linearization& family, const FactorBatch& 
                                    : family.family->Evaluate(batch);
 }
 
+// For messages: what a factor was given when it failed. Where values are looked up there is one
+// place for both points, which has those of the one that was evaluated last.
 std::vector<const double*> ParametersOf(const Linearization& family, int factor, bool candidate) {
   std::vector<const double*> result;
   result.reserve(static_cast<std::size_t>(family.num_slots));
@@ -84,6 +102,8 @@ std::vector<const double*> ParametersOf(const Linearization& family, int factor,
   return result;
 }
 
+// Of parameters and maps there is a pointer each, hence twice the former; what was given back
+// counts no more.
 std::int64_t BytesOf(const Linearization& family) {
   // Whole rows have one tangent offset.
   const std::size_t num_offsets = std::max(family.parameters.size(), family.tangent_offsets.size());

@@ -24,6 +24,7 @@ std::vector<FactorFamily::Slot> SlotsOf(const LinearPrior& prior) {
   return slots;
 }
 
+// x ⊟ x₀ in the tangent space at x₀, where J was made: e is linear in this and in nothing else.
 bool Subtract(const LinearPrior::Block& block, const double* x, double* delta) {
   if (block.manifold != nullptr) {
     // It may be undefined, as between opposite points of a sphere.
@@ -45,6 +46,7 @@ int LinearPrior::num_columns() const {
   return columns;
 }
 
+// Of the prior only its sizes are taken; others of the same shape share the family.
 LinearPriorFamily::LinearPriorFamily(const LinearPrior& shape)
     : FactorFamily(static_cast<int>(shape.e0.size()), SlotsOf(shape)),
       num_columns_(shape.num_columns()) {
@@ -80,6 +82,9 @@ EvaluationFailure LinearPriorFamily::Evaluate(const FactorBatch& batch) const {
   return failure;
 }
 
+// Cost: rows times columns, as a product with J. The tangent Jacobian of e is J ∂(x ⊟ x₀)/∂x, and J
+// is taken for it at every x: exact at x₀, and for Euclidean blocks everywhere; beyond that it is
+// what keeps the information that the prior has frozen.
 EvaluationFailure LinearPriorFamily::EvaluateOne(int i, const FactorBatch& batch,
                                                  double* delta) const {
   const LinearPrior& prior = priors_[static_cast<std::size_t>(i)];

@@ -11,6 +11,12 @@ namespace inceres::internal {
 // record is what a call was given and what it wrote, unprojected: manifolds of other variables may
 // have moved on since, and what is wanted of it differs from reader to reader. Blocks are of a few
 // entries, for which calls of the library's memory functions take longer than what they do.
+//
+// A factor has one record, of its last call, since who comes back comes back to that. In it the
+// values of all slots come first, then the residuals, then the ambient Jacobians, slot by slot; a
+// bit for each slot says whether its Jacobian was asked for, and no bit that there is no call to
+// speak of. The cost function writes its Jacobians straight into the record, so that keeping costs
+// a copy of values and residuals.
 
 namespace {
 
@@ -23,6 +29,8 @@ std::int64_t RecordSize(const FactorFamily& family) {
   return num_values + family.residual_size() * (1 + num_values);
 }
 
+// Of a variable that is not constant, also where its Jacobian is not wanted this time (kUnwanted):
+// it may be the next time, and the call is the same.
 bool IsAsked(const TangentMap& map) {
   return map.kind != TangentMap::Kind::kConstant;
 }
@@ -89,7 +97,8 @@ void KeptEvaluations::Forget() {
 }
 
 // By their bits: of zeros, too, the sign may matter. The last slots first, for what moves by itself
-// is mostly there, as landmarks are.
+// is mostly there, as landmarks are. A NaN is equal to itself here, and what was computed of it
+// once is so again.
 bool KeptEvaluations::IsAt(const double* const* parameters, const double* values) const {
   values += num_values_;
   for (std::size_t s = slots_.size(); s-- > 0;) {
@@ -103,6 +112,10 @@ bool KeptEvaluations::IsAt(const double* const* parameters, const double* values
   return true;
 }
 
+// Found if everything that is wanted now was asked for then, at these values. Else the record is
+// void from here on, until Take: a call that fails must not leave values with another's Jacobians.
+// Entries are marked as unwritten, as for a call whose results are not kept, so that what the
+// function forgets is found.
 bool KeptEvaluations::Fetch(const FactorBatch& batch, int i, double** blocks) {
   const TangentMap* const* const maps = batch.tangent_maps + Entry(i);
   double* const residuals = batch.residuals + std::ptrdiff_t{i} * residual_size_;
@@ -143,6 +156,10 @@ std::uint32_t KeptEvaluations::Keep(const double* const* parameters, const Tange
   return kept;
 }
 
+// Jacobians are projected with the maps of now, whether they were fetched or not: the record has
+// them as the cost function gave them. The first attempt is a copy that checks on its way; what it
+// does not vouch for goes through TakeAlike, which tells the entry. A bad entry is found only where
+// its Jacobian is wanted.
 int KeptEvaluations::Take(const FactorBatch& batch, int i, bool is_new, const double** J) {
   const TangentMap* const* const maps = batch.tangent_maps + Entry(i);
   double* const record = Record(i);

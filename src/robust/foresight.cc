@@ -12,7 +12,19 @@ namespace inceres::internal {
 // The minimum over δ of ½ δᵀΣ⁻¹δ + ½ (f + Jδ)ᵀW(f + Jδ) is where f + Jδ = (I + J Σ Jᵀ W)⁻¹ f: the
 // first term is what the rest of the graph costs more. Σ comes from the factor that the Update has
 // left, and is of the size of the suspects' variables, however large the graph is.
+//
+// It follows from the gradient, Σ⁻¹δ + JᵀW(f + Jδ) = 0: with e = f + Jδ this is δ = −Σ JᵀW e, and e
+// = f − J Σ Jᵀ W e. So Σ is multiplied with and never inverted, which matters where a variable is
+// hardly held and Σ is large. The matrix I + J Σ Jᵀ W has an inverse for any weights W ≥ 0, since
+// the eigenvalues of J Σ Jᵀ W are those of W^½ J Σ Jᵀ W^½, none of which is negative. It is not
+// symmetric, unless all weights are equal, hence LU with pivots and no Cholesky factor.
+//
+// Prepare pays for Σ once; each round that is played asks for other weights, and costs the cube of
+// the residuals' size, of eight suspects at most.
 
+// Suspects mostly share variables, as loops that close at the same place do, and each variable has
+// one place in Σ. The list is sorted: columns of J are found by a search in it. Constants have no
+// covariance, and J no column of them.
 void Foresight::ListVariables(const FactorGraph& graph, const std::vector<FactorId>& suspects) {
   variables_.clear();
   begin_.assign(1, 0);
@@ -28,6 +40,8 @@ void Foresight::ListVariables(const FactorGraph& graph, const std::vector<Factor
 }
 
 // Without their losses, which let them weigh nothing. Columns are those of the joint covariance.
+// Each suspect writes the rows that begin_ gives it, and of these the columns of its variables; all
+// others stay zero. At the solver's values, which are those that Σ belongs to.
 Status Foresight::Linearize(const IncrementalSolver& solver, const std::vector<FactorId>& suspects,
                             const std::vector<int>& columns, Eigen::MatrixXd* J) {
   const FactorGraph& graph = solver.graph();
@@ -58,6 +72,9 @@ Status Foresight::Linearize(const IncrementalSolver& solver, const std::vector<F
   return Status::Ok();
 }
 
+// The covariance is asked for with default options, of all variables together: J Σ Jᵀ needs the
+// blocks between suspects, by which one that is right speaks for another. Its values are symmetric,
+// so it does not matter that they are read column by column.
 Status Foresight::Prepare(const IncrementalSolver& solver, const std::vector<FactorId>& suspects) {
   ListVariables(solver.graph(), suspects);
   LiveCovariance covariance;
@@ -71,6 +88,8 @@ Status Foresight::Prepare(const IncrementalSolver& solver, const std::vector<Fac
   return status;
 }
 
+// A weight multiplies the columns of its suspect, for W stands on the right. With weights of zero A
+// is I, and the errors are those of now, to the bit.
 std::vector<double> Foresight::SquaredErrors(const std::vector<double>& weights) const {
   Eigen::MatrixXd A = spread_;
   for (std::size_t k = 0; k < weights.size(); ++k) {

@@ -40,7 +40,10 @@ constexpr std::size_t kMostForeseen = 8;
 // Variables that are looked at for what holds a new one.
 constexpr std::size_t kMostSteps = 64;
 
-// Ends an Update after so many iterations.
+// Ends an Update after so many iterations. It ends one as successful, so that the solver keeps the
+// values and says nothing of a failure; that the minimum was not reached is remembered here, and
+// the next round goes on from there. A limit of 0 would end at once: who wants none gives no
+// observer.
 class IterationLimit : public UpdateObserver {
  public:
   explicit IterationLimit(int limit) : limit_(limit) {}
@@ -123,7 +126,10 @@ class LivingGnc::Impl {
 };
 
 // Whatever may have become wrong since the last Update: options, and suspects that were removed
-// without Forget. False with a message in the summary.
+// without Forget. False with a message in the summary. A threshold is c² of the truncation: the
+// error that an inlier stays below with the probability asked for, by the chi-square distribution
+// of as many degrees of freedom as the residual has rows, since f is whitened; times the scale of
+// the options. It is found once, when the factor is there.
 bool LivingGnc::Impl::Prepare(GncSummary* summary) {
   std::vector<FactorId> ids;
   ids.reserve(suspects_.size());
@@ -158,7 +164,9 @@ Status LivingGnc::Impl::Measure() {
 }
 
 // Whether a weight is to change; at first only suspects in doubt are looked at, for what was added
-// to the problem since is not solved for.
+// to the problem since is not solved for. Cost: a few operations a suspect. A suspect whose loss is
+// not from here is given its weight in any case, also an equal one: a factor that has just come has
+// the loss that its user gave it, whose place the weight takes.
 bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
   bool any = false;
   *num_open = 0;
@@ -183,7 +191,10 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
 
 // Whether the variable has its place without suspects: it was there when they came, or other
 // factors lead from it to such a one, or to a constant, or hold it by themselves. Not far away: in
-// a graph that is all new nothing is foreseen.
+// a graph that is all new nothing is foreseen. A walk, breadth first, over factors that are no
+// suspects, which ends at the first variable that has a place or after kMostSteps of them. What was
+// there when the last Update ended has an id below num_known_. A factor of one variable, as a
+// prior, counts as holding it.
 bool LivingGnc::Impl::IsHeldWithout(VariableId id) const {
   const FactorGraph& graph = solver_.graph();
   std::vector<VariableId> seen{id};
@@ -260,7 +271,9 @@ std::size_t LivingGnc::Impl::LetWait() {
   return doubtful.size();
 }
 
-// Where nothing is foreseen all rounds are carried out.
+// Where nothing is foreseen all rounds are carried out. At the solution of all else, in which they
+// weigh nothing. Their phases say what comes next: kForeseen gets its weight at once, kSettled
+// stays without one, and kUnforeseen begins its μ in the Reweigh that follows.
 void LivingGnc::Impl::Foresee() {
   std::vector<std::size_t> places;
   std::vector<Suspect> waiting;
@@ -283,7 +296,10 @@ void LivingGnc::Impl::Foresee() {
 }
 
 // One edit for all. Weights are remembered after the solver has accepted it: on failure its losses
-// are as before.
+// are as before. A weight of 1 is no loss at all, so that inliers are plain least squares again;
+// any other one is w times the identity, and a weight of 0 keeps the factor in the graph, for its
+// error is still asked for. Losses are new objects each time: it is by their addresses that
+// HasOtherLoss tells them from a user's.
 Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
   GraphEdit edit(solver_.graph());
   std::vector<std::shared_ptr<const Loss>> losses;
@@ -307,6 +323,8 @@ Status LivingGnc::Impl::ApplyWeights(const std::vector<double>& weights) {
 
 // One round: the solver's Update, or so many iterations of it if they are not 0, and its row in the
 // summary, with the largest μ of those that are open. False ends it, with the solver's own message.
+// The initial cost is that of the first round, before any of them has moved something; costs of
+// different rounds are of different weights, and cannot be compared.
 bool LivingGnc::Impl::UpdateSolver(int max_iterations, GncSummary* summary) {
   GncRound round;
   for (const Suspect& suspect : suspects_) {
@@ -335,7 +353,8 @@ bool LivingGnc::Impl::UpdateSolver(int max_iterations, GncSummary* summary) {
   return true;
 }
 
-// By the last measurement, which is of the final values: the loop ends right after one.
+// By the last measurement, which is of the final values: the loop ends right after one. By the
+// error and not by the weight: after max_rounds a weight may still be on its way.
 void LivingGnc::Impl::Judge(GncSummary* summary) const {
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
     const Suspect& suspect = suspects_[k];

@@ -13,7 +13,10 @@ namespace inceres::internal {
 namespace {
 
 // Evaluates one factor of a family. A batch counts from the family's first factor, so there is a
-// pointer for each place up to the factor's, of which only its own are read.
+// pointer for each place up to the factor's, of which only its own are read. The pointers of other
+// places stay null, or are those of suspects that were measured before; a family reads what begin
+// and end name and nothing else. Cost of a measurement: one residual, and room once for as many
+// pointers as the family has places up to it.
 class ErrorMeter {
  public:
   ErrorMeter(const FactorGraph& graph, const GncValues& values) : graph_(graph), values_(values) {}
@@ -82,6 +85,8 @@ Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& fact
   return Status::Ok();
 }
 
+// Losses are not asked: a suspect whose weight is 0 has an error all the same, and it is by this
+// error that the weight may come back.
 Status SquaredErrors(const FactorGraph& graph, const std::vector<FactorId>& factors,
                      const GncValues& values, std::vector<double>* errors) {
   // In the order of the list, and up to the first that fails.

@@ -109,6 +109,8 @@ void CoupledProducts::AddParts(double* y) const {
 }
 
 template <typename Visit>
+// Part 0 adds to y itself, whatever is in it, and the others to zeros: with one part nothing is
+// copied.
 void CoupledProducts::AddInParts(double* y, const Visit& visit) {
   // Who never asks for a product has no memory for it.
   if (num_parts_ > 1 && parts_.size() == 0) {
@@ -133,6 +135,7 @@ CoupledProducts::Share CoupledProducts::ShareOf(std::int64_t count, int part) co
           static_cast<int>(count * (part + 1) / num_parts_)};
 }
 
+// Room and lists that products need, once. A structure that is only factored never comes here.
 void CoupledProducts::Prepare() {
   if (row_products_.size() > 0) {
     return;
@@ -147,6 +150,8 @@ void CoupledProducts::Prepare() {
   }
 }
 
+// Each part has a range of landmarks, and a range of the factors without one, of every family.
+// Landmarks are as many a part, whatever factors they have.
 void CoupledProducts::SubtractReduced(const double* v, const double* U_inv, double* y) {
   Prepare();
   CoupledLandmarks landmarks;
@@ -165,6 +170,8 @@ void CoupledProducts::SubtractReduced(const double* v, const double* U_inv, doub
   });
 }
 
+// With u = −U_invᵀ z a factor adds J_cᵀ (J_l u − f): so both terms of b are taken off row by row, f
+// and J_l u together.
 void CoupledProducts::AddRightHandSide(const double* z, const double* U_inv, double* y) {
   Prepare();
   const std::ptrdiff_t stride = std::ptrdiff_t{incidences_.largest_size} * kQuad;

@@ -14,6 +14,14 @@ namespace inceres::internal {
 //
 // First the landmarks of a chunk, each writing its own U_inv and Y, then the lists, then block by
 // block what they add. A block has one order of its sum for any number of threads.
+//
+// Lists are made by one thread, in the order of the landmarks and of their factors, and a block's
+// list is summed by one task. Products of Jacobians come before those of Y in each chunk, chunk
+// after chunk: that is the order of a block's sum. Where Jacobians come in chunks the evaluation
+// calls AddChunk for each of them while it is in memory, and they are never kept.
+//
+// P is not damped, so a landmark may have no factor, or one that is rounding. Both count as open,
+// and such a landmark adds nothing to S; the caller says which they are.
 
 namespace {
 
@@ -32,6 +40,7 @@ bool IsDetermined(int size, const double* P, const double* U_inv, double max_inf
 
 }  // namespace
 
+// The pattern is found before anything is evaluated, by a pass over the incidences.
 DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkIncidences& incidences)
     : evaluator_(*evaluator),
       incidences_(incidences),
@@ -45,6 +54,8 @@ DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkInciden
   FindPattern();
 }
 
+// And which families have factors that touch no landmark, seen by counting: others need no look at
+// each of theirs.
 void DirectElimination::FindOwners() {
   const std::vector<Linearization>& families = evaluator_.families();
   std::vector<int> num_of_landmarks(families.size(), 0);
@@ -61,6 +72,7 @@ void DirectElimination::FindOwners() {
   }
 }
 
+// By ascending record, in which chunks are stretches of them.
 void DirectElimination::FindOthers(const Linearization& cache) {
   const Layout& layout = evaluator_.layout();
   for (int i = 0; i < cache.num_factors; ++i) {
@@ -73,7 +85,10 @@ void DirectElimination::FindOthers(const Linearization& cache) {
   std::sort(others_[cache.id].begin(), others_[cache.id].end());
 }
 
-// Frames that share a landmark or a factor.
+// Frames that share a landmark or a factor. Each row is gathered from its frame's landmarks and
+// from factors between frames, each column once, until the row is full. Factors of landmarks couple
+// no frames that the landmark does not. Rows of blocks are padded, for the kernels add to S
+// directly.
 void DirectElimination::FindPattern() {
   const Layout& layout = evaluator_.layout();
   std::vector<std::vector<int>> coupled(static_cast<std::size_t>(layout.num_frames));
@@ -110,6 +125,9 @@ void DirectElimination::FindPattern() {
   IndexBlocks();
 }
 
+// A table by row and column, as wide as the envelope, where that is at most four times as many
+// places as there are blocks: a product is then listed without a search. Else BlockAt searches the
+// row.
 void DirectElimination::IndexBlocks() {
   constexpr std::int64_t kMostPlaces = 4;  // of each block
   std::int64_t num_places = 0;
@@ -148,7 +166,9 @@ void DirectElimination::MakeSources() {
   of_sizes_.assign(LandmarkIncidences::kMaxLandmarkSize, ProductLists(num_blocks));
 }
 
-// U_inv; false of one that is not determined.
+// U_inv; false of one that is not determined. P comes from the Jacobians of the landmark's factors,
+// which are in the cache and are read again for Y. Its η is summed with it and not used: a
+// covariance has no right-hand side.
 bool DirectElimination::FactorizeLandmark(int landmark) {
   const double no_damping[kQuad] = {};
   double P[kQuad * kQuad] = {}, eta[kQuad] = {};
@@ -170,7 +190,9 @@ void DirectElimination::EliminateLandmark(int landmark) {
   }
 }
 
-// Products of its factors, and of Y with Y.
+// Products of its factors, and of Y with Y. Pairs of its frames, each with itself too: of two
+// frames the one that comes later in the layout has the row. In the kernel's words `b` has the
+// rows, hence the order of the places.
 void DirectElimination::ListLandmark(int landmark) {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
@@ -190,6 +212,8 @@ void DirectElimination::ListLandmark(int landmark) {
   }
 }
 
+// Slots of constants and of landmarks have no frame, and are passed over. Of each pair of slots the
+// lower triangle is listed; where two slots hold different frames, one of the two orders is.
 void DirectElimination::ListRecords(const Linearization& cache, const std::int32_t* records,
                                     int count) {
   const Layout& layout = evaluator_.layout();
@@ -227,6 +251,9 @@ void DirectElimination::ListOthers(int chunk) {
   }
 }
 
+// Source by source, and within each block by block, in parallel: no two lists of a source are of
+// one block. Products of Y have one list for each size of landmark, whose rows the kernel takes as
+// depth.
 void DirectElimination::AddLists() {
   for (Source& source : sources_) {
     AddProducts(ProductsOf(*source.cache, source.row_slot, source.column_slot), 1.0, &source.lists);
@@ -240,7 +267,9 @@ void DirectElimination::AddLists() {
   }
 }
 
-// `kind`: what its products have in common. Those of Y are symmetric on the diagonal.
+// `kind`: what its products have in common. Those of Y are symmetric on the diagonal. Those of
+// Jacobians with the same slot twice are as well. Operands are near, since they were written for
+// this chunk, and nothing is fetched ahead.
 void DirectElimination::AddProducts(const BlockProducts& kind, double sign, ProductLists* lists) {
   const std::vector<ProductLists::List>& sorted = lists->Sort();
   evaluator_.executor().For(static_cast<int>(sorted.size()), kBlocksATask, [&](int begin, int end) {
@@ -269,6 +298,7 @@ void DirectElimination::AddChunk(int chunk) {
   AddLists();
 }
 
+// Open ones are only noted here, each by its own flag, so no order among tasks matters.
 void DirectElimination::EliminateLandmarks(int first, int last) {
   evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
     // All factors first: one does not wait for another's roots and divisions.
@@ -288,6 +318,8 @@ void DirectElimination::EliminateLandmarks(int first, int last) {
   }
 }
 
+// With open landmarks S lacks their part, and means nothing; all of them are looked at, so that the
+// message can name each.
 Status DirectElimination::Eliminate(double max_inflation, std::vector<int>* open) {
   const int num_landmarks = incidences_.num_landmarks();
   MakeSources();

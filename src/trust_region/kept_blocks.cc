@@ -13,7 +13,14 @@ namespace inceres::internal {
 // S is never formed, so what a preconditioner reads of it has a pattern and values here. Block
 // Jacobi is the case of clusters of one variable each, but for the inverses, which Ceres takes
 // there and which are applied faster.
+//
+// The model that eliminates large blocks adds to the blocks, one product of H_fe H_ee⁻¹ H_ef after
+// the other, and asks beforehand which are kept (Keeps), so that others are not even multiplied.
+// Only the lower half is there, rows without padding, each block row-major; vectors of Apply are
+// padded, for those of the iteration are.
 
+// Clusters and pattern are found once for a structure. Of clusters the pattern is analyzed as well;
+// block Jacobi needs no analysis, and its inverses no memory until there are values.
 KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, const KeptStructure& structure,
                        const Executor& executor, Status* status)
     : kind_(options.preconditioner), executor_(executor) {
@@ -38,7 +45,8 @@ bool KeptBlocks::IsByClusters() const {
          kind_ == PreconditionerKind::kClusterTridiagonal;
 }
 
-// Of block Jacobi one for each variable.
+// Of block Jacobi one for each variable. An eliminated variable takes the part of a landmark:
+// variables are alike that share factors with the same ones of these.
 FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool single_linkage) const {
   const auto num_kept = static_cast<int>(structure.offsets.size()) - 1;
   if (IsByClusters() && num_kept > 0) {
@@ -51,7 +59,11 @@ FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool sing
   return single;
 }
 
-// The diagonal, and what clusters keep of the blocks of S.
+// The diagonal, and what clusters keep of the blocks of S. A block of S between two kept variables
+// is there if they share a factor, or both share one with an eliminated variable. Of these the
+// pattern takes those that Keeps allows, for block Jacobi none; visibility is not even looked at
+// then. Rows are gathered one by one, each column once. Cost: Σ over eliminated variables of the
+// square of what they are seen by.
 BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
   const std::size_t num_kept = structure.offsets.size() - 1;
   // Per kept variable: those that share a factor with it, and the eliminated ones that do.
@@ -97,13 +109,15 @@ void KeptBlocks::SetZero() {
   std::fill(values_.begin(), values_.end(), 0.0);
 }
 
+// The sum is in the order of the calls; a search in the row finds the block.
 void KeptBlocks::Add(int i, int j, const Eigen::MatrixXd& block) {
   double* const values = values_.data() + pattern_.value_begin[FindBlock(pattern_, i, j)];
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Eigen::Map<RowMajor>(values, block.rows(), block.cols()) += block;
 }
 
-// Λ_c is in the blocks on the diagonal already.
+// Λ_c is in the blocks on the diagonal already. Hence zeros in the place of a diagonal that both
+// ways to factor would add. The diagonal block is the last one of its row.
 Status KeptBlocks::Factorize() {
   if (factor_ != nullptr) {
     return factor_->Factorize(values_.data(), zeros_.data());

@@ -62,12 +62,15 @@ PlainModel::PlainModel(const SolverOptions& options, const Evaluator& evaluator,
   }
 }
 
+// Steps' products are of the Jacobians before, so they go.
 void PlainModel::Refresh() {
   multiplied_.clear();
   hessian_.Accumulate();
   clock_->Charge(&seconds_->hessian);
 }
 
+// With the step itself, entry by entry: whoever asks for the products of a vector need not know
+// where it comes from.
 void PlainModel::KeepProducts(const double* step, const RowProducts& products) {
   multiplied_.assign(step, step + Gradient().size());
   products_ = products;
@@ -118,7 +121,9 @@ void PlainModel::Describe(WorkCounts* work) const {
   CountDynamicSizes(evaluator_, work);
 }
 
-// A sparse factor reads each block of S once, and before it writes there.
+// A sparse factor reads each block of S once, and before it writes there. Where it writes is the
+// columns of its fronts, so S is gone after a factorization and must be formed anew for the next
+// one: elimination does that in any case, as the damping of landmarks is in it.
 double* PlainModel::PlaceS() {
   auto* const sparse = dynamic_cast<SparseCholesky*>(reduced_solver_.get());
   if (sparse == nullptr) {
@@ -167,7 +172,9 @@ Status SchurModel::Solve(const double* damping, double* step) {
   return substituted;
 }
 
-// With Jδ in the same pass: what is not kept is evaluated once for both.
+// With Jδ in the same pass: what is not kept is evaluated once for both. Chunks of landmarks in the
+// order of the elimination, and then those of factors without one, which have no landmark to
+// substitute and count in Jδ alone.
 Status SchurModel::SubstituteByChunks(double* step) {
   JacobianChunks& chunks = *evaluator_.jacobian_chunks();
   RowProducts products;

@@ -46,11 +46,18 @@ double BytesOfS(double entries, const SceneShape& scene) {
   return 2.0 * sizeof(double) * entries + kBytesPerProduct * scene.num_products();
 }
 
+// Everything here is predicted from connections: how many numbers the Jacobians have, how many
+// products make S, which share of its blocks is there, and how long the scene is. No value is
+// looked at, and no clock: but for what fits into memory the choice is the same on every machine,
+// for any number of threads.
 class Prediction {
  public:
   Prediction(const Evaluator& evaluator, const LandmarkIncidences& incidences)
       : evaluator_(evaluator), scene_(evaluator, incidences), extent_(scene_.FindExtent()) {}
 
+  // Ways that need S share what forming it takes: the flops of its products, and what chunks of
+  // landmarks read and write of it. They are left out where there is no room for S. The other two
+  // read the Jacobians in each iteration instead. Entries of S are those of its lower triangle.
   StepCosts Run() {
     const SceneShape::Sample sample = scene_.TakeSample();
     const double frame_size = scene_.size() / std::max(1.0, scene_.num_frames());
@@ -86,7 +93,11 @@ class Prediction {
 
   // Columns of a factor are at least as long as those of S: where that is dearer than the best of
   // the others, nobody needs to know how much. Nor where the envelope is cheap already, as of most
-  // paths: the solver looks for something better.
+  // paths: the solver looks for something better. From the bound that costs nothing to the symbolic
+  // analysis: with f the fill and n the size, columns of S have fn/2 entries on average, and a
+  // factor takes n (fn/2)² flops at least, even without any fill of its own. Then the dense
+  // solver's own prediction, if it would take the system; the envelope in the order of the walk;
+  // and at last the analysis of the pattern. One that fails, or has no room, is no way.
   void AddFactor(StepCosts* costs) const {
     const double best = *std::min_element(costs->of.begin(), costs->of.end());
     const double size = scene_.size();
@@ -119,7 +130,8 @@ class Prediction {
   double forming_ = 0.0;  // S
 };
 
-// Whether even a full S is factored in the time of a few products, of Jacobians with padding.
+// Whether even a full S is factored in the time of a few products, of Jacobians with padding. Asked
+// first, as it needs no incidences.
 bool IsSmall(const Evaluator& evaluator) {
   double numbers = 0.0;
   for (const Linearization& cache : evaluator.families()) {
@@ -134,6 +146,8 @@ bool IsSmall(const Evaluator& evaluator) {
 
 }  // namespace
 
+// The premium is for what costs do not show: steps of a factor are exact, so fewer of them are
+// needed.
 StepWay StepCosts::Cheapest() const {
   const auto best = std::min_element(of.begin(), of.end());
   return (*this)[StepWay::kFactor] <= kFactorPremium * *best
@@ -141,6 +155,7 @@ StepWay StepCosts::Cheapest() const {
              : static_cast<StepWay>(best - of.begin());
 }
 
+// Incidences that were found are handed on, for whichever model is chosen needs them.
 StepCosts PredictSteps(const Evaluator& evaluator,
                        std::unique_ptr<LandmarkIncidences>* incidences) {
   StepCosts costs;
@@ -157,6 +172,7 @@ StepCosts PredictSteps(const Evaluator& evaluator,
   return costs;
 }
 
+// Tolerances and limits stay those of the caller.
 ConjugateGradientsOptions OptionsOf(StepWay way, const ConjugateGradientsOptions& options) {
   ConjugateGradientsOptions result = options;
   const bool two_level = way == StepWay::kTwoLevel || way == StepWay::kTwoLevelOnS;

@@ -75,7 +75,8 @@ std::string ToJson(const WorkCounts& work) {
 
 namespace {
 
-// Values are doubles of the ambient space, dimensions degrees of freedom.
+// Values are doubles of the ambient space, dimensions degrees of freedom. Of the problem as it was
+// given, and of what moves in it.
 std::string ToJson(const ProblemSizes& sizes) {
   return JsonObject()
       .Add("num_variables", sizes.num_variables)
@@ -88,7 +89,7 @@ std::string ToJson(const ProblemSizes& sizes) {
       .Close();
 }
 
-// All zeros without bounds.
+// All zeros without bounds. Only where variables have bounds does a step end in a line search.
 std::string ToJson(const LineSearchSummary& search) {
   return JsonObject()
       .Add("num_steps", search.num_steps)
@@ -120,7 +121,9 @@ const char* ToString(Termination termination) {
 }
 
 // All fields are there whatever the solve came to. Numbers have 17 digits; null stands for what
-// JSON has no number for.
+// JSON has no number for. In the order of docs/json.md: how it ended, costs, steps, how it was
+// solved, sizes, work, seconds and the trace. Flags are words of JSON, true and false, and written
+// as such.
 std::string Summary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))
