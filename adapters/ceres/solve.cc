@@ -18,6 +18,33 @@
 namespace inceres {
 namespace {
 
+// By the core. Returns what forbids it, or nothing when it has solved.
+std::string SolveByCore(const internal::SolveCall& call, bool incremental,
+                        internal::SolveInput* input) {
+  IncrementalOptions core;
+  if (incremental) {
+    core = internal::IncrementalOptionsFor(*input, IncrementalOptions());
+  }
+  if (incremental && core.batch_share >= 1.0) {  // not the batch solver's (IncrementalOptionsFor)
+    internal::IncrementalProblem living(core, internal::Trust::kNothing);
+    internal::SolveIncrementally(*input, core, &living, call.summary, call.report);
+    return "";
+  }
+  const ceres::LinearSolverType type =
+      incremental ? internal::TypeToPlanIncrementally(call.options, input->ordering)
+                  : internal::TypeToPlanFor(call.options, input->ordering);
+  std::string too_much = internal::ChoosePlan(type, input);
+  if (!too_much.empty()) {
+    return too_much;
+  }
+  if (incremental) {
+    internal::SolveIncrementally(*input, core, nullptr, call.summary, call.report);
+  } else {
+    internal::SolveExactly(*input, call.summary, call.report);
+  }
+  return "";
+}
+
 void SolveOnce(const internal::SolveCall& call) {
   const internal::WallClock clock;
   const auto& [options, problem, summary, solve_options, report] = call;
@@ -49,27 +76,10 @@ void SolveOnce(const internal::SolveCall& call) {
   }
   internal::SolveInput input{options, view, ordering, clock, callback};
   input.asked = &solve_options;
-  IncrementalOptions core;
-  if (incremental) {
-    core = internal::IncrementalOptionsFor(input, IncrementalOptions());
-  }
-  if (incremental && core.batch_share >= 1.0) {  // not the batch solver's (IncrementalOptionsFor)
-    internal::IncrementalProblem living(core, internal::Trust::kNothing);
-    internal::SolveIncrementally(input, core, &living, summary, report);
-  } else {
-    const ceres::LinearSolverType type = incremental
-                                             ? internal::TypeToPlanIncrementally(options, ordering)
-                                             : internal::TypeToPlanFor(options, ordering);
-    const std::string too_much = internal::ChoosePlan(type, &input);
-    if (!too_much.empty()) {
-      internal::Decline(call, too_much);
-      return;
-    }
-    if (incremental) {
-      internal::SolveIncrementally(input, core, nullptr, summary, report);
-    } else {
-      internal::SolveExactly(input, summary, report);
-    }
+  const std::string too_much = SolveByCore(call, incremental, &input);
+  if (!too_much.empty()) {
+    internal::Decline(call, too_much);
+    return;
   }
   internal::StructureCache::OfProcess().GiveBack(
       std::move(view_memory));  // not if something was thrown on the way

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <memory>
 #include <system_error>
+#include <utility>
 
 namespace inceres::internal {
 
@@ -117,6 +118,51 @@ Status CheckNumbers(const std::string& path, const FixedHead& head) {
                                             : Wrong(path, "the numbers of its head make no sense");
 }
 
+// Sums head and table as EncodeHead has: with zero where the checksum is.
+Status CheckSum(const std::string& path, FixedHead head,
+                const std::vector<CheckpointSection>& sections) {
+  const std::uint64_t checksum = std::exchange(head.checksum, 0);
+  std::vector<char> bytes(sizeof head + sections.size() * sizeof(CheckpointSection));
+  std::memcpy(bytes.data(), &head, sizeof head);
+  if (!sections.empty()) {
+    std::memcpy(bytes.data() + sizeof head, sections.data(), bytes.size() - sizeof head);
+  }
+  return ChecksumOf(bytes.data(), bytes.size()) == checksum
+             ? Status::Ok()
+             : Wrong(path, "the checksum of its head is wrong");
+}
+
+// Sections follow one another from the end of the table to that of the file.
+Status CheckSections(const std::string& path, const std::vector<CheckpointSection>& sections,
+                     std::int64_t file_bytes) {
+  auto offset =
+      static_cast<std::int64_t>(sizeof(FixedHead) + sections.size() * sizeof(CheckpointSection));
+  for (const CheckpointSection& section : sections) {
+    // `offset` never exceeds file_bytes here, so the difference does not overflow.
+    if (section.offset != offset || section.bytes < 0 || section.bytes > file_bytes - offset) {
+      return Wrong(path, "a section is not within the file, which may have been cut");
+    }
+    offset += section.bytes;
+  }
+  return offset == file_bytes ? Status::Ok() : Wrong(path, "has bytes behind the last section");
+}
+
+// What EncodeHead has encoded; the numbers have been checked.
+CheckpointHead Decode(const FixedHead& fixed) {
+  CheckpointHead head;
+  head.position.iteration = fixed.iteration;
+  head.position.initial_cost = fixed.initial_cost;
+  head.position.any_step_accepted = fixed.any_step_accepted != 0;
+  head.position.num_consecutive_invalid_steps = fixed.num_consecutive_invalid_steps;
+  head.position.num_successful_steps = fixed.num_successful_steps;
+  head.position.num_unsuccessful_steps = fixed.num_unsuccessful_steps;
+  head.position.strategy.assign(fixed.strategy, fixed.strategy + fixed.num_strategy_numbers);
+  head.strategy_kind = fixed.strategy_kind;
+  head.num_frames = fixed.num_frames;
+  head.num_landmarks = fixed.num_landmarks;
+  return head;
+}
+
 }  // namespace
 
 // FNV-1a, 64 bits: offset basis and prime are those of its definition.
@@ -203,41 +249,11 @@ Status CheckpointReader::Open(const std::string& path) {
                                        sections_.size(), file.get()) != sections_.size()) {
     return Wrong(path, "ends within its table");
   }
-  // As EncodeHead has summed them: with zero where the checksum is.
-  const std::uint64_t checksum = fixed.checksum;
-  fixed.checksum = 0;
-  std::vector<char> bytes(sizeof fixed + sections_.size() * sizeof(CheckpointSection));
-  std::memcpy(bytes.data(), &fixed, sizeof fixed);
-  if (!sections_.empty()) {
-    std::memcpy(bytes.data() + sizeof fixed, sections_.data(), bytes.size() - sizeof fixed);
-  }
-  if (ChecksumOf(bytes.data(), bytes.size()) != checksum) {
-    return Wrong(path, "the checksum of its head is wrong");
-  }
-  auto offset = static_cast<std::int64_t>(bytes.size());
-  for (const CheckpointSection& section : sections_) {
-    // `offset` never exceeds file_bytes here, so the difference does not overflow.
-    if (section.offset != offset || section.bytes < 0 || section.bytes > file_bytes - offset) {
-      return Wrong(path, "a section is not within the file, which may have been cut");
-    }
-    offset += section.bytes;
-  }
-  if (offset != file_bytes) {
-    return Wrong(path, "has bytes behind the last section");
-  }
-  status = CheckNumbers(path, fixed);
+  status = CheckSum(path, fixed, sections_);
+  status = status.ok() ? CheckSections(path, sections_, file_bytes) : status;
+  status = status.ok() ? CheckNumbers(path, fixed) : status;
   if (status.ok()) {
-    LoopPosition& position = head_.position;
-    position.iteration = fixed.iteration;
-    position.initial_cost = fixed.initial_cost;
-    position.any_step_accepted = fixed.any_step_accepted != 0;
-    position.num_consecutive_invalid_steps = fixed.num_consecutive_invalid_steps;
-    position.num_successful_steps = fixed.num_successful_steps;
-    position.num_unsuccessful_steps = fixed.num_unsuccessful_steps;
-    position.strategy.assign(fixed.strategy, fixed.strategy + fixed.num_strategy_numbers);
-    head_.strategy_kind = fixed.strategy_kind;
-    head_.num_frames = fixed.num_frames;
-    head_.num_landmarks = fixed.num_landmarks;
+    head_ = Decode(fixed);
   }
   return status;
 }

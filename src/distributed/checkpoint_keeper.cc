@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdio>
 #include <system_error>
-#include <unordered_map>
 
 #include "distributed/write_all.h"
 
@@ -198,44 +197,61 @@ Status CheckpointKeeper::Resume(LoopPosition* position, std::vector<double>* sta
   });
 }
 
+Status CheckpointKeeper::CheckHead(const CheckpointHead& head) const {
+  if (head.num_frames == frames_.num_frames() && head.num_landmarks == num_landmarks_ &&
+      head.strategy_kind == static_cast<int>(options_.solver.strategy)) {
+    return Status::Ok();
+  }
+  return Status::Error(
+      StatusCode::kInvalidArgument,
+      options_.checkpoint.resume + ": a checkpoint of " + std::to_string(head.num_frames) +
+          " frames and " + std::to_string(head.num_landmarks) +
+          " landmarks, or of another strategy; the problem has " +
+          std::to_string(frames_.num_frames()) + " and " + std::to_string(num_landmarks_));
+}
+
+// Frames begin the layout. Ids of frames and landmarks are apart.
+Status CheckpointKeeper::FindPlaces(Places* frames, Places* landmarks) const {
+  // Owned or not: a shared frame is read by all ranks that move it, and gets the same bits on each.
+  for (std::size_t i = 0; i < frames_.moving().size(); ++i) {
+    (*frames)[frames_.moving()[i].id] = i;
+  }
+  for (std::size_t l = 0; l < landmark_ids_.size(); ++l) {
+    (*landmarks)[landmark_ids_[l]] = static_cast<std::size_t>(layout_.num_frames) + l;
+  }
+  return landmarks->size() == landmark_ids_.size()
+             ? Status::Ok()
+             : Status::Error(StatusCode::kInvalidArgument,
+                             "GraphPart::landmarks has one id for two landmarks");
+}
+
+// Values and scales go into the solve unchecked from here on. A scale divides the damping, so it
+// must be positive.
+bool CheckpointKeeper::Fits(const CheckpointRecord& record, VariableId variable,
+                            const double* values, const double* scale) const {
+  return record.ambient_size == part_.graph->AmbientSize(variable) &&
+         record.tangent_size == part_.graph->TangentSize(variable) &&
+         AllFinite(values, record.ambient_size) && AllFinite(scale, record.tangent_size) &&
+         *std::min_element(scale, scale + record.tangent_size) > 0.0;
+}
+
 // Checks what the head says of all ranks first, then fills *state and position->scale by id. A
 // failure may leave *state half written: the caller gives a copy of the graph's.
 Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state) const {
   const std::string& path = options_.checkpoint.resume;
   CheckpointReader reader;
   Status status = reader.Open(path);
+  status = status.ok() ? CheckHead(reader.head()) : status;
+  Places places[2];  // by kind
+  status = status.ok()
+               ? FindPlaces(&places[CheckpointRecord::kFrame], &places[CheckpointRecord::kLandmark])
+               : status;
   if (!status.ok()) {
     return status;
   }
-  const CheckpointHead& head = reader.head();
-  if (head.num_frames != frames_.num_frames() || head.num_landmarks != num_landmarks_ ||
-      head.strategy_kind != static_cast<int>(options_.solver.strategy)) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         path + ": a checkpoint of " + std::to_string(head.num_frames) +
-                             " frames and " + std::to_string(head.num_landmarks) +
-                             " landmarks, or of another strategy; the problem has " +
-                             std::to_string(frames_.num_frames()) + " and " +
-                             std::to_string(num_landmarks_));
-  }
-  *position = head.position;
+  *position = reader.head().position;
   // 1 where nothing will be written; by the count below, nowhere.
   position->scale.assign(static_cast<std::size_t>(layout_.size()), 1.0);
-  // By kind, from id to position in the layout, which frames begin. Ids of frames and landmarks are
-  // apart.
-  std::unordered_map<std::int64_t, std::size_t> places[2];
-  // Owned or not: a shared frame is read by all ranks that move it, and gets the same bits on each.
-  for (std::size_t i = 0; i < frames_.moving().size(); ++i) {
-    places[CheckpointRecord::kFrame][frames_.moving()[i].id] = i;
-  }
-  for (std::size_t l = 0; l < landmark_ids_.size(); ++l) {
-    places[CheckpointRecord::kLandmark][landmark_ids_[l]] =
-        static_cast<std::size_t>(layout_.num_frames) + l;
-  }
-  if (places[CheckpointRecord::kLandmark].size() != landmark_ids_.size()) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "GraphPart::landmarks has one id for two landmarks");
-  }
-  const FactorGraph& graph = *part_.graph;
   const std::size_t num_wanted = places[0].size() + places[1].size();
   // A variable that comes twice in a file is as wrong as one of another size.
   std::vector<char> found(layout_.variables.size(), 0);
@@ -251,20 +267,14 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
     }
     const std::size_t at = place->second;
     const VariableId variable = layout_.variables[at];
-    // Values and scales go into the solve unchecked from here on. A scale divides the damping, so
-    // it must be positive.
-    const bool fits = record.ambient_size == graph.AmbientSize(variable) &&
-                      record.tangent_size == graph.TangentSize(variable) && found[at] == 0 &&
-                      AllFinite(values, record.ambient_size) &&
-                      AllFinite(scale, record.tangent_size) &&
-                      *std::min_element(scale, scale + record.tangent_size) > 0.0;
-    if (fits) {
-      found[at] = 1;
-      ++num_found;
-      std::copy_n(values, record.ambient_size, state->data() + graph.StateOffset(variable));
-      std::copy_n(scale, record.tangent_size, position->scale.data() + layout_.packed_offset[at]);
+    if (found[at] != 0 || !Fits(record, variable, values, scale)) {
+      return false;
     }
-    return fits;
+    found[at] = 1;
+    ++num_found;
+    std::copy_n(values, record.ambient_size, state->data() + part_.graph->StateOffset(variable));
+    std::copy_n(scale, record.tangent_size, position->scale.data() + layout_.packed_offset[at]);
+    return true;
   });
   // The file may hold other ids: those of landmarks and frames that only other ranks have.
   if (status.ok() && num_found != num_wanted) {

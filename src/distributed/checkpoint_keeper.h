@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "distributed/checkpoint.h"
@@ -34,6 +36,12 @@ class CheckpointKeeper final : public PositionKeeper {
  private:
   std::vector<char> EncodeOwn(const LoopPosition& position, const std::vector<double>& state) const;
   Status Write(const LoopPosition& position, const std::vector<double>& state) const;
+  // By id, the positions in the layout of frames and of landmarks.
+  using Places = std::unordered_map<std::int64_t, std::size_t>;
+  Status CheckHead(const CheckpointHead& head) const;
+  Status FindPlaces(Places* frames, Places* landmarks) const;
+  bool Fits(const CheckpointRecord& record, VariableId variable, const double* values,
+            const double* scale) const;
   Status Read(LoopPosition* position, std::vector<double>* state) const;
   Status CheckLandmarks() const;
 

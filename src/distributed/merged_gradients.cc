@@ -58,6 +58,44 @@ bool MergedGradients::ReduceDots(const std::vector<double>& r) {
   return !std::isnan(rz_) && !std::isnan(zaz_) && !std::isnan(zap_);
 }
 
+// The next direction p, with s = A p and its curvature, or why there is none. In exact arithmetic
+// the recurrence of the curvature has pᵀA p of the last direction.
+std::optional<MergedGradients::End> MergedGradients::Turn(System* system) {
+  const double last_rz = rz_;
+  system->Precondition(r_.data(), z_.data());
+  system->Multiply(z_.data(), w_.data());
+  if (!ReduceDots(r_)) {
+    return End::kBreakdown;
+  }
+  // b = 0, or x solves the system: β and α would be 0/0.
+  if (rz_ == 0.0) {
+    return End::kConverged;
+  }
+  // Fletcher and Reeves's form; zero makes the first direction z, whatever p and s hold.
+  const double beta = num_iterations_ == 0 ? 0.0 : rz_ / last_rz;
+  curvature_ = zaz_ + 2.0 * beta * zap_ + beta * beta * curvature_;
+  if (std::isnan(curvature_)) {
+    return End::kBreakdown;
+  }
+  // x stays what the directions before have made of it, and the caller takes it as a step.
+  if (curvature_ <= 0.0 || std::isinf(curvature_)) {
+    return End::kNotPositiveDefinite;
+  }
+  ScaleAndAdd(z_, beta, &p_);
+  ScaleAndAdd(w_, beta, &s_);
+  return std::nullopt;
+}
+
+// r = b − A x anew, for another product: without it the r of the recurrence drifts away from it. w
+// is free until the next product.
+void MergedGradients::ComputeResidual(const std::vector<double>& b, const std::vector<double>& x,
+                                      System* system) {
+  system->Multiply(x.data(), w_.data());
+  for (std::size_t k = 0; k < b.size(); ++k) {
+    r_[k] = b[k] - w_[k];
+  }
+}
+
 // What it returns is the same on all ranks; x is the iterate so far, unless the end is a breakdown.
 MergedGradients::End MergedGradients::Solve(const Limits& limits, const std::vector<double>& b,
                                             System* system, std::vector<double>* x) {
@@ -67,41 +105,20 @@ MergedGradients::End MergedGradients::Solve(const Limits& limits, const std::vec
   for (std::vector<double>* vector : {&z_, &w_, &p_, &s_}) {
     vector->assign(size, 0.0);
   }
-  // Σ ½ α rᵀz: how far bᵀx − ½ xᵀA x has risen, which is what the stopping rule compares. In exact
-  // arithmetic the recurrence of the curvature has pᵀA p of the last direction.
+  curvature_ = 0.0;
+  // Σ ½ α rᵀz: how far bᵀx − ½ xᵀA x has risen, which is what the stopping rule compares.
   double decrease = 0.0;
-  double curvature = 0.0;
-  double last_rz = 0.0;
   for (num_iterations_ = 0; num_iterations_ < limits.max_iterations;) {
-    system->Precondition(r_.data(), z_.data());
-    system->Multiply(z_.data(), w_.data());
-    if (!ReduceDots(r_)) {
-      ++num_iterations_;
-      return End::kBreakdown;
+    const std::optional<End> end = Turn(system);
+    if (end) {
+      // Where it has converged there was nothing for another iteration to do.
+      num_iterations_ += *end == End::kConverged ? 0 : 1;
+      return *end;
     }
-    // b = 0, or x solves the system: β and α would be 0/0.
-    if (rz_ == 0.0) {
-      return End::kConverged;
-    }
-    // Fletcher and Reeves's form; zero makes the first direction z, whatever p and s hold.
-    const double beta = num_iterations_ == 0 ? 0.0 : rz_ / last_rz;
-    curvature = zaz_ + 2.0 * beta * zap_ + beta * beta * curvature;
-    if (std::isnan(curvature)) {
-      ++num_iterations_;
-      return End::kBreakdown;
-    }
-    // x stays what the directions before have made of it, and the caller takes it as a step.
-    if (curvature <= 0.0 || std::isinf(curvature)) {
-      ++num_iterations_;
-      return End::kNotPositiveDefinite;
-    }
-    ScaleAndAdd(z_, beta, &p_);
-    ScaleAndAdd(w_, beta, &s_);
     // The step along p raises the decrease by α rᵀz − ½ α² pᵀA p = ½ α rᵀz.
-    const double alpha = rz_ / curvature;
+    const double alpha = rz_ / curvature_;
     const double gain = 0.5 * alpha * rz_;
     Add(alpha, p_, x);
-    last_rz = rz_;
     decrease += gain;
     ++num_iterations_;
     // Ceres's rule with Q = −decrease: i (Q_i − Q_{i−1}) / Q_i < η.
@@ -109,13 +126,8 @@ MergedGradients::End MergedGradients::Solve(const Limits& limits, const std::vec
         num_iterations_ * gain / decrease < limits.eta) {
       return decrease > 0.0 ? End::kConverged : End::kBreakdown;
     }
-    // r = b − A x anew, for another product: without it the r of the recurrence drifts away from
-    // it. w is free until the next product.
     if (num_iterations_ % kResidualResetPeriod == 0) {
-      system->Multiply(x->data(), w_.data());
-      for (std::size_t k = 0; k < size; ++k) {
-        r_[k] = b[k] - w_[k];
-      }
+      ComputeResidual(b, *x, system);
     } else {
       Add(-alpha, s_, &r_);
     }

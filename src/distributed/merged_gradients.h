@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "distributed/communicator.h"
@@ -43,6 +44,8 @@ class MergedGradients {
 
  private:
   bool ReduceDots(const std::vector<double>& r);
+  std::optional<End> Turn(System* system);
+  void ComputeResidual(const std::vector<double>& b, const std::vector<double>& x, System* system);
 
   const Communicator& ranks_;
   std::vector<double> r_;
@@ -53,6 +56,7 @@ class MergedGradients {
   double rz_ = 0.0;
   double zaz_ = 0.0;
   double zap_ = 0.0;
+  double curvature_ = 0.0;  // pᵀA p
   int num_iterations_ = 0;
 };
 

@@ -42,6 +42,39 @@ std::string NameOf(std::int64_t id) {
   return "frame " + std::to_string(id);
 }
 
+// How many times factors touch each variable.
+std::vector<std::int64_t> CountFactorsOfVariables(const FactorGraph& graph) {
+  std::vector<std::int64_t> num_factors(static_cast<std::size_t>(graph.num_variables()), 0);
+  for (FamilyId f = 0; f < graph.num_families(); ++f) {
+    // Variables of all factors of a family lie one after the other, so one pointer serves. A free
+    // place of an edited graph has −1.
+    const auto num_entries =
+        static_cast<std::ptrdiff_t>(graph.NumFactors(f)) * graph.family(f).num_slots();
+    const VariableId* ids = num_entries > 0 ? graph.Variables(f, 0) : nullptr;
+    for (std::ptrdiff_t k = 0; k < num_entries; ++k) {
+      if (ids[k] >= 0) {
+        ++num_factors[static_cast<std::size_t>(ids[k])];
+      }
+    }
+  }
+  return num_factors;
+}
+
+// Whether what is listed may be a frame of this rank.
+Status CheckFrame(const GlobalVariable& frame, const FactorGraph& graph, const Layout& layout) {
+  if (frame.id < 0 || !graph.HasVariable(frame.variable)) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         NameOf(frame.id) + ", variable " + std::to_string(frame.variable) +
+                             ": ids are not negative, and the variable must be in the graph");
+  }
+  // Landmarks come behind the frames in the layout. What does not move has −1, and may be listed.
+  return layout.Position(frame.variable) < layout.num_frames
+             ? Status::Ok()
+             : Status::Error(StatusCode::kInvalidArgument,
+                             "variable " + std::to_string(frame.variable) +
+                                 " is listed as a frame, and is a landmark of this rank");
+}
+
 }  // namespace
 
 // As it travels: without padding.
@@ -62,31 +95,12 @@ struct SharedFrames::Record {
 Status SharedFrames::Collect(const GraphPart& part, const Layout& layout,
                              std::vector<Record>* own) const {
   const FactorGraph& graph = *part.graph;
-  std::vector<std::int64_t> num_factors(static_cast<std::size_t>(graph.num_variables()), 0);
-  for (FamilyId f = 0; f < graph.num_families(); ++f) {
-    // Variables of all factors of a family lie one after the other, so one pointer serves. A free
-    // place of an edited graph has −1.
-    const auto num_entries =
-        static_cast<std::ptrdiff_t>(graph.NumFactors(f)) * graph.family(f).num_slots();
-    const VariableId* ids = num_entries > 0 ? graph.Variables(f, 0) : nullptr;
-    for (std::ptrdiff_t k = 0; k < num_entries; ++k) {
-      if (ids[k] >= 0) {
-        ++num_factors[static_cast<std::size_t>(ids[k])];
-      }
-    }
-  }
+  const std::vector<std::int64_t> num_factors = CountFactorsOfVariables(graph);
   std::vector<char> listed(num_factors.size(), 0);
   for (const GlobalVariable& frame : part.frames) {
-    if (frame.id < 0 || !graph.HasVariable(frame.variable)) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           NameOf(frame.id) + ", variable " + std::to_string(frame.variable) +
-                               ": ids are not negative, and the variable must be in the graph");
-    }
-    // Landmarks come behind the frames in the layout. What does not move has −1, and may be listed.
-    if (layout.Position(frame.variable) >= layout.num_frames) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "variable " + std::to_string(frame.variable) +
-                               " is listed as a frame, and is a landmark of this rank");
+    const Status status = CheckFrame(frame, graph, layout);
+    if (!status.ok()) {
+      return status;
     }
     char& seen = listed[static_cast<std::size_t>(frame.variable)];
     if (seen != 0) {

@@ -51,6 +51,7 @@ class Window {
   Status DropSecondNewest(WindowSummary* summary);
   void DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* edit,
                      WindowSummary* summary) const;
+  Status MarginalizeLeft(MarginalizationRequest* request, WindowSummary* summary);
 
   const SlidingWindowOptions options_;
   WindowGraph graph_;

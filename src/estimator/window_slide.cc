@@ -122,19 +122,40 @@ void Window::DropViewsFrom(std::int64_t frame, WindowTracks* tracks, GraphEdit* 
   }
 }
 
+// Marginalizes variables of a frame that has left, in the graph but in no frame of the window. Only
+// the prior touches them, perhaps not in all directions: what it says is used, and no more.
+Status Window::MarginalizeLeft(MarginalizationRequest* request, WindowSummary* summary) {
+  MarginalizationOptions options = options_.marginalization;
+  options.allow_rank_loss = true;
+  Status status = prior_.Marginalize(options, request, &graph_.solver, summary);
+  // They are still in the graph; the next marginalization takes them along.
+  if (!status.ok()) {
+    prior_.Postpone(request->marginalized);
+  }
+  return status;
+}
+
+namespace {
+
+// Appends the later samples, all integrated at the biases of the earlier measurement. Sample 0 of
+// the later one is the interpolated one at the time between them, which the earlier one has as its
+// last.
+Status AppendLater(const ImuPreintegrator& later, ImuPreintegrator* imu) {
+  std::vector<ImuSample> samples = later.samples();
+  samples.erase(samples.begin());  // the last one of those before
+  return imu->Append(samples);
+}
+
+}  // namespace
+
 // The frame before the newest leaves without a trace but for the IMU. It was no keyframe: its image
 // shows little that the newest one's does not.
 Status Window::DropSecondNewest(WindowSummary* summary) {
   const std::size_t k = frames_.size() - 2;
   const FrameRecord leaving = frames_[k];
   FrameRecord newest = frames_.back();
-  // A copy of the earlier measurement with the later samples appended, all integrated at the
-  // earlier one's biases. Sample 0 of the later one is the interpolated one at the time between
-  // them, which the earlier one has as its last.
-  ImuPreintegrator imu = graph_.Imu(leaving);
-  std::vector<ImuSample> samples = graph_.Imu(newest).samples();
-  samples.erase(samples.begin());  // the last one of those before
-  Status status = imu.Append(samples);
+  ImuPreintegrator imu = graph_.Imu(leaving);  // a copy
+  Status status = AppendLater(graph_.Imu(newest), &imu);
   if (!status.ok()) {
     return status;
   }
@@ -166,18 +187,7 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
   tracks_ = std::move(tracks);
   summary->left = WindowSummary::Left::kSecondNewest;
   summary->left_time = leaving.time;
-  if (!request.marginalized.empty()) {
-    // Only the prior touches it, perhaps not in all directions: what it says is used, and no more.
-    MarginalizationOptions options = options_.marginalization;
-    options.allow_rank_loss = true;
-    status = prior_.Marginalize(options, &request, &graph_.solver, summary);
-  }
-  // They are still in the graph, in no frame of the window; the next marginalization takes them
-  // along.
-  if (!status.ok()) {
-    prior_.Postpone(request.marginalized);
-  }
-  return status;
+  return request.marginalized.empty() ? status : MarginalizeLeft(&request, summary);
 }
 
 }  // namespace inceres::internal

@@ -46,6 +46,28 @@ void Linearize(const CorrectedDelta& delta, const Matrix3& R_i, double dt, Matri
   F->block<6, 6>(kDeltaV, kDeltaGyrBias) = G->block<6, 6>(kDeltaV, kDeltaV) * delta.motion_bias;
 }
 
+// P_j = F P_i Fᵀ + G Σ Gᵀ, where the state turns from R_i to q_j.
+void PropagateCovariance(const ImuPreintegrator& imu, const CorrectedDelta& delta,
+                         const Matrix3& R_i, const double* q_j, const double* covariance,
+                         double* next_covariance) {
+  const ImuConventions& conventions = imu.options().conventions;
+  const ImuLayout rows = internal::StateLayoutOf(conventions);
+  Matrix<15, 15> F, G;
+  Linearize(delta, R_i, imu.delta().dt, &F, &G);
+  // φ on the left is R φ on the right, so C and its inverse are each other's transposes.
+  const bool left = conventions.perturbation == ImuConventions::Perturbation::kLeft;
+  const Matrix3 identity = Matrix3::Identity();
+  const Matrix<15, 15> C_i = internal::PartMap(rows, left ? R_i : identity);
+  const Matrix<15, 15> C_j = internal::PartMap(rows, left ? internal::RotationOf(q_j) : identity);
+  const Eigen::Map<const Matrix<15, 15>> P_i(covariance);
+  const Eigen::Map<const Matrix<15, 15>> noise(imu.delta().covariance);
+  F = (C_j * F * C_i.transpose()).eval();
+  G = (C_j * G).eval();
+  const Matrix<15, 15> P_j = F * P_i * F.transpose() + G * noise * G.transpose();
+  // Rounding leaves products a little asymmetric, and a chain of propagations would let that grow.
+  Eigen::Map<Matrix<15, 15>>{next_covariance} = 0.5 * (P_j + P_j.transpose());
+}
+
 }  // namespace
 
 Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const double* speed_bias,
@@ -70,21 +92,7 @@ Status PropagateImu(const ImuPreintegrator& imu, const double* pose, const doubl
   MultiplyQuaternions(pose + 3, delta.q, q_j);
 
   if (covariance != nullptr && next_covariance != nullptr) {
-    Matrix<15, 15> F, G;
-    Linearize(delta, R_i, dt, &F, &G);
-    // φ on the left is R φ on the right, so C and its inverse are each other's transposes.
-    const bool left = conventions.perturbation == ImuConventions::Perturbation::kLeft;
-    const Matrix3 identity = Matrix3::Identity();
-    const Matrix<15, 15> C_i = internal::PartMap(rows, left ? R_i : identity);
-    const Matrix<15, 15> C_j = internal::PartMap(rows, left ? internal::RotationOf(q_j) : identity);
-    const Eigen::Map<const Matrix<15, 15>> P_i(covariance);
-    const Eigen::Map<const Matrix<15, 15>> noise(imu.delta().covariance);
-    F = (C_j * F * C_i.transpose()).eval();
-    G = (C_j * G).eval();
-    const Matrix<15, 15> P_j = F * P_i * F.transpose() + G * noise * G.transpose();
-    // Rounding leaves products a little asymmetric, and a chain of propagations would let that
-    // grow.
-    Eigen::Map<Matrix<15, 15>>{next_covariance} = 0.5 * (P_j + P_j.transpose());
+    PropagateCovariance(imu, delta, R_i, q_j, covariance, next_covariance);
   }
 
   const Vector3 v_i = AsVector(speed_bias);

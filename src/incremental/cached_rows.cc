@@ -28,6 +28,24 @@ bool CachedRows::IsGood(const IncrementalFamily& family, FactorRef ref) const {
   return ratio > 0.0 && std::isfinite(ratio) && !family.HasCurvedLoss(ref.factor);
 }
 
+// A copy, scaled and without the correction: the cached one stays part of S.
+void CachedRows::CopyJacobian(const IncrementalFamily& family, int factor, int slot, double scale) {
+  const SlotJacobians& cached = family.slots()[slot];
+  const double* J = family.Jacobian(factor, slot);
+  std::vector<double>& copy = jacobians_[slot];
+  copy.assign(J, J + cached.factor_stride);
+  for (double& entry : copy) {
+    entry *= scale;
+  }
+  if (family.weighed().IsCorrected(factor)) {
+    // (I + β n nᵀ) times the kept one is the plain one: scalars commute with it, so the order is
+    // free.
+    TakeBackCorrection(family.weighed().correction(factor), family.residual_size(), cached,
+                       copy.data());
+  }
+  slots_[slot].data = copy.data();
+}
+
 bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted,
                       LinearizedFactor* result) {
   const FactorRef ref{id.family, id.index};
@@ -56,19 +74,7 @@ bool CachedRows::Find(FactorId id, const std::function<bool(VariableId)>& wanted
         (landmark < 0 || schur.landmarks()[landmark].id != variable)) {
       return false;
     }
-    // A copy: the cached one stays part of S.
-    const double* J = family.Jacobian(id.index, s);
-    jacobians_[s].assign(J, J + cached.factor_stride);
-    for (double& entry : jacobians_[s]) {
-      entry *= scale;
-    }
-    if (family.weighed().IsCorrected(id.index)) {
-      // (I + β n nᵀ) times the kept one is the plain one: scalars commute with it, so the order is
-      // free.
-      TakeBackCorrection(family.weighed().correction(id.index), family.residual_size(), cached,
-                         jacobians_[s].data());
-    }
-    slots_[s].data = jacobians_[s].data();
+    CopyJacobian(family, id.index, s, scale);
   }
   f_.assign(family.residual(id.index), family.residual(id.index) + family.residual_size());
   for (double& entry : f_) {

@@ -24,6 +24,7 @@ class CachedRows {
 
  private:
   bool IsGood(const IncrementalFamily& family, FactorRef ref) const;
+  void CopyJacobian(const IncrementalFamily& family, int factor, int slot, double scale);
 
   const IncrementalSystem& system_;
   const double limit_;

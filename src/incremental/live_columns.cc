@@ -189,31 +189,59 @@ void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t l, const Eig
   });
 }
 
-// x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
-Status LivePreconditioner::Apply(const double* r, double* x) const {
-  const IncrementalSchur& schur = system_.schur();
-  // One lambda for both constant and mutable vectors.
-  const auto segment = [](auto* vector, std::int32_t quad, int size) {
-    using Vector = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(vector)>>,
-                                      const Eigen::VectorXd, Eigen::VectorXd>;
-    return Eigen::Map<Vector>(vector + std::ptrdiff_t{quad} * kQuad, size);
-  };
-  // b is formed in a copy of r, padded as r is; only frames' entries of it change.
-  std::vector<double> padded(r, r + std::ptrdiff_t{system_.variables().num_quads()} * kQuad);
+namespace {
+
+// Of a vector by quads of the system, constant or mutable.
+template <typename Scalar>
+auto Segment(Scalar* vector, std::int32_t quad, int size) {
+  using Vector =
+      std::conditional_t<std::is_const_v<Scalar>, const Eigen::VectorXd, Eigen::VectorXd>;
+  return Eigen::Map<Vector>(vector + std::ptrdiff_t{quad} * kQuad, size);
+}
+
+// Forwards, landmark by landmark: the frames' part of b −= Y U_inv r_l.
+void EliminateLandmarks(const IncrementalSchur& schur, const double* r, double* b) {
   std::vector<BlockRow> rows;
   const int num_landmarks = static_cast<int>(schur.landmarks().size());
   for (int l = 0; l < num_landmarks; ++l) {
     if (CountsInS(schur, l)) {
       const auto& landmark = schur.landmarks()[l];
-      const Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
-      // Forwards: r_c − Y U_inv r_l, landmark by landmark.
+      const Eigen::VectorXd u = InverseRootOf(schur, l) * Segment(r, landmark.quad, landmark.size);
       schur.blocks().Rows(l, &rows);
       for (const BlockRow& row : rows) {
-        segment(padded.data(), row.frame, row.size) -=
-            YTransposed(row, landmark.size).transpose() * u;
+        Segment(b, row.frame, row.size) -= YTransposed(row, landmark.size).transpose() * u;
       }
     }
   }
+}
+
+// Backwards with the frames' solution in x: every landmark by itself, in any order.
+void SolveLandmarks(const IncrementalSchur& schur, const double* r, double* x) {
+  std::vector<BlockRow> rows;
+  const int num_landmarks = static_cast<int>(schur.landmarks().size());
+  for (int l = 0; l < num_landmarks; ++l) {
+    if (CountsInS(schur, l)) {
+      const auto& landmark = schur.landmarks()[l];
+      Eigen::VectorXd u = InverseRootOf(schur, l) * Segment(r, landmark.quad, landmark.size);
+      schur.blocks().Rows(l, &rows);
+      for (const BlockRow& row : rows) {
+        u -= YTransposed(row, landmark.size) *
+             Segment(static_cast<const double*>(x), row.frame, row.size);
+      }
+      // Writes the landmark's part last: rows of frames in x are only read from here on.
+      Segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
+    }
+  }
+}
+
+}  // namespace
+
+// x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
+Status LivePreconditioner::Apply(const double* r, double* x) const {
+  const IncrementalSchur& schur = system_.schur();
+  // b is formed in a copy of r, padded as r is; only frames' entries of it change.
+  std::vector<double> padded(r, r + std::ptrdiff_t{system_.variables().num_quads()} * kQuad);
+  EliminateLandmarks(schur, r, padded.data());
   // Packed as S is; a row that is free has no scalars there.
   std::vector<double> b(offsets_.back(), 0.0), solution(offsets_.back(), 0.0);
   // Held frames get b = 0 and a unit row, and their step is left at what the caller zeroed.
@@ -233,20 +261,7 @@ Status LivePreconditioner::Apply(const double* r, double* x) const {
                   x + std::ptrdiff_t{frame.quad} * kQuad);
     }
   }
-  // Backwards with the frames' solution in x: every landmark by itself, in any order.
-  for (int l = 0; l < num_landmarks; ++l) {
-    if (CountsInS(schur, l)) {
-      const auto& landmark = schur.landmarks()[l];
-      Eigen::VectorXd u = InverseRootOf(schur, l) * segment(r, landmark.quad, landmark.size);
-      schur.blocks().Rows(l, &rows);
-      for (const BlockRow& row : rows) {
-        u -= YTransposed(row, landmark.size) *
-             segment(static_cast<const double*>(x), row.frame, row.size);
-      }
-      // Writes the landmark's part last: rows of frames in x are only read from here on.
-      segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
-    }
-  }
+  SolveLandmarks(schur, r, x);
   return solved;
 }
 

@@ -65,6 +65,34 @@ void ConjugateGradients::StartFromX(const System& system) {
   }
 }
 
+// To the best x along p, and r there; or why x has not been changed.
+std::optional<ConjugateGradients::End> ConjugateGradients::Step(const System& system,
+                                                                int reset_period) {
+  std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
+  system.SubtractProduct(p_.data(), minus_product_.data());
+  // A NaN is neither below zero nor infinite and would go into x.
+  curvature_ = -Dot(p_, minus_product_);
+  if (std::isnan(curvature_) || std::isnan(rz_)) {
+    return End::kBreakdown;
+  }
+  if (curvature_ <= 0.0 || std::isinf(curvature_)) {
+    return End::kNotPositiveDefinite;
+  }
+  const double alpha = rz_ / curvature_;
+  Add(alpha, p_, &x_);
+  gains_.push_back(0.5 * alpha * rz_);
+  // Ceres's habit: r computed from x, which costs another product, rids it of the rounding that
+  // the recurrence has gathered.
+  if (reset_period > 0 && static_cast<int>(gains_.size()) % reset_period == 0) {
+    r_ = b_;
+    system.SubtractProduct(x_.data(), r_.data());
+  } else {
+    Add(alpha, minus_product_, &r_);
+  }
+  decrease_ += gains_.back();
+  return std::nullopt;
+}
+
 ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iterations,
                                                     int reset_period) {
   gains_.clear();
@@ -79,28 +107,10 @@ ConjugateGradients::End ConjugateGradients::Iterate(System* system, int max_iter
     if (static_cast<int>(gains_.size()) >= max_iterations) {
       return End::kTooLong;
     }
-    std::fill(minus_product_.begin(), minus_product_.end(), 0.0);
-    system->SubtractProduct(p_.data(), minus_product_.data());
-    // A NaN is neither below zero nor infinite and would go into x.
-    curvature_ = -Dot(p_, minus_product_);
-    if (std::isnan(curvature_) || std::isnan(rz_)) {
-      return End::kBreakdown;
+    const std::optional<End> end = Step(*system, reset_period);
+    if (end) {
+      return *end;
     }
-    if (curvature_ <= 0.0 || std::isinf(curvature_)) {
-      return End::kNotPositiveDefinite;
-    }
-    const double alpha = rz_ / curvature_;
-    Add(alpha, p_, &x_);
-    gains_.push_back(0.5 * alpha * rz_);
-    // Ceres's habit: r computed from x, which costs another product, rids it of the rounding that
-    // the recurrence has gathered.
-    if (reset_period > 0 && static_cast<int>(gains_.size()) % reset_period == 0) {
-      r_ = b_;
-      system->SubtractProduct(x_.data(), r_.data());
-    } else {
-      Add(alpha, minus_product_, &r_);
-    }
-    decrease_ += gains_.back();
     if (!system->Precondition(r_.data(), z_.data())) {
       return End::kNoPreconditioner;
     }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -53,6 +54,8 @@ class ConjugateGradients {
   std::size_t Bytes() const;
 
  private:
+  std::optional<End> Step(const System& system, int reset_period);
+
   AlignedVector<double> b_;
   AlignedVector<double> x_;
   AlignedVector<double> r_;  // b − A x

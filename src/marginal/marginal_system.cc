@@ -133,6 +133,29 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
   return offenders->empty() ? EliminateFrames(offenders) : RankLoss("landmarks", *offenders);
 }
 
+MarginalSystem::OwnColumns MarginalSystem::OwnColumnsOf(
+    VariableId id, const std::vector<FactorId>& factors) const {
+  const int size = graph_.TangentSize(id);
+  OwnColumns own;
+  own.first.emplace(id, 0);
+  for (const FactorId& factor : factors) {
+    own.num_rows += graph_.family(factor.family).residual_size();
+    for (int s = 0; s < graph_.family(factor.family).num_slots(); ++s) {
+      const VariableId other = graph_.Variables(factor.family, factor.index)[s];
+      const auto global = columns_.find(other);
+      if (global != columns_.end() &&
+          // A frame gets its columns with the first factor that touches it: an order that the
+          // factors give.
+          own.first.emplace(other, size + static_cast<int>(own.of_frames.size())).second) {
+        for (int c = 0; c < graph_.TangentSize(other); ++c) {
+          own.of_frames.push_back(global->second + c);
+        }
+      }
+    }
+  }
+  return own;
+}
+
 // Its rows have columns of its own and those of its separator only. Rank loss is reported when all
 // landmarks have been looked at.
 Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<FactorId>& factors,
@@ -140,27 +163,9 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
                                          std::vector<VariableId>* offenders) {
   const int size = graph_.TangentSize(id);
   // A is as wide as the landmark and the frames it is seen from, not as the whole system.
-  std::unordered_map<VariableId, int> local;  // first column in A
-  std::vector<int> columns;                   // of A behind the landmark's: where they go
-  local.emplace(id, 0);
-  Eigen::Index rows = 0;
-  for (const FactorId& factor : factors) {
-    rows += graph_.family(factor.family).residual_size();
-    for (int s = 0; s < graph_.family(factor.family).num_slots(); ++s) {
-      const VariableId other = graph_.Variables(factor.family, factor.index)[s];
-      const auto global = columns_.find(other);
-      if (global != columns_.end() &&
-          // A frame gets its columns with the first factor that touches it: an order that the
-          // factors give.
-          local.emplace(other, size + static_cast<int>(columns.size())).second) {
-        for (int c = 0; c < graph_.TangentSize(other); ++c) {
-          columns.push_back(global->second + c);
-        }
-      }
-    }
-  }
-  Eigen::MatrixXd A =
-      Eigen::MatrixXd::Zero(rows, size + static_cast<Eigen::Index>(columns.size()) + 1);
+  const OwnColumns own = OwnColumnsOf(id, factors);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(
+      own.num_rows, size + static_cast<Eigen::Index>(own.of_frames.size()) + 1);
   Eigen::Index row = 0;
   for (const FactorId& factor_id : factors) {
     LinearizedFactor factor;
@@ -170,9 +175,9 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
     }
     const VariableId* ids = graph_.Variables(factor_id.family, factor_id.index);
     const auto column_of = [&](int s) {
-      const auto found = local.find(ids[s]);
+      const auto found = own.first.find(ids[s]);
       // No column: a constant, or what is not part of the system.
-      return found == local.end() ? -1 : found->second;
+      return found == own.first.end() ? -1 : found->second;
     };
     CopyRows(factor, graph_.family(factor_id.family).num_slots(), column_of, row, &A);
     row += factor.rows;
@@ -183,7 +188,7 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
   if (outcome.rank < size && !options_.allow_rank_loss) {
     offenders->push_back(id);
   }
-  Append(A, outcome.rank, size, columns);
+  Append(A, outcome.rank, size, own.of_frames);
   return Status::Ok();
 }
 

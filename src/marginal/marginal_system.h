@@ -40,7 +40,15 @@ class MarginalSystem {
   double fixed_cost() const { return fixed_cost_; }
 
  private:
+  // The matrix that a landmark is eliminated in: itself, the frames it is seen from, f.
+  struct OwnColumns {
+    std::unordered_map<VariableId, int> first;  // of each variable
+    std::vector<int> of_frames;                 // behind the landmark's: where they go
+    Eigen::Index num_rows = 0;
+  };
+
   int NumColumns() const { return num_frame_columns_ + num_kept_columns_; }
+  OwnColumns OwnColumnsOf(VariableId id, const std::vector<FactorId>& factors) const;
   Status EliminateLandmark(VariableId id, const std::vector<FactorId>& factors,
                            const RowsOf& rows_of, std::vector<VariableId>* offenders);
   Status EliminateFrames(std::vector<VariableId>* offenders);

@@ -251,9 +251,8 @@ class FactorGlance {
   std::uint32_t landmarks_ = 0;  // a bit for each slot with one that moves
 };
 
-// `edited`: an edit was checked.
-Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
-                      const FamilyRecord& record, FamilyId id, bool edited) {
+// What a family is before its factors are looked at. `edited`: an edit was checked.
+Status CheckCounts(const FamilyRecord& record, FamilyId id, bool edited) {
   const FactorFamily& family = *record.family;
   if (family.residual_size() <= 0) {
     return Invalid(FamilyName(id, family) + " has residual size " +
@@ -266,15 +265,29 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
                    " measurements but " + std::to_string(record.num_factors) +
                    " factors are connected");
   }
+  return Status::Ok();
+}
+
+// Whether all factors touch the same variables, as in curve fitting: one stands for all, and the
+// comparison of an array with itself, one factor on, is fast.
+bool AreAlike(const FamilyRecord& record) {
+  const VariableId* ids = record.variables.data();
+  return record.places.empty() && record.num_factors > 0 &&
+         std::equal(ids + record.family->num_slots(), ids + record.variables.size(), ids);
+}
+
+Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
+                      const FamilyRecord& record, FamilyId id, bool edited) {
+  const Status counts = CheckCounts(record, id, edited);
+  if (!counts.ok()) {
+    return counts;
+  }
+  const FactorFamily& family = *record.family;
   const int num_slots = family.num_slots();
   const std::vector<internal::PlaceState>& places = record.places;
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
-  // All factors of the same variables, as in curve fitting: one stands for all, and the comparison
-  // of an array with itself, one factor on, is fast.
-  const bool all_alike = all_live && record.num_factors > 0 &&
-                         std::equal(ids + num_slots, ids + record.variables.size(), ids);
-  const int num_different = all_alike ? 1 : record.num_factors;
+  const int num_different = AreAlike(record) ? 1 : record.num_factors;
   internal::AcceptedManifolds accepted;
   FactorGlance glance(family, variables);
   const VariableId* before = nullptr;  // the last one that was glanced at and in order

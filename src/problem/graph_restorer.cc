@@ -90,6 +90,38 @@ Status GraphRestorer::RestoreSettings(GraphParts* parts, VariableTable* variable
   return Status::Ok();
 }
 
+namespace {
+
+// Places start as taken; those that are listed are freed one by one, and a second time is an error.
+Status FreePlaces(const std::string& name, GraphParts::Family* given, FamilyRecord* record) {
+  const auto num_slots = static_cast<std::size_t>(given->family->num_slots());
+  const auto num_places = static_cast<std::size_t>(given->num_factors);
+  if (!given->free_places.empty()) {
+    record->places.assign(num_places, PlaceState::kIncremental);
+    record->generations.assign(num_places, 0);
+  }
+  for (const std::int32_t place : given->free_places) {
+    if (place < 0 || IndexOf(place) >= num_places ||
+        record->places[IndexOf(place)] == PlaceState::kFree) {
+      return Invalid(name + ": place " + std::to_string(place) +
+                     " does not exist, or is free twice");
+    }
+    record->places[IndexOf(place)] = PlaceState::kFree;
+    // As after one removal.
+    record->generations[IndexOf(place)] = 1;
+    // As a removed factor leaves them.
+    std::fill_n(given->variables.begin() +
+                    static_cast<std::ptrdiff_t>(place) * static_cast<std::ptrdiff_t>(num_slots),
+                num_slots, -1);
+    if (!given->losses.empty()) {
+      given->losses[IndexOf(place)] = nullptr;
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
 // The family by value: what has passed is moved into the graph.
 Status GraphRestorer::RestoreFamily(GraphParts::Family given, FactorGraph* graph) {
   if (given.family == nullptr) {
@@ -105,29 +137,10 @@ Status GraphRestorer::RestoreFamily(GraphParts::Family given, FactorGraph* graph
       (!given.losses.empty() && given.losses.size() != num_places)) {
     return Invalid(name + " has other factors than measurements, variables or losses");
   }
-  // Places start as taken; those that are listed are freed one by one, and a second time is an
-  // error.
   FamilyRecord record;
-  if (!given.free_places.empty()) {
-    record.places.assign(num_places, PlaceState::kIncremental);
-    record.generations.assign(num_places, 0);
-  }
-  for (const std::int32_t place : given.free_places) {
-    if (place < 0 || IndexOf(place) >= num_places ||
-        record.places[IndexOf(place)] == PlaceState::kFree) {
-      return Invalid(name + ": place " + std::to_string(place) +
-                     " does not exist, or is free twice");
-    }
-    record.places[IndexOf(place)] = PlaceState::kFree;
-    // As after one removal.
-    record.generations[IndexOf(place)] = 1;
-    // As a removed factor leaves them.
-    std::fill_n(given.variables.begin() +
-                    static_cast<std::ptrdiff_t>(place) * static_cast<std::ptrdiff_t>(num_slots),
-                num_slots, -1);
-    if (!given.losses.empty()) {
-      given.losses[IndexOf(place)] = nullptr;
-    }
+  const Status freed = FreePlaces(name, &given, &record);
+  if (!freed.ok()) {
+    return freed;
   }
   // More measurements than places, or anything free: only an edit leads there, and Validate allows
   // it only then.

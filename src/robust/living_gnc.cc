@@ -112,6 +112,7 @@ class LivingGnc::Impl {
   void LookAgain();
   bool IsHeldWithout(VariableId id) const;
   void Foresee();
+  void LetWaitOrForesee(bool first, std::size_t* num_waiting);
   bool UpdateSolver(int max_iterations, GncSummary* summary);
   void Judge(GncSummary* summary) const;
 
@@ -295,6 +296,20 @@ void LivingGnc::Impl::Foresee() {
   }
 }
 
+// After the first measurement new suspects may be let wait; after the second, which knows what all
+// else is without them, they do so no more.
+void LivingGnc::Impl::LetWaitOrForesee(bool first, std::size_t* num_waiting) {
+  if (first) {
+    *num_waiting = LetWait();
+    if (*num_waiting == 0) {
+      LookAgain();
+    }
+  } else if (*num_waiting > 0) {
+    Foresee();
+    *num_waiting = 0;
+  }
+}
+
 // One edit for all. Weights are remembered after the solver has accepted it: on failure its losses
 // are as before. A weight of 1 is no loss at all, so that inliers are plain least squares again;
 // any other one is w times the identity, and a weight of 0 keeps the factor in the graph, for its
@@ -377,16 +392,8 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
   // that have not been solved for since; from the second on all are looked at.
   for (int i = 0;; ++i) {
     Status status = Measure();
-    if (status.ok() && i == 0) {
-      num_waiting = LetWait();
-      if (num_waiting == 0) {
-        LookAgain();
-      }
-    } else if (status.ok() && num_waiting > 0) {
-      Foresee();
-      num_waiting = 0;
-    }
     if (status.ok()) {
+      LetWaitOrForesee(/*first=*/i == 0, &num_waiting);
       changes = Reweigh(/*first=*/i == 0, &num_open);
       status = changes ? ApplyWeights(weights_) : status;
     }

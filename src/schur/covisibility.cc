@@ -85,6 +85,19 @@ struct Rows {
   std::vector<double> weights;
 };
 
+// Tasks are stretches of rows, so their lists follow one another.
+WeightedGraph Joined(const std::vector<Rows>& tasks) {
+  WeightedGraph graph;
+  for (const Rows& rows : tasks) {
+    for (const int count : rows.counts) {
+      graph.begin.push_back(graph.begin.back() + count);
+    }
+    graph.neighbors.insert(graph.neighbors.end(), rows.neighbors.begin(), rows.neighbors.end());
+    graph.weights.insert(graph.weights.end(), rows.weights.begin(), rows.weights.end());
+  }
+  return graph;
+}
+
 }  // namespace
 
 // Doubles, for processes add them up as such.
@@ -187,16 +200,7 @@ WeightedGraph CovisibilityGraph(const Evaluator& evaluator, const LandmarkIncide
       }
     }
   });
-  // Tasks are stretches of rows, so their lists follow one another.
-  WeightedGraph graph;
-  for (const Rows& rows : tasks) {
-    for (const int count : rows.counts) {
-      graph.begin.push_back(graph.begin.back() + count);
-    }
-    graph.neighbors.insert(graph.neighbors.end(), rows.neighbors.begin(), rows.neighbors.end());
-    graph.weights.insert(graph.weights.end(), rows.weights.begin(), rows.weights.end());
-  }
-  return graph;
+  return Joined(tasks);
 }
 
 }  // namespace inceres::internal

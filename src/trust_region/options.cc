@@ -81,6 +81,56 @@ Status CheckIterative(const SolverOptions& options) {
       .status();
 }
 
+// How far a step may go, and which steps are taken.
+Status CheckTrustRegion(const SolverOptions& options) {
+  return OptionRules("SolverOptions")
+      .Require(options.min_trust_region_radius > 0.0, "min_trust_region_radius",
+               options.min_trust_region_radius, "> 0")
+      .Require(options.max_trust_region_radius >= options.min_trust_region_radius,
+               "max_trust_region_radius", options.max_trust_region_radius,
+               ">= min_trust_region_radius")
+      .Require(options.initial_trust_region_radius >= options.min_trust_region_radius &&
+                   options.initial_trust_region_radius <= options.max_trust_region_radius,
+               "initial_trust_region_radius", options.initial_trust_region_radius,
+               "between min_trust_region_radius and max_trust_region_radius")
+      .NotNegative("min_relative_decrease", options.min_relative_decrease)
+      // Above zero, since it is what makes H + Λ positive definite where a column of J is zero.
+      .Positive("min_lm_diagonal", options.min_lm_diagonal)
+      .Require(options.max_lm_diagonal >= options.min_lm_diagonal, "max_lm_diagonal",
+               options.max_lm_diagonal, ">= min_lm_diagonal")
+      .NotNegative("max_num_consecutive_invalid_steps", options.max_num_consecutive_invalid_steps)
+      // A window of 0 is the monotonic rule.
+      .Require(!options.use_nonmonotonic_steps || options.max_consecutive_nonmonotonic_steps > 0,
+               "max_consecutive_nonmonotonic_steps", options.max_consecutive_nonmonotonic_steps,
+               "> 0 with use_nonmonotonic_steps")
+      .status();
+}
+
+// How steps are shortened where there are bounds.
+Status CheckLineSearch(const SolverOptions& options) {
+  return OptionRules("SolverOptions")
+      .Require(options.line_search_sufficient_function_decrease > 0.0 &&
+                   options.line_search_sufficient_function_decrease < 1.0,
+               "line_search_sufficient_function_decrease",
+               options.line_search_sufficient_function_decrease, "between 0 and 1")
+      // Ceres's names: the factor of the largest contraction is the smaller number of the two.
+      .Require(options.max_line_search_step_contraction > 0.0 &&
+                   options.max_line_search_step_contraction < 1.0,
+               "max_line_search_step_contraction", options.max_line_search_step_contraction,
+               "between 0 and 1")
+      .Require(
+          options.min_line_search_step_contraction > options.max_line_search_step_contraction &&
+              options.min_line_search_step_contraction <= 1.0,
+          "min_line_search_step_contraction", options.min_line_search_step_contraction,
+          "above max_line_search_step_contraction, at most 1")
+      .Positive("min_line_search_step_size", options.min_line_search_step_size)
+      // 0: steps are not shortened.
+      .Require(options.max_num_line_search_step_size_iterations >= 0,
+               "max_num_line_search_step_size_iterations",
+               options.max_num_line_search_step_size_iterations, ">= 0")
+      .status();
+}
+
 }  // namespace
 
 // Without a look at a graph: what depends on one is told where the model is made.
@@ -112,41 +162,8 @@ Status SolverOptions::Validate() const {
       .NotNegative("function_tolerance", function_tolerance)
       .NotNegative("gradient_tolerance", gradient_tolerance)
       .NotNegative("parameter_tolerance", parameter_tolerance)
-      .Require(min_trust_region_radius > 0.0, "min_trust_region_radius", min_trust_region_radius,
-               "> 0")
-      .Require(max_trust_region_radius >= min_trust_region_radius, "max_trust_region_radius",
-               max_trust_region_radius, ">= min_trust_region_radius")
-      .Require(initial_trust_region_radius >= min_trust_region_radius &&
-                   initial_trust_region_radius <= max_trust_region_radius,
-               "initial_trust_region_radius", initial_trust_region_radius,
-               "between min_trust_region_radius and max_trust_region_radius")
-      .NotNegative("min_relative_decrease", min_relative_decrease)
-      // Above zero, since it is what makes H + Λ positive definite where a column of J is zero.
-      .Positive("min_lm_diagonal", min_lm_diagonal)
-      .Require(max_lm_diagonal >= min_lm_diagonal, "max_lm_diagonal", max_lm_diagonal,
-               ">= min_lm_diagonal")
-      .NotNegative("max_num_consecutive_invalid_steps", max_num_consecutive_invalid_steps)
-      // A window of 0 is the monotonic rule.
-      .Require(!use_nonmonotonic_steps || max_consecutive_nonmonotonic_steps > 0,
-               "max_consecutive_nonmonotonic_steps", max_consecutive_nonmonotonic_steps,
-               "> 0 with use_nonmonotonic_steps")
-      .Require(line_search_sufficient_function_decrease > 0.0 &&
-                   line_search_sufficient_function_decrease < 1.0,
-               "line_search_sufficient_function_decrease", line_search_sufficient_function_decrease,
-               "between 0 and 1")
-      // Ceres's names: the factor of the largest contraction is the smaller number of the two.
-      .Require(max_line_search_step_contraction > 0.0 && max_line_search_step_contraction < 1.0,
-               "max_line_search_step_contraction", max_line_search_step_contraction,
-               "between 0 and 1")
-      .Require(min_line_search_step_contraction > max_line_search_step_contraction &&
-                   min_line_search_step_contraction <= 1.0,
-               "min_line_search_step_contraction", min_line_search_step_contraction,
-               "above max_line_search_step_contraction, at most 1")
-      .Positive("min_line_search_step_size", min_line_search_step_size)
-      // 0: steps are not shortened.
-      .Require(max_num_line_search_step_size_iterations >= 0,
-               "max_num_line_search_step_size_iterations", max_num_line_search_step_size_iterations,
-               ">= 0")
+      .Also(CheckTrustRegion(*this))
+      .Also(CheckLineSearch(*this))
       .status();
 }
 

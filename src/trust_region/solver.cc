@@ -151,11 +151,44 @@ struct Workspace {
 
   bool Recomputes() const { return evaluator->jacobian_chunks() != nullptr; }
 
-  void SpareTables() {
+  void SpareTables(MemoryBudget* budget) {
+    const std::int64_t before = evaluator->Bytes();
     look_up.Bind(evaluator->graph(), evaluator->points());
     for (Linearization& family : evaluator->families()) {
       look_up.Serve(&family);
     }
+    budget->GiveBack(before - evaluator->Bytes());
+  }
+
+  // Products with an S that is not formed read the Jacobians of a factor together. Nothing has been
+  // written to the old ones yet.
+  void StoreByFactor(const FactorGraph& graph, MemoryBudget* budget) {
+    evaluator.reset();
+    budget->GiveBack(budget->taken());
+    TakeForGraph(graph, /*eliminates_landmarks=*/true, JacobianStorage::kByFactor, budget);
+    evaluator.emplace(graph, layout, executor, JacobianStorage::kByFactor);
+    evaluator->set_memory_budget(budget);
+  }
+
+  // The model, and Jacobians stored as it reads them.
+  Status MakeModel(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph,
+                   MemoryBudget* budget) {
+    // The other ways read Jacobians more often.
+    std::unique_ptr<LandmarkIncidences> incidences;
+    const StepWay way =
+        Recomputes() ? StepWay::kFactor : ChooseStepWay(options, *evaluator, &incidences);
+    if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
+      incidences.reset();
+      StoreByFactor(graph, budget);
+    }
+    if (way == StepWay::kFactor && !NeedsTables(options, loop, graph) &&
+        (Recomputes() || evaluator->storage() == JacobianStorage::kWithoutPadding)) {
+      SpareTables(budget);
+    }
+    Status status;
+    model =
+        MakeLinearModel(options, way, *evaluator, loop.eliminated, std::move(incidences), &status);
+    return status;
   }
 
   // A copy: LoopOptions are the caller's, and gone by the next solve.
@@ -322,29 +355,7 @@ std::unique_ptr<Workspace> Solver::Impl::SetUp(const SolverOptions& options,
     SummarizeStandstill(&*workspace->evaluator, summary);
     return nullptr;
   }
-  // The other ways read Jacobians more often.
-  std::unique_ptr<LandmarkIncidences> incidences;
-  const StepWay way =
-      recomputes ? StepWay::kFactor : ChooseStepWay(options, *workspace->evaluator, &incidences);
-  if (way == StepWay::kBlocks || way == StepWay::kTwoLevel) {
-    // Products with an S that is not formed. Nothing has been written to Jacobians yet.
-    incidences.reset();
-    workspace->evaluator.reset();
-    budget.GiveBack(budget.taken());
-    TakeForGraph(graph, /*eliminates_landmarks=*/true, JacobianStorage::kByFactor, &budget);
-    workspace->evaluator.emplace(graph, workspace->layout, workspace->executor,
-                                 JacobianStorage::kByFactor);
-    workspace->evaluator->set_memory_budget(&budget);
-  }
-  if (way == StepWay::kFactor && !Workspace::NeedsTables(options, loop, graph) &&
-      (recomputes || workspace->evaluator->storage() == JacobianStorage::kWithoutPadding)) {
-    const std::int64_t before = workspace->evaluator->Bytes();
-    workspace->SpareTables();
-    budget.GiveBack(before - workspace->evaluator->Bytes());
-  }
-  Status status;
-  workspace->model = MakeLinearModel(options, way, *workspace->evaluator, loop.eliminated,
-                                     std::move(incidences), &status);
+  const Status status = workspace->MakeModel(options, loop, graph, &budget);
   if (!status.ok()) {
     summary->message = status.message;
     return nullptr;

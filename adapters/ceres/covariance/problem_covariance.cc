@@ -86,6 +86,31 @@ GraphCovariance ByRows(CovarianceOptions options, const ProblemView& view) {
   return GraphCovariance(options);
 }
 
+CovarianceOptions OptionsFor(const ceres::Covariance::Options& options) {
+  CovarianceOptions core;
+  core.num_threads = std::max(1, options.num_threads);
+  core.max_inflation = kTrustedInflation;
+  if (options.algorithm_type == ceres::DENSE_SVD) {
+    core.algorithm = CovarianceAlgorithm::kDenseSvd;
+    core.null_space_rank = options.null_space_rank;
+    core.min_reciprocal_condition_number = options.min_reciprocal_condition_number;
+  }
+  return core;
+}
+
+// What is open where the QR of the Jacobian, which can name landmarks only, has come out singular.
+// `core`: with the inflation that counts as infinite.
+RankDeficiency FindOpen(const GraphCovariance& by_rows, const GraphCovariance& by_normal_equations,
+                        const CovarianceOptions& core, const FactorGraph& graph,
+                        const GraphCovariance::Pairs& wanted) {
+  if (!by_rows.deficiency().landmarks.empty()) {
+    return by_rows.deficiency();
+  }
+  GraphCovariance hopeless(core);
+  const bool is_open = hopeless.Compute(graph, wanted).code == StatusCode::kSingular;
+  return (is_open ? hopeless : by_normal_equations).deficiency();
+}
+
 }  // namespace
 
 ProblemCovariance::Outcome ProblemCovariance::Decline(std::string why) {
@@ -200,34 +225,19 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
   NameVariables(state, &graph);
   const GraphCovariance::Pairs wanted = MovingPairs(*view, *plan, pairs);
-  CovarianceOptions core;
-  core.num_threads = std::max(1, options.num_threads);
-  core.max_inflation = kTrustedInflation;
-  const bool is_dense = options.algorithm_type == ceres::DENSE_SVD;
-  if (is_dense) {
-    core.algorithm = CovarianceAlgorithm::kDenseSvd;
-    core.null_space_rank = options.null_space_rank;
-    core.min_reciprocal_condition_number = options.min_reciprocal_condition_number;
-  }
+  CovarianceOptions core = OptionsFor(options);
   GraphCovariance covariance(core);
   Status status = covariance.Compute(graph, wanted);
-  if (status.code == StatusCode::kSingular && is_dense) {
+  if (status.code == StatusCode::kSingular && options.algorithm_type == ceres::DENSE_SVD) {
     return Fail(status.message);
   }
   if (status.code == StatusCode::kSingular) {
     core.max_inflation = kHopelessInflation;
     const GraphCovariance by_normal_equations = std::exchange(covariance, ByRows(core, *view));
     status = covariance.Compute(graph, wanted);
-    if (status.code == StatusCode::kSingular && !covariance.deficiency().landmarks.empty()) {
-      return Fail(DescribeDeficiency(covariance.deficiency(), *view, *plan) + " (" +
-                  status.message + ")");
-    }
     if (status.code == StatusCode::kSingular) {
-      GraphCovariance hopeless(core);  // which says what is open
-      const bool is_open = hopeless.Compute(graph, wanted).code == StatusCode::kSingular;
-      return Fail(DescribeDeficiency((is_open ? hopeless : by_normal_equations).deficiency(), *view,
-                                     *plan) +
-                  " (" + status.message + ")");
+      const RankDeficiency open = FindOpen(covariance, by_normal_equations, core, graph, wanted);
+      return Fail(DescribeDeficiency(open, *view, *plan) + " (" + status.message + ")");
     }
   }
   if (!status.ok()) {

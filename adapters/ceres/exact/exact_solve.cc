@@ -91,6 +91,25 @@ std::vector<VariableId> VariablesOf(const std::vector<int>& blocks, const GraphP
   return variables;
 }
 
+// Taken while the residual blocks are there.
+SolverOptions OptionsFor(const SolveInput& input, ceres::LinearSolverType type, int num_threads) {
+  SolverOptions options = MapOptions(input.options, type);
+  options.conjugate_gradients.subset = SubsetOf(input);
+  options.num_threads = num_threads;
+  options.max_memory_bytes = input.asked != nullptr ? input.asked->max_memory_bytes : 0;
+  return options;
+}
+
+// In Ceres's words.
+void LogFailure(const ceres::Solver::Options& options, const Summary& core) {
+  LogFailedStep(options, core.failed_step);
+  if (core.termination == Termination::kFailure) {
+    LOG_IF(WARNING, !core.detail.empty())
+        << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
+    LOG(ERROR) << "Terminating: " << core.message;
+  }
+}
+
 void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
               SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
@@ -98,8 +117,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
     dump.emplace(input.options, input.view, *input.plan, type);
   }
-  // While the blocks are there.
-  const auto subset = SubsetOf(input);
+  SolverOptions options = OptionsFor(input, type, summary->num_threads_used);
   InnerDescent descent = DescentOf(input, inner);
   FactorGraph graph;
   LandmarkCounts landmarks;
@@ -109,10 +127,6 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   observer.set_is_to_abort(input.is_to_abort);
-  SolverOptions options = MapOptions(input.options, type);
-  options.conjugate_gradients.subset = subset;
-  options.num_threads = summary->num_threads_used;
-  options.max_memory_bytes = input.asked != nullptr ? input.asked->max_memory_bytes : 0;
   options.observer = observer.IsNeeded() ? &observer : nullptr;
   LoopOptions loop;
   loop.rules = kCeresRules;
@@ -127,12 +141,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   SolveWith(options, loop, &graph, solver.get(), &core);
   StructureCache::OfProcess().GiveBack(std::move(solver));
   AddFixedCost(summary->fixed_cost, &core);
-  LogFailedStep(input.options, core.failed_step);
-  if (core.termination == Termination::kFailure) {
-    LOG_IF(WARNING, !core.detail.empty())
-        << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
-    LOG(ERROR) << "Terminating: " << core.message;
-  }
+  LogFailure(input.options, core);
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
   summary->minimizer_time_in_seconds =
