@@ -309,10 +309,6 @@ TEST(IncrementalOptionMapping, TakesWhatTheUserSays) {
   mapped = internal::MapIncrementalOptions(options, core);
   EXPECT_TRUE(mapped.Validate().ok()) << "no time and next to no damping are still valid";
   EXPECT_EQ(mapped.initial_damping, core.min_damping);
-  EXPECT_EQ(mapped.claim_damping_share, core.claim_damping_share);
-  options.trust_region_strategy_type = ceres::DOGLEG;
-  mapped = internal::MapIncrementalOptions(options, core);
-  EXPECT_EQ(mapped.claim_damping_share, 1.0) << "no less damping than Ceres's Dog-Leg has";
 }
 
 TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {

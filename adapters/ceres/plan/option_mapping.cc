@@ -305,9 +305,6 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
   if (options.trust_region_strategy_type == ceres::LEVENBERG_MARQUARDT) {
     result.initial_damping =
         std::clamp(1.0 / options.initial_trust_region_radius, core.min_damping, core.max_damping);
-  } else {
-    // Dog-Leg's own is about min_damping, and no less: windows are solved with it.
-    result.claim_damping_share = 1.0;
   }
   return result;
 }

@@ -241,6 +241,9 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::StartValues& start, SolveReport* report,
                                        ceres::Solver::Summary* summary) {
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
+  // Of the tolerance, and of the cost: as far apart as ends of two ways to one place may be.
+  constexpr double kSameShare = 1e-2;
+  constexpr double kSameDigits = 1e-15;
   const auto iterations_left = [&] {
     return std::max(
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
@@ -276,14 +279,20 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   const bool is_lower = part == Part::kDone && summary->final_cost <= lowest - margin;
   const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
+  // Two ways that are not alike have come to the same place, and Ceres calls it converged.
+  const bool is_same = part == Part::kDone && summary->termination_type == ceres::CONVERGENCE &&
+                       std::fabs(summary->final_cost - lowest) <=
+                           std::max(kSameShare * Tolerance(input, *summary), kSameDigits * lowest);
   if (!is_lower) {
     reached.PutBack();
     summary->final_cost = lowest;
-    summary->message = message;
-    summary->termination_type = ended_by_user ? ceres::USER_SUCCESS : termination;
+    if (!ended_by_user && !is_same) {
+      summary->message = message;
+      summary->termination_type = termination;
+    }
   }
   reached.Keep();
-  if (ended_by_user || part == Part::kNone || (has_end && !is_lower)) {
+  if (ended_by_user || is_same || part == Part::kNone || (has_end && !is_lower)) {
     return true;
   }
   Look(problem);
