@@ -199,24 +199,10 @@ auto Segment(Scalar* vector, std::int32_t quad, int size) {
   return Eigen::Map<Vector>(vector + std::ptrdiff_t{quad} * kQuad, size);
 }
 
-// Forwards, landmark by landmark: the frames' part of b −= Y U_inv r_l.
-void EliminateLandmarks(const IncrementalSchur& schur, const double* r, double* b) {
-  std::vector<BlockRow> rows;
-  const int num_landmarks = static_cast<int>(schur.landmarks().size());
-  for (int l = 0; l < num_landmarks; ++l) {
-    if (CountsInS(schur, l)) {
-      const auto& landmark = schur.landmarks()[l];
-      const Eigen::VectorXd u = InverseRootOf(schur, l) * Segment(r, landmark.quad, landmark.size);
-      schur.blocks().Rows(l, &rows);
-      for (const BlockRow& row : rows) {
-        Segment(b, row.frame, row.size) -= YTransposed(row, landmark.size).transpose() * u;
-      }
-    }
-  }
-}
-
-// Backwards with the frames' solution in x: every landmark by itself, in any order.
-void SolveLandmarks(const IncrementalSchur& schur, const double* r, double* x) {
+// Calls visit(l, its rows of Y, u = U_inv r_l) of each landmark that S has eliminated; u is the
+// visitor's to change.
+template <typename Visit>
+void ForEachEliminated(const IncrementalSchur& schur, const double* r, const Visit& visit) {
   std::vector<BlockRow> rows;
   const int num_landmarks = static_cast<int>(schur.landmarks().size());
   for (int l = 0; l < num_landmarks; ++l) {
@@ -224,14 +210,32 @@ void SolveLandmarks(const IncrementalSchur& schur, const double* r, double* x) {
       const auto& landmark = schur.landmarks()[l];
       Eigen::VectorXd u = InverseRootOf(schur, l) * Segment(r, landmark.quad, landmark.size);
       schur.blocks().Rows(l, &rows);
-      for (const BlockRow& row : rows) {
-        u -= YTransposed(row, landmark.size) *
-             Segment(static_cast<const double*>(x), row.frame, row.size);
-      }
-      // Writes the landmark's part last: rows of frames in x are only read from here on.
-      Segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * u;
+      visit(l, rows, &u);
     }
   }
+}
+
+// Forwards, landmark by landmark: the frames' part of b −= Y U_inv r_l.
+void EliminateLandmarks(const IncrementalSchur& schur, const double* r, double* b) {
+  ForEachEliminated(schur, r, [&](int l, const std::vector<BlockRow>& rows, Eigen::VectorXd* u) {
+    for (const BlockRow& row : rows) {
+      Segment(b, row.frame, row.size) -=
+          YTransposed(row, schur.landmarks()[l].size).transpose() * *u;
+    }
+  });
+}
+
+// Backwards with the frames' solution in x: every landmark by itself, in any order.
+void SolveLandmarks(const IncrementalSchur& schur, const double* r, double* x) {
+  ForEachEliminated(schur, r, [&](int l, const std::vector<BlockRow>& rows, Eigen::VectorXd* u) {
+    const auto& landmark = schur.landmarks()[l];
+    for (const BlockRow& row : rows) {
+      *u -= YTransposed(row, landmark.size) *
+            Segment(static_cast<const double*>(x), row.frame, row.size);
+    }
+    // Writes the landmark's part last: rows of frames in x are only read from here on.
+    Segment(x, landmark.quad, landmark.size) = InverseRootOf(schur, l).transpose() * *u;
+  });
 }
 
 }  // namespace

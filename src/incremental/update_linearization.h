@@ -21,8 +21,9 @@ class UpdateLinearization {
 
   enum class Freed { kNone, kSome, kFailed };
   /// Far points are damped by more than the frames, or they would run away along their rays: for a
-  /// claim they are damped as little, where that shows more to gain than may be left undone. Once a
-  /// step; kFailed: the Update is over.
+  /// claim they are damped as little, where that shows more to gain than may be left undone, or all
+  /// of them where the frames' damping has just been lowered. Once a step, but for `all`; kFailed:
+  /// the Update is over.
   Freed FreeHeldLandmarks(bool all);
   /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
   /// may be left undone.

@@ -55,6 +55,14 @@ double Tolerance(const internal::SolveInput& input, const ceres::Solver::Summary
   return input.options.function_tolerance * (summary.final_cost - summary.fixed_cost);
 }
 
+// Whether two ways have come to one place: to the last digits of the cost, which is all that there
+// is to tell where the rest of it is rounding, or next to nothing of the tolerance apart.
+bool IsSameEnd(double cost, double other, double tolerance) {
+  constexpr double kShare = 1e-2;
+  constexpr double kDigits = 1e-15;
+  return std::fabs(cost - other) <= std::max(kShare * tolerance, kDigits * other);
+}
+
 }  // namespace
 
 class CeresSession::Impl {
@@ -241,9 +249,6 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::StartValues& start, SolveReport* report,
                                        ceres::Solver::Summary* summary) {
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
-  // Of the tolerance, and of the cost: as far apart as ends of two ways to one place may be.
-  constexpr double kSameShare = 1e-2;
-  constexpr double kSameDigits = 1e-15;
   const auto iterations_left = [&] {
     return std::max(
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
@@ -281,8 +286,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
   // Two ways that are not alike have come to the same place, and Ceres calls it converged.
   const bool is_same = part == Part::kDone && summary->termination_type == ceres::CONVERGENCE &&
-                       std::fabs(summary->final_cost - lowest) <=
-                           std::max(kSameShare * Tolerance(input, *summary), kSameDigits * lowest);
+                       IsSameEnd(summary->final_cost, lowest, Tolerance(input, *summary));
   if (!is_lower) {
     reached.PutBack();
     summary->final_cost = lowest;
