@@ -88,11 +88,8 @@ std::optional<Finding> Life::Solve() {
   std::optional<Finding> finding =
       SolveAndCheck(options, &world_, solver_.get(), &checks_, counts_);
   if (plan_.verbose) {
-    double cost = 0.0;
-    world_.problem().Evaluate({}, &cost, nullptr, nullptr, nullptr);
-    std::printf("  solve %ld: %zu blocks, %zu factors, cost %.12g%s\n", solves_,
-                world_.blocks().size(), world_.factors().size(), cost,
-                finding ? " <- a defect" : "");
+    std::printf("  solve %ld: %zu blocks, %zu factors%s\n", solves_, world_.blocks().size(),
+                world_.factors().size(), finding ? " <- a defect" : "");
     std::fputs(finding ? finding->iterations.c_str() : "", stdout);
   }
   return finding;

@@ -181,7 +181,10 @@ bool FactorMatching::MustLinearize(const Correspondence::Factor& factor,
     family.Doubt(factor.id.index);
     return false;
   }
-  return !family.Recognize(factor.id.index, residual.cost);
+  values_.resize(At(residual.num_slots));
+  std::transform(slots, slots + residual.num_slots, values_.begin(),
+                 [this](int b) { return view_.block(b).values; });
+  return !family.Recognize(factor.id.index, residual.cost, values_.data());
 }
 
 // What was not met again goes; what touches a variable that goes does so by itself.

@@ -57,6 +57,7 @@ class FactorMatching {
   std::optional<PointerIndex> old_index_;
   std::size_t next_old_ = 0;
   std::vector<int> new_residuals_;
+  std::vector<const double*> values_;  // of the blocks of one residual block
 };
 
 }  // namespace inceres::internal

@@ -103,9 +103,13 @@ bool RememberingFamily::HasValues(int i, const double* const* parameters) const 
   return true;
 }
 
-bool RememberingFamily::Recognize(int i, const ceres::CostFunction* cost) {
+// What is recorded is of other values than those of now where the residual is zero at these. The
+// function may have begun to refuse there and nowhere else, as beside a border of what it accepts.
+bool RememberingFamily::Recognize(int i, const ceres::CostFunction* cost,
+                                  const double* const* parameters) {
   return remembers_ && memory_[At(i)] == Memory::kProof && EvaluateCostOnly(*cost, Values(i)) &&
-         std::memcmp(residual_.data(), Residual(i), residual_.size() * sizeof(double)) == 0;
+         std::memcmp(residual_.data(), Residual(i), residual_.size() * sizeof(double)) == 0 &&
+         (HasValues(i, parameters) || (EvaluateCostOnlyAt(*cost, parameters) && IsFinite()));
 }
 
 // The result is in residual_.
@@ -127,6 +131,10 @@ bool RememberingFamily::EvaluateCostOnlyAt(const ceres::CostFunction& cost,
 bool RememberingFamily::SaysNothing() const {
   return !std::any_of(residual_.begin(), residual_.end(),
                       [](double r) { return std::fabs(r) > 0.0; });
+}
+
+bool RememberingFamily::IsFinite() const {
+  return std::all_of(residual_.begin(), residual_.end(), [](double r) { return std::isfinite(r); });
 }
 
 // Whether residual_, of a cost-only call, says something, and the same as the Jacobian call. A NaN

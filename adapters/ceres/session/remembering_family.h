@@ -35,10 +35,10 @@ class RememberingFamily final : public CeresCostFamily {
   void Doubt(int i);
   /// Prepares a place that was linearized to be recognized at these values of its parameters.
   void Remember(int i, const double* const* parameters);
-  /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit. False also if
-  /// that proves nothing: the residual was zero, it was another one when Jacobians were asked for,
-  /// or the place was never linearized.
-  bool Recognize(int i, const ceres::CostFunction* cost);
+  /// Whether `cost` evaluates, cost only, to the remembered residual, bit by bit, and where it now
+  /// is, if that is elsewhere, at all. False also if that proves nothing: the residual was zero, it
+  /// was another one when Jacobians were asked for, or the place was never linearized.
+  bool Recognize(int i, const ceres::CostFunction* cost, const double* const* parameters);
 
  private:
   enum class Memory : std::uint8_t {
@@ -55,6 +55,7 @@ class RememberingFamily final : public CeresCostFamily {
   bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
   bool EvaluateCostOnlyAt(const ceres::CostFunction& cost, const double* const* parameters);
   bool SaysNothing() const;
+  bool IsFinite() const;
   bool Proves(const double* with_jacobians) const;
 
   bool remembers_;
