@@ -72,8 +72,10 @@ std::optional<Finding> Trial::CheckLimit() {
   return Finding{
       is_there ? "does_not_end" : "slow",
       Text(
-          "no convergence in %d iterations, cost %.12g, plain LM goes to %.12g; stock %.12g in %zu",
-          options_.max_num_iterations, summary_.final_cost, verdict.best, stock.final_cost,
+          "no convergence in %d iterations, cost %.12g (tolerance %.2g of %.6g), plain LM goes to "
+          "%.12g; stock %.12g in %zu",
+          options_.max_num_iterations, summary_.final_cost, options_.function_tolerance,
+          summary_.final_cost - world_->FixedCost(), verdict.best, stock.final_cost,
           stock.iterations.size())};
 }
 
