@@ -19,7 +19,7 @@ class StepControl {
   /// In the norm ‖Dδ‖; infinite unless a step was refused or poor.
   double radius() const { return radius_; }
   /// Whether μ is so far from its floor that what is left cannot be seen.
-  bool IsDampedHard() const { return mu_ > stop_.near_floor * min_damping_; }
+  bool IsDampedHard() const { return mu_ > stop_.fine_damping * floor_; }
   /// Whether a step keeps so much of its promise that the radius may grow: an infinite one need not
   /// know its length.
   bool IsGood(double gain_ratio) const { return gain_ratio > tuning_.good_ratio; }
