@@ -1,5 +1,6 @@
 // The life of a session: failures, stock in between, other problems, other options.
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -211,6 +212,36 @@ TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
   tug.Solve();
   EXPECT_EQ(tug.session.changes().num_added_factors, 2);
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
+}
+
+// The residual is zero there, which proves nothing: the session knows the function by another place.
+TEST(Session, AFunctionThatBeginsToRefuseWhereItIsAndNowhereElseIsAFailure) {
+  class Picky final : public Pull {
+   public:
+    using Pull::Pull;
+    bool Evaluate(double const* const* parameters, double* residuals,
+                  double** jacobians) const override {
+      return Pull::Evaluate(parameters, residuals, jacobians) && parameters[0][0] != refused;
+    }
+    double refused = HUGE_VAL;
+  };
+  ceres::Problem problem(Borrowing());
+  Picky a(1.0, 1.0);
+  Pull b(3.0, 1.0);
+  double x = 5.0;
+  problem.AddResidualBlock(&a, nullptr, &x);
+  ceres::ResidualBlockId pull = problem.AddResidualBlock(&b, nullptr, &x);
+  Session session;
+  session.Solve(&problem);
+  problem.RemoveResidualBlock(pull);
+  session.Solve(&problem);
+  ASSERT_EQ(x, 1.0);
+  session.Solve(&problem);
+  ASSERT_EQ(session.summary.termination_type, ceres::CONVERGENCE);
+  ASSERT_EQ(session.changes().num_kept_factors, 1);
+  a.refused = x;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.termination_type, ceres::FAILURE);
 }
 
 // An automatic session that has solved exactly calls user code once more, for what it remembers.
