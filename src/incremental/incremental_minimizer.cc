@@ -394,8 +394,6 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   UpdateIteration& row = context_.row();
   row.refreshed = refreshed;
   if (refreshed) {
-    // Landmarks that were freed are damped again where they are eliminated anew.
-    linearization_.ForgetFreed();
     return Verdict::kGoOn;
   }
   // Where S had no factor there was no step, and what is left is that of another damping.

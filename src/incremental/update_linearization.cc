@@ -17,10 +17,12 @@ RebuildRule RuleOf(RebuildPolicy policy) {
 }  // namespace
 
 // λ = max(μ, λ_min): a far point must not run off along its ray while the frames are hardly damped.
+// Where it had to be allowed to, for a claim, it is μ until a step is taken: were landmarks damped
+// by λ_min again as soon as a step is refused, the refusal would tell nothing of what is left then.
 double UpdateLinearization::LandmarkDamping() const {
-  return context_.options.damping == DampingForm::kThesis
-             ? 0.0
-             : std::max(context_.control.mu(), context_.tuning.landmarks.min_damping);
+  const double mu = context_.control.mu();
+  const double least = landmarks_freed_ ? mu : context_.tuning.landmarks.min_damping;
+  return context_.options.damping == DampingForm::kThesis ? 0.0 : std::max(mu, least);
 }
 
 bool UpdateLinearization::Relinearize() {
