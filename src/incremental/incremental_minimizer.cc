@@ -329,8 +329,14 @@ void IncrementalMinimizer::LookAtStep() {
   context_.system.step().Reject();
 }
 
-// What the damping of landmarks, and that of frames, takes part with.
+// What the damping of landmarks, and that of frames, takes part with. Of a step that was shortened
+// it is not known how far the whole one would have gone.
 void IncrementalMinimizer::NoteDampedSquares() {
+  if (context_.row().shortened) {
+    linearization_.NoteDampedSquare(HUGE_VAL);
+    context_.control.NoteDampedSquare(HUGE_VAL);
+    return;
+  }
   const DampedSquares squares = context_.system.step().FindDampedSquares(
       context_.control.mu(), linearization_.LandmarkDamping());
   linearization_.NoteDampedSquare(squares.more);
