@@ -154,7 +154,7 @@ Status IncrementalMinimizer::FactorizeAnew() {
 
 bool IncrementalMinimizer::IsLittleLeft(double landmark_gain) {
   const double remaining = context_.summary->remaining_decrease;
-  // Whoever judges refusals later wants to know what was left near the floor.
+  // Whoever judges refusals later wants to know what was left at the floor.
   context_.control.Sees(remaining);
   return context_.IsLittleLeft(remaining, landmark_gain);
 }
@@ -266,7 +266,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
 }
 
 // Little is left by the model: it is believed once its Jacobians are fresh enough and its damping
-// is near the floor.
+// is at the floor.
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.

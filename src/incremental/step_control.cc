@@ -8,7 +8,7 @@ namespace inceres::internal {
 // the gain ratio by the rule of Madsen, Nielsen & Tingleff 2004, with ν for refusals in a row,
 // from one Update to the next. The radius is in the metric D² = diag H and exists only for a while
 // after a refusal: it shortens steps for the price of an evaluation, where a change of μ costs a
-// factorization. What refusals prove is remembered until a step is taken near the floor, for μ far
+// factorization. What refusals prove is remembered until a step is taken at the floor, for μ far
 // above it hides what weak directions could gain.
 
 StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options, double mu)
@@ -45,7 +45,7 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
   mu_ = std::max(floor_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   lowered_ = false;
-  // Evidence from refusals is void once a step was taken near the floor.
+  // Evidence from refusals is void once a step was taken at the floor.
   const bool hard = IsDampedHard();
   relaxed_ = relaxed_ && hard;
   refused_blindly_ = refused_blindly_ && hard;

@@ -9,7 +9,7 @@ namespace inceres::internal {
 
 /// The damping μ and the radius of the trust region (docs/algorithms.md, "Damping and trust region
 /// of incremental mode"), and what refused steps prove. μ is kept from one Update to the next; it
-/// hides what weak directions could gain, so that convergence is claimed near its floor only.
+/// hides what weak directions could gain, so that convergence is claimed at its floor only.
 class StepControl {
  public:
   /// For an Update that begins with this damping, clamped to what the options allow.
@@ -57,7 +57,7 @@ class StepControl {
   bool LowerOnce(double remaining, double little);
   enum class Verdict { kMinimum, kRefusals, kUnknown, kTryBetween };
   /// Steps were refused, up to the damping at which nothing is left to gain. That is the minimum if
-  /// little was left near the floor, too. Otherwise all that speaks for it are the refusals: as far
+  /// little was left at the floor, too. Otherwise all that speaks for it are the refusals: as far
   /// as steps between the last two dampings, one of which is then to be tried, could not gain more
   /// than the tolerance either. Of what a cost function refused to evaluate nothing is known.
   Verdict JudgeRefusals(double tolerance);
@@ -77,8 +77,8 @@ class StepControl {
   bool relaxed_ = false;
   double damped_square_ = HUGE_VAL;       // of the step noted last, in this Update
   bool lowered_ = false;                  // below the floor, since a step was taken
-  double remaining_at_floor_ = HUGE_VAL;  // what was left when μ was last near its floor
-  // when a step was last refused; infinite: not since one was taken near the floor
+  double remaining_at_floor_ = HUGE_VAL;  // what was left when μ was last at its floor
+  // when a step was last refused; infinite: not since one was taken at the floor
   double remaining_when_refused_ = HUGE_VAL;
   double refused_mu_;             // of that step
   bool refused_blindly_ = false;  // a cost function refused to evaluate one of those steps

@@ -79,7 +79,6 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("stop.landmarks_share", &tuning->stop.landmarks_share);
   real("stop.creeping_landmarks", &tuning->stop.creeping_landmarks);
   count("stop.stagnation", &tuning->stop.stagnation);
-  real("stop.near_floor", &tuning->stop.near_floor);
   real("stop.fine_damping", &tuning->stop.fine_damping);
   real("relinearize.exact", &tuning->relinearize.exact);
   real("relinearize.gradient_share", &tuning->relinearize.gradient_share);

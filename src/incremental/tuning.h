@@ -36,10 +36,8 @@ struct Tuning {
     double creeping_landmarks = 16.0;
     /// Iterations that bring less than the tolerance together end an Update.
     int stagnation = 10;
-    /// Times min_damping: convergence is claimed with less damping only, for more of it hides what
-    /// weak directions could gain.
-    double near_floor = 100.0;
-    /// Two dampings that differ by less than this factor are as good as the same.
+    /// Two dampings that differ by less than this factor are as good as the same. Convergence is
+    /// claimed with that of the floor only, for more of it hides what weak directions could gain.
     double fine_damping = 3.0;
   };
   /// When a Jacobian or a weight is renewed.
