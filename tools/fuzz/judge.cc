@@ -23,8 +23,8 @@ constexpr int kMaxTries = 1000;
 
 class PlainDescent {
  public:
-  PlainDescent(World* world, double tolerance, double fixed_cost)
-      : world_(world), tolerance_(tolerance), fixed_cost_(fixed_cost) {
+  PlainDescent(World* world, double tolerance) : world_(world), tolerance_(tolerance) {
+    evaluate_.residual_blocks = world->MovingResidualBlocks(&magnitude_);
     for (const auto& block : world->blocks()) {
       if (!block->constant && TangentSize(*block) > 0) {
         variable_.push_back(block.get());
@@ -36,6 +36,7 @@ class PlainDescent {
 
   bool Run();
   const std::vector<double>& costs() const { return costs_; }
+  double magnitude() const { return magnitude_; }
 
  private:
   static int TangentSize(const World::Block& block) {
@@ -49,7 +50,7 @@ class PlainDescent {
 
   World* world_;
   double tolerance_;
-  double fixed_cost_;
+  double magnitude_ = 0.0;  // of what moves, at the start
   std::vector<World::Block*> variable_;
   ceres::Problem::EvaluateOptions evaluate_;
   int size_ = 0;
@@ -58,9 +59,12 @@ class PlainDescent {
   std::vector<double> costs_;  // at the start and after each accepted step
 };
 
+// An empty list would mean all residual blocks to Ceres.
 bool PlainDescent::CostHere(double* cost) {
-  return world_->problem().Evaluate(evaluate_, cost, nullptr, nullptr, nullptr) &&
-         std::isfinite(*cost);
+  *cost = 0.0;
+  return evaluate_.residual_blocks.empty() ||
+         (world_->problem().Evaluate(evaluate_, cost, nullptr, nullptr, nullptr) &&
+          std::isfinite(*cost));
 }
 
 bool PlainDescent::Linearize() {
@@ -148,19 +152,19 @@ bool PlainDescent::Step(double damping, double* promise) {
 
 bool PlainDescent::Run() {
   double cost = 0.0;
-  if (!CostHere(&cost) || (size_ > 0 && !Linearize())) {
+  const bool moves = size_ > 0 && !evaluate_.residual_blocks.empty();
+  if (!CostHere(&cost) || (moves && !Linearize())) {
     return false;
   }
   costs_ = {cost};
   double damping = kStartDamping;
-  for (int tries = 0; size_ > 0 && tries < kMaxTries && damping < kMostDamping; ++tries) {
+  for (int tries = 0; moves && tries < kMaxTries && damping < kMostDamping; ++tries) {
     double promise = 0.0;
     const bool taken = Step(damping, &promise);
     if (taken && (static_cast<int>(costs_.size()) > kMaxSteps || !Linearize())) {
       break;
     }
-    if (promise <= kPromiseShare * tolerance_ * (costs_.back() - fixed_cost_) &&
-        damping <= kHardlyDamped) {
+    if (promise <= kPromiseShare * tolerance_ * costs_.back() && damping <= kHardlyDamped) {
       break;
     }
     damping = taken ? std::max(0.1 * damping, kLeastDamping) : 10.0 * damping;
@@ -172,9 +176,8 @@ bool PlainDescent::Run() {
 
 Verdict Judge(World* world, double function_tolerance) {
   const std::vector<double> values = world->Values();
-  const double magnitude = world->Magnitude();
-  const double fixed_cost = world->FixedCost();
-  PlainDescent descent(world, function_tolerance, fixed_cost);
+  PlainDescent descent(world, function_tolerance);
+  const double magnitude = descent.magnitude();
   Verdict verdict;
   verdict.judged = descent.Run();
   world->SetValues(values);
@@ -184,12 +187,11 @@ Verdict Judge(World* world, double function_tolerance) {
   verdict.costs = descent.costs();
   verdict.cost = descent.costs().front();
   verdict.best = descent.costs().back();
-  const double variable = std::max(verdict.best - fixed_cost, 0.0);
   verdict.excess =
-      (verdict.cost - verdict.best) / std::max(variable, std::numeric_limits<double>::min());
+      (verdict.cost - verdict.best) / std::max(verdict.best, std::numeric_limits<double>::min());
   const double rounding =
       kNineDigits * kNineDigits * magnitude + kRounding * std::sqrt(magnitude * verdict.cost);
-  const double allowed = kExcessTolerances * function_tolerance * variable + rounding;
+  const double allowed = kExcessTolerances * function_tolerance * verdict.best + rounding;
   const auto first = descent.costs().begin();
   const auto gained = std::find_if(first, descent.costs().end(),
                                    [&](double cost) { return verdict.cost - cost > allowed; });

@@ -6,7 +6,8 @@
 
 namespace inceres::fuzz {
 
-/// Where plain Levenberg–Marquardt goes from a point.
+/// Where plain Levenberg–Marquardt goes from a point. Costs are those of the residual blocks that
+/// touch a variable block: next to that of the others they may be less than its last digit.
 struct Verdict {
   bool judged = false;  ///< false: the point cannot be evaluated
   double cost = 0.0;    ///< at the point
@@ -14,8 +15,8 @@ struct Verdict {
   /// Accepted steps until it had gained kExcessTolerances, or all of them.
   int steps = 0;
   std::vector<double> costs;  ///< at the point and after each of its steps
-  double excess = 0.0;        ///< (cost − best) / (best − fixed cost)
-  /// above kExcessTolerances × tolerance × (best − fixed cost), and above what rounding explains
+  double excess = 0.0;        ///< (cost − best) / best
+  /// above kExcessTolerances × tolerance × best, and above what rounding explains
   bool is_excess = false;
   /// an excess of which kCreepingSteps steps gained less than kExcessTolerances
   bool is_creeping = false;
@@ -37,8 +38,8 @@ constexpr int kCreepingSteps = 15;
 /// tolerance. Coordinates at a bound that the gradient pushes against stay there; others are
 /// clamped.
 ///
-/// Where the cost at the minimum is nearly zero, relative to it means nothing: with M =
-/// World::Magnitude(), the cost if no term of any residual canceled another, an excess below 1e-18
+/// Where the cost at the minimum is nearly zero, relative to it means nothing: with M what the cost
+/// was if no term of any residual canceled another (World::MovingResidualBlocks), an excess below 1e-18
 /// M (nine digits of every residual), and what rounding makes of costs, 1e-13 √(M cost), is none.
 ///
 /// The world's values are as before when it returns. The faults of cost functions are in force: the

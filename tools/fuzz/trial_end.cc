@@ -54,14 +54,14 @@ std::optional<Finding> Trial::CheckLimit() {
     return std::nullopt;
   }
   const Verdict verdict = Judge(world_, options_.function_tolerance);
+  const Verdict of_stock = StockVerdict();
   const bool is_there = verdict.judged && !verdict.is_excess;
-  const double as_good = is_there ? kExcessTolerances * options_.function_tolerance *
-                                        std::max(summary_.final_cost - world_->FixedCost(), 0.0)
-                                  : 0.0;
-  if (summary_.final_cost < stock.final_cost - as_good) {
+  const double as_good =
+      is_there ? kExcessTolerances * options_.function_tolerance * verdict.cost : 0.0;
+  if (verdict.judged && of_stock.judged && verdict.cost < of_stock.cost - as_good) {
     return std::nullopt;  // went on to where stock gave up, and not for nothing
   }
-  if (const Verdict of_stock = StockVerdict(); !of_stock.judged || of_stock.is_excess) {
+  if (!of_stock.judged || of_stock.is_excess) {
     ++counts_->creeping;  // stock has not come to a minimum either
     return std::nullopt;
   }
@@ -71,12 +71,10 @@ std::optional<Finding> Trial::CheckLimit() {
   }
   return Finding{
       is_there ? "does_not_end" : "slow",
-      Text(
-          "no convergence in %d iterations, cost %.12g (tolerance %.2g of %.6g), plain LM goes to "
-          "%.12g; stock %.12g in %zu",
-          options_.max_num_iterations, summary_.final_cost, options_.function_tolerance,
-          summary_.final_cost - world_->FixedCost(), verdict.best, stock.final_cost,
-          stock.iterations.size())};
+      Text("no convergence in %d iterations, cost %.12g, plain LM goes to %.12g (tolerance %.2g); "
+           "stock %.12g in %zu",
+           options_.max_num_iterations, verdict.cost, verdict.best, options_.function_tolerance,
+           of_stock.cost, stock.iterations.size())};
 }
 
 const StockTraces& Trial::Stock() {

@@ -46,31 +46,37 @@ bool World::HasFault() const {
                      [](const auto& factor) { return factor->cost->fault() != Fault::kNone; });
 }
 
+double World::MagnitudeOf(const Factor& factor) {
+  std::vector<const double*> parameters;
+  for (const Block* block : factor.blocks) {
+    parameters.push_back(block->x);
+  }
+  return factor.cost->Magnitude(parameters.data());
+}
+
+bool World::IsFixed(const Factor& factor) {
+  return std::all_of(factor.blocks.begin(), factor.blocks.end(),
+                     [](const Block* block) { return block->constant; });
+}
+
 double World::Magnitude() const {
   double sum = 0.0;
-  std::vector<const double*> parameters;
   for (const auto& factor : factors_) {
-    parameters.clear();
-    for (const Block* block : factor->blocks) {
-      parameters.push_back(block->x);
-    }
-    sum += factor->cost->Magnitude(parameters.data());
+    sum += MagnitudeOf(*factor);
   }
   return sum;
 }
 
-double World::FixedCost() const {
-  double sum = 0.0;
+std::vector<ceres::ResidualBlockId> World::MovingResidualBlocks(double* magnitude) const {
+  std::vector<ceres::ResidualBlockId> ids;
+  *magnitude = 0.0;
   for (const auto& factor : factors_) {
-    const bool is_fixed = std::all_of(factor->blocks.begin(), factor->blocks.end(),
-                                      [](const Block* block) { return block->constant; });
-    double cost = 0.0;
-    if (is_fixed && problem_->EvaluateResidualBlock(factor->id, /*apply_loss_function=*/true, &cost,
-                                                    nullptr, nullptr)) {
-      sum += cost;
+    if (!IsFixed(*factor)) {
+      ids.push_back(factor->id);
+      *magnitude += MagnitudeOf(*factor);
     }
   }
-  return sum;
+  return ids;
 }
 
 std::vector<double> World::Values() const {

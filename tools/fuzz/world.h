@@ -75,14 +75,16 @@ class World {
   bool HasFault() const;
   /// Σ FuzzCost::Magnitude of all factors at the current values.
   double Magnitude() const;
-  /// Of the factors whose blocks are all constant: what Ceres's function tolerance is relative to
-  /// does not have it.
-  double FixedCost() const;
+  /// The residual blocks of factors with a block that is not constant, whose cost is what Ceres's
+  /// function tolerance is relative to, and Σ FuzzCost::Magnitude of them.
+  std::vector<ceres::ResidualBlockId> MovingResidualBlocks(double* magnitude) const;
   /// All values, block after block, and back.
   std::vector<double> Values() const;
   void SetValues(const std::vector<double>& values);
 
  private:
+  static bool IsFixed(const Factor& factor);
+  static double MagnitudeOf(const Factor& factor);
   Block* AddBlock(bool is_point, int size);
   void PlaceBlock(Block* block);
   void AddFrame();
