@@ -1,6 +1,9 @@
 // What a session takes for the same as last time, and what it does not: each rule with a problem
 // that goes wrong without it.
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <deque>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -186,7 +189,7 @@ TEST(SessionRecognition, ValuesThatTheCallerHasChanged) {
   EXPECT_NEAR(tug.session.summary.initial_cost, 0.5 * (51.0 * 51.0 + 108.0 * 108.0), 1e-6);
 }
 
-TEST(SessionRecognition, ConstantsAreNoEditOfTheirFactors) {
+TEST(SessionRecognition, ResidualBlocksOfConstantsAloneLeaveTheGraph) {
   ceres::Problem problem(Borrowing());
   double x = 0.0;
   double y = 0.0;
@@ -201,7 +204,7 @@ TEST(SessionRecognition, ConstantsAreNoEditOfTheirFactors) {
   y = 6.0;
   session.Solve(&problem);
   EXPECT_EQ(session.changes().num_toggled_constants, 1);
-  EXPECT_EQ(session.changes().num_added_factors + session.changes().num_removed_factors, 0);
+  EXPECT_EQ(session.changes().num_removed_factors, 1);
   EXPECT_EQ(x, 5.0);
   EXPECT_NEAR(y, 2.0, 1e-6);
   EXPECT_NEAR(session.summary.fixed_cost, 8.0, 1e-12);
@@ -209,7 +212,37 @@ TEST(SessionRecognition, ConstantsAreNoEditOfTheirFactors) {
   EXPECT_NEAR(session.summary.final_cost, 8.0, 1e-9);
   problem.SetParameterBlockVariable(&x);
   session.Solve(&problem);
+  EXPECT_EQ(session.changes().num_added_factors, 1);
   EXPECT_NEAR(x, 1.0, 1e-6);
+}
+
+// Its last digit is more than all that can move, and so would be the tolerance.
+TEST(SessionRecognition, AHugeFixedCostHidesNothing) {
+  ceres::Problem problem(Borrowing());
+  std::deque<Pull> pulls;
+  std::array<double, 20> fixed{};
+  for (std::size_t k = 0; k < fixed.size(); ++k) {
+    pulls.emplace_back(1e8 + 0.1 * static_cast<double>(k * k), 1.0);
+    problem.AddResidualBlock(&pulls.back(), nullptr, &fixed[k]);
+  }
+  double y = 0.0;
+  Pull moving(2.0, 1.0);
+  problem.AddResidualBlock(&moving, nullptr, &y);
+  Session session;
+  session.Solve(&problem);
+  for (double& x : fixed) {
+    x = 0.0;
+    problem.SetParameterBlockConstant(&x);
+  }
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  for (const double start : {40.0, 2.001, 77.7, 1.999, 1234.5, 2.0001}) {
+    y = start;
+    session.session.Solve(options, &problem, &session.summary);
+    EXPECT_EQ(session.summary.termination_type, ceres::CONVERGENCE);
+    EXPECT_NEAR(y, 2.0, 1e-8);
+    EXPECT_EQ(session.summary.fixed_cost, session.summary.final_cost);
+  }
 }
 
 TEST(SessionRecognition, ACostThatWasNeverVariableCountsAsFixed) {

@@ -53,8 +53,7 @@ bool EvaluateCost(const ProblemView& view, const ResidualBlockView& residual, Sc
 
 }  // namespace
 
-FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback,
-                            const std::function<void(std::size_t, double)>& visit) {
+FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback) {
   FixedCost result;
   Scratch scratch;
   const bool any = view.all.num_residual_blocks > view.reduced.num_residual_blocks;
@@ -73,9 +72,6 @@ FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* 
       return result;
     }
     result.cost += cost;
-    if (visit) {
-      visit(r, cost);
-    }
   }
   return result;
 }

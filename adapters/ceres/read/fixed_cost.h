@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <functional>
 #include <string>
 
 #include <ceres/evaluation_callback.h>
@@ -18,9 +16,7 @@ struct FixedCost {
 };
 
 /// Evaluates, in program order and without Jacobians, the residual blocks all of whose parameter
-/// blocks are constant. `callback`, if given, is prepared once, before the first of them. `visit`,
-/// if given, is told each one's index and cost.
-FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback,
-                            const std::function<void(std::size_t, double)>& visit = nullptr);
+/// blocks are constant. `callback`, if given, is prepared once, before the first of them.
+FixedCost EvaluateFixedCost(const ProblemView& view, ceres::EvaluationCallback* callback);
 
 }  // namespace inceres::internal

@@ -60,11 +60,11 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   core.message = MessageOf(update, input, result.seconds_before);
   core.detail = update.termination == Termination::kFailure ? update.message : "";
   core.failed_step = update.failed_step;
-  core.initial_cost = update.initial_cost + result.outside_cost;
+  core.initial_cost = update.initial_cost + result.fixed_cost;
   // A failure puts the user's memory back.
   core.final_cost = update.termination == Termination::kFailure
                         ? core.initial_cost
-                        : update.final_cost + result.outside_cost;
+                        : update.final_cost + result.fixed_cost;
   core.fixed_cost = result.fixed_cost;
   core.is_constrained = HasBounds(input.view);
   core.iterations = result.trace;

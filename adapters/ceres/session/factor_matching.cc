@@ -89,12 +89,16 @@ void FactorMatching::Match() {
   known_.factor_of.assign(view_.residuals.size(), -1);
   for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
     const ResidualBlockView& residual = view_.residuals[r];
+    // Of one that is fixed now the cost may be so large that what moves is less than its last digit.
+    if (residual.fixed) {
+      continue;
+    }
     const int old = FindOld(view_.ids[r]);
     if (old >= 0 && HasSameVariables(old_factors_[At(old)], residual)) {
       seen_[At(old)] = 1;
       known_.factor_of[r] = static_cast<int>(known_.factors.size());
       Keep(residual, old_factors_[At(old)]);
-    } else if (!residual.fixed) {
+    } else {
       new_residuals_.push_back(static_cast<int>(r));
     }
   }

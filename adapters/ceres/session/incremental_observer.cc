@@ -9,7 +9,7 @@ IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveConte
   result.step_is_successful = row.step_is_successful;
   // cost is that of before: the step was refused
   const double candidate_cost = row.cost - row.cost_change;
-  result.cost = (row.step_is_successful ? row.cost : candidate_cost) + context.outside_cost;
+  result.cost = (row.step_is_successful ? row.cost : candidate_cost) + context.fixed_cost;
   result.cost_change = row.cost_change;
   result.gradient_max_norm = row.gradient_max_norm;
   result.gradient_norm = row.gradient_norm;

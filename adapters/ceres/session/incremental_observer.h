@@ -17,7 +17,7 @@ namespace inceres::internal {
 
 /// What of a solve does not show in its Update.
 struct SolveContext {
-  double outside_cost = 0.0;    ///< of residual blocks that are not in the graph
+  double fixed_cost = 0.0;      ///< of what touches no variable block, and is not in the graph
   double seconds_before = 0.0;  ///< spent before the Update began
   std::optional<int> last_iteration = std::nullopt;  ///< SolveInput::last_iteration
 };
@@ -55,7 +55,7 @@ class IncrementalObserver : public UpdateObserver {
   double callback_seconds_ = 0.0;
 };
 
-/// One row of an Update's trace as Ceres would tell it: costs with what is outside the graph, of a
+/// One row of an Update's trace as Ceres would tell it: costs with the fixed one, of a
 /// refused step that of its candidate; the radius is 1 / damping.
 IterationSummary ToIterationSummary(const UpdateIteration& row, const SolveContext& context);
 

@@ -34,9 +34,6 @@ class IncrementalProblem {
   /// use.
   Status Follow(const ProblemNow& now, ProblemChanges* changes);
   IncrementalSolver& solver() { return solver_; }
-  /// Whether this residual block of the view last followed is in the graph: then its cost is part
-  /// of the solver's.
-  bool Holds(std::size_t residual) const { return known_.factor_of[residual] >= 0; }
   /// Of the problem last followed.
   int num_factors() const { return static_cast<int>(known_.factors.size()); }
   /// Current number of variable landmarks of the problem.

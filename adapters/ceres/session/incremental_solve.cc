@@ -22,26 +22,6 @@
 namespace inceres::internal {
 namespace {
 
-// Costs as Ceres reports them include all residual blocks; the solver's only those in its graph.
-struct Costs {
-  double fixed = 0.0;    // of what touches no variable block
-  double outside = 0.0;  // the part of it that is not in the graph
-  std::string error;     // Ceres's message
-};
-
-Costs FixedCosts(const ProblemView& view, const IncrementalProblem& living) {
-  Costs costs;
-  const FixedCost all =
-      EvaluateFixedCost(view, /*callback=*/nullptr, [&](std::size_t r, double cost) {
-        if (!living.Holds(r)) {
-          costs.outside += cost;
-        }
-      });
-  costs.fixed = all.cost;
-  costs.error = all.error;
-  return costs;
-}
-
 IncrementalOptions WithTimeLeft(const IncrementalOptions& core, double seconds_spent) {
   IncrementalOptions options = core;
   options.max_solver_time_in_seconds = std::max(options.max_solver_time_in_seconds - seconds_spent,
@@ -83,21 +63,18 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
-  const Costs costs = FixedCosts(input.view, *living);
+  const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
   result.num_landmarks = living->num_landmarks();
-  result.outside_cost = costs.outside;
-  result.fixed_cost = summary->fixed_cost = costs.fixed;
-  if (!costs.error.empty()) {
-    return Fail(costs.error, summary);
+  result.fixed_cost = summary->fixed_cost = fixed.cost;
+  if (!fixed.error.empty()) {
+    return Fail(fixed.error, summary);
   }
   WriteLinearSolver(input.view, input.ordering, landmarks,
                     IncrementalLinearSolver(input.options, input.ordering), summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
-  IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
-  options.fixed_cost = std::max(costs.fixed - costs.outside, 0.0);
-  living->solver().SetOptions(options);
+  living->solver().SetOptions(WithTimeLeft(core_options, result.seconds_before));
   IncrementalObserver observer(input.options, input.view, [&] { living->WriteToUser(input.view); },
-                               {costs.outside, result.seconds_before, input.last_iteration});
+                               {result.fixed_cost, result.seconds_before, input.last_iteration});
   living->solver().Update(&result.update, &observer);
   return Conclude(&result, &observer, input, summary, report, [&] {
     living->WriteToUser(input.view);
@@ -111,7 +88,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
   const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
   UpdateResult result;
-  result.outside_cost = result.fixed_cost = summary->fixed_cost = fixed.cost;
+  result.fixed_cost = summary->fixed_cost = fixed.cost;
   if (!fixed.error.empty()) {
     return Fail(fixed.error, summary);
   }
@@ -124,7 +101,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   const double* shown_state = nullptr;
   IncrementalObserver observer(input.options, input.view, [&] { WriteToUser(blocks, shown_state); },
-                               {result.outside_cost, result.seconds_before, input.last_iteration});
+                               {result.fixed_cost, result.seconds_before, input.last_iteration});
   const IncrementalOptions options = WithTimeLeft(core_options, result.seconds_before);
   std::unique_ptr<Solver> solver =
       StructureCache::OfProcess().TakeSolver(OneTimeOptions(options), graph);

@@ -32,27 +32,31 @@ std::int64_t NumEvaluations(const UpdateSummary& update) {
   return update.num_evaluated_factors + update.num_relinearized_factors;
 }
 
-// What the last kPaceIterations have gained; all of it where there were fewer.
+// What the last kPaceIterations have gained; all of it where there were fewer. Costs would tell
+// less: next to the fixed one it may be less than their last digit.
 double GainedLately(const ceres::Solver::Summary& summary) {
   const auto& iterations = summary.iterations;
   const int num_before =
       std::max(0, static_cast<int>(iterations.size()) - internal::kPaceIterations);
-  const auto lower = [](double cost, const ceres::IterationSummary& iteration) {
-    return iteration.step_is_successful ? std::min(cost, iteration.cost) : cost;
-  };
-  return std::accumulate(iterations.begin(), iterations.begin() + num_before, summary.initial_cost,
-                         lower) -
-         summary.final_cost;
+  return std::accumulate(iterations.begin() + num_before, iterations.end(), 0.0,
+                         [](double sum, const ceres::IterationSummary& iteration) {
+                           return iteration.step_is_successful ? sum + iteration.cost_change : sum;
+                         });
 }
 
-bool IsOnItsWay(const ceres::Solver::Summary& summary, int iterations_left) {
+// Where a solve has ended, without what is fixed.
+double MovingCost(const SolveReport& report) {
+  return report.update.final_cost;
+}
+
+bool IsOnItsWay(const ceres::Solver::Summary& summary, const SolveReport& report,
+                int iterations_left) {
   return static_cast<int>(summary.iterations.size()) > internal::kPaceIterations &&
-         internal::IsOnItsWay(GainedLately(summary), summary.final_cost - summary.fixed_cost,
-                              iterations_left);
+         internal::IsOnItsWay(GainedLately(summary), MovingCost(report), iterations_left);
 }
 
-double Tolerance(const internal::SolveInput& input, const ceres::Solver::Summary& summary) {
-  return input.options.function_tolerance * (summary.final_cost - summary.fixed_cost);
+double Tolerance(const internal::SolveInput& input, const SolveReport& report) {
+  return input.options.function_tolerance * MovingCost(report);
 }
 
 // Whether two ways have come to one place: to the last digits of the cost, which is all that there
@@ -255,12 +259,13 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   };
   // With too few iterations left to begin anew all of them go on from there.
   if (iterations_left() < 2 * ModeChoice::kPatience) {
-    const Descent only{IsOnItsWay(*summary, iterations_left()) ? core.batch_strategy : kGoOn,
-                       iterations_left()};
+    const Descent only{
+        IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
+        iterations_left()};
     return GoOnInBatch(input, only, report, summary) != Part::kAborted;
   }
   bool has_end = false;  // without a proof
-  if (GainedLately(*summary) <= Tolerance(input, *summary)) {
+  if (GainedLately(*summary) <= Tolerance(input, *report)) {
     const Descent near{kGoOn, iterations_left() / 2};
     const int others_left = iterations_left() - near.max_iterations;
     const Part part = GoOnInBatch(input, near, report, summary);
@@ -271,9 +276,10 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   const ceres::TerminationType termination = summary->termination_type;
   const std::string message = summary->message;
-  const double lowest = summary->final_cost;
+  const double lowest = MovingCost(*report);
+  const double lowest_of_all = summary->final_cost;
   // Another end next to it is none.
-  const double margin = has_end ? Tolerance(input, *summary) : 0.0;
+  const double margin = has_end ? Tolerance(input, *report) : 0.0;
   internal::StartValues reached(view);  // there again, unless Ceres's way leads lower
   start.PutBack();
   Look(problem);
@@ -282,14 +288,15 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   if (part == Part::kAborted) {
     return false;
   }
-  const bool is_lower = part == Part::kDone && summary->final_cost <= lowest - margin;
+  const bool is_lower = part == Part::kDone && MovingCost(*report) <= lowest - margin;
   const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
   // Two ways that are not alike have come to the same place, and Ceres calls it converged.
   const bool is_same = part == Part::kDone && summary->termination_type == ceres::CONVERGENCE &&
-                       IsSameEnd(summary->final_cost, lowest, Tolerance(input, *summary));
+                       IsSameEnd(MovingCost(*report), lowest, Tolerance(input, *report));
   if (!is_lower) {
     reached.PutBack();
-    summary->final_cost = lowest;
+    summary->final_cost = report->core.final_cost = lowest_of_all;
+    report->update.final_cost = lowest;
     if (!ended_by_user && !is_same) {
       summary->message = message;
       summary->termination_type = termination;
