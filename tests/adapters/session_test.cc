@@ -214,7 +214,7 @@ TEST(Session, AFailureLeavesMemoryAsItWasAndForgets) {
   EXPECT_NEAR(tug.x, 3.4, 1e-6);
 }
 
-// The residual is zero there, which proves nothing: the session knows the function by another place.
+// The residual is zero there, which proves nothing: the session knows it by another place.
 TEST(Session, AFunctionThatBeginsToRefuseWhereItIsAndNowhereElseIsAFailure) {
   class Picky final : public Pull {
    public:

@@ -122,7 +122,7 @@ TEST(RandomClaims, AlongBentValleysAreBorneOut) {
   EXPECT_EQ(claims.too_high, 0);
 }
 
-// f_r = c + aᵀx + s atan(w (bᵀx − o)) + q (dᵀx)², with other numbers in each row, over the entries x
+// f_r = c + aᵀx + s atan(w (bᵀx − o)) + q (dᵀx)², with other numbers in each row, over the entries
 // of all variables of a factor.
 struct BentRow {
   BentRow(double weight, double noise, double bend, int num_entries, Random* random) {

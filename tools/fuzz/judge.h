@@ -39,8 +39,9 @@ constexpr int kCreepingSteps = 15;
 /// clamped.
 ///
 /// Where the cost at the minimum is nearly zero, relative to it means nothing: with M what the cost
-/// was if no term of any residual canceled another (World::MovingResidualBlocks), an excess below 1e-18
-/// M (nine digits of every residual), and what rounding makes of costs, 1e-13 √(M cost), is none.
+/// was if no term of any residual canceled another (World::MovingResidualBlocks), an excess below
+/// 1e-18 M (nine digits of every residual), and what rounding makes of costs, 1e-13 √(M cost), is
+/// none.
 ///
 /// The world's values are as before when it returns. The faults of cost functions are in force: the
 /// judge goes around them.

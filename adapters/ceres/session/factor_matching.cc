@@ -89,7 +89,7 @@ void FactorMatching::Match() {
   known_.factor_of.assign(view_.residuals.size(), -1);
   for (std::size_t r = 0; r < view_.residuals.size(); ++r) {
     const ResidualBlockView& residual = view_.residuals[r];
-    // Of one that is fixed now the cost may be so large that what moves is less than its last digit.
+    // The cost of one that is fixed now may be so large that what moves is below its last digit.
     if (residual.fixed) {
       continue;
     }
