@@ -58,7 +58,10 @@ std::optional<Finding> Trial::CheckLimit() {
   const bool is_there = verdict.judged && !verdict.is_excess;
   const double as_good =
       is_there ? kExcessTolerances * options_.function_tolerance * verdict.cost : 0.0;
-  if (verdict.judged && of_stock.judged && verdict.cost < of_stock.cost - as_good) {
+  // Where Jacobians cannot be had there is no verdict.
+  const bool is_lower = verdict.judged && of_stock.judged ? verdict.cost < of_stock.cost - as_good
+                                                          : summary_.final_cost < stock.final_cost;
+  if (is_lower) {
     return std::nullopt;  // went on to where stock gave up, and not for nothing
   }
   if (!of_stock.judged || of_stock.is_excess) {

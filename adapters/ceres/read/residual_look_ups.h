@@ -10,6 +10,21 @@
 
 namespace inceres::internal {
 
+/// Residual blocks that are looked up one after the other.
+struct ResidualGroup {
+  std::vector<double*> pointers;  // of one residual block
+  std::vector<int> sorted;        // its blocks, if there are many
+  std::vector<int> slots;
+
+  // Where so many slots go.
+  int* MakeRoom(int first, int count) {
+    if (slots.size() < At(first + count)) {
+      slots.resize(2 * At(first + count));
+    }
+    return slots.data() + first;
+  }
+};
+
 /// Looks up some residual blocks after the others, in groups. Their objects lie anywhere in memory,
 /// so that most of the time goes by waiting for it, which several threads may do.
 class ResidualLookUps {
@@ -29,28 +44,12 @@ class ResidualLookUps {
   const std::vector<int>& SlotsOf(int group) const { return groups_[At(group)].slots; }
 
  private:
-  struct Group {
-    std::vector<double*> pointers;  // of one residual block
-    std::vector<int> sorted;        // its blocks, if there are many
-    std::vector<int> slots;
-
-    // Where so many slots go.
-    int* MakeRoom(int first, int count) {
-      if (slots.size() < At(first + count)) {
-        slots.resize(2 * At(first + count));
-      }
-      return slots.data() + first;
-    }
-  };
-
-  void LookUp(int begin, int end, Group* group);
-  bool Read(int r, int previous, int first, Group* group);
-  static bool AreDistinct(const int* blocks, int count, std::vector<int>* sorted);
+  void LookUp(int begin, int end, ResidualGroup* group);
 
   const ceres::Problem& problem_;
   const UnwrittenVector<int>& known_slots_;
   ProblemView& view_;
-  std::vector<Group> groups_;
+  std::vector<ResidualGroup> groups_;
 };
 
 }  // namespace inceres::internal
