@@ -85,7 +85,7 @@ struct Tuning {
     /// along its ray for good.
     double min_damping = 1e-6;
     /// Times that: directions that are less stiff are not looked for behind it.
-    double least_seen = 0.01;
+    double least_seen = 1e-3;
     /// Times today's damping: a landmark damped by more is eliminated anew.
     double outdated_damping = 100.0;
     /// Times the step that its model says: under a robust loss the model of an outlier is too

@@ -1,7 +1,10 @@
 // Claims of convergence on small random problems that bend: from where an Update ends plain
 // Levenberg–Marquardt goes on.
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <utility>
@@ -70,6 +73,15 @@ void UpdateAndJudge(IncrementalSolver* solver, double function_tolerance, Claims
   if (summary.termination == Termination::kConvergence && !summary.rests_on_refusals) {
     FactorGraph end = CopyOf(*solver);
     claims->Judge(&end, summary.final_cost, function_tolerance);
+  }
+}
+
+// The same from where it begins, by the batch solver.
+void SolveAndJudge(const IncrementalSolver& solver, double function_tolerance, Claims* claims) {
+  FactorGraph graph = CopyOf(solver);
+  const Summary summary = Solve(BatchOptions(function_tolerance, 100), &graph);
+  if (summary.termination == Termination::kConvergence) {
+    claims->Judge(&graph, summary.final_cost, function_tolerance);
   }
 }
 
@@ -291,17 +303,182 @@ TEST(RandomClaims, OfBentProblemsAreHardlyEverTooHigh) {
       if (update > 0) {
         life.Edit();
       }
-      FactorGraph graph = CopyOf(life.solver);
-      const Summary summary = Solve(BatchOptions(function_tolerance, 100), &graph);
-      if (summary.termination == Termination::kConvergence) {
-        batch.Judge(&graph, summary.final_cost, function_tolerance);
-      }
+      SolveAndJudge(life.solver, function_tolerance, &batch);
       UpdateAndJudge(&life.solver, function_tolerance, &incremental);
     }
   }
   EXPECT_GT(incremental.count, 10000);
   EXPECT_GT(batch.too_high, 50) << "of " << batch.count;
   EXPECT_LT(10 * incremental.too_high, batch.too_high) << "of " << incremental.count;
+}
+
+// A point (X, Z) in a camera at (x, z) that is turned by an angle: as far beside its axis as in front
+// of it, tan of a bearing.
+class BearingFamily final : public AmbientFamily<BearingFamily> {
+ public:
+  struct Measurement {
+    double tangent;
+    double weight;
+  };
+  BearingFamily() : AmbientFamily(1, {{3, 3}, {2, 2}}) {}
+
+  void Add(Measurement measurement) { measurements_.push_back(measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "bearing"; }
+  bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
+    const auto& [tangent, weight] = measurements_[static_cast<std::size_t>(i)];
+    const double cosine = std::cos(p[0][2]);
+    const double sine = std::sin(p[0][2]);
+    const double beside = cosine * (p[1][0] - p[0][0]) - sine * (p[1][1] - p[0][1]);
+    const double depth = sine * (p[1][0] - p[0][0]) + cosine * (p[1][1] - p[0][1]);
+    if (depth < 0.01) {
+      return false;
+    }
+    f[0] = weight * (beside / depth - tangent);
+    const double by_beside = weight / depth;
+    const double by_depth = -weight * beside / (depth * depth);
+    const double by_x = by_beside * cosine + by_depth * sine;
+    const double by_z = by_depth * cosine - by_beside * sine;
+    if (J != nullptr && J[0] != nullptr) {
+      const double row[3] = {-by_x, -by_z, by_depth * beside - by_beside * depth};
+      std::copy_n(row, 3, J[0]);
+    }
+    if (J != nullptr && J[1] != nullptr) {
+      J[1][0] = by_x;
+      J[1][1] = by_z;
+    }
+    return true;
+  }
+
+ private:
+  std::vector<Measurement> measurements_;
+};
+
+// Two poses, of which the second has moved by so much, each entry with a weight of its own.
+class MotionFamily final : public AmbientFamily<MotionFamily> {
+ public:
+  struct Measurement {
+    std::array<double, 3> motion;
+    std::array<double, 3> weights;
+  };
+  MotionFamily() : AmbientFamily(3, {{3, 3}, {3, 3}}) {}
+
+  void Add(Measurement measurement) { measurements_.push_back(measurement); }
+  void Place(int index, const Measurement& measurement) {
+    PlaceIn(&measurements_, index, measurement);
+  }
+  int size() const override { return static_cast<int>(measurements_.size()); }
+  const char* Name() const override { return "motion"; }
+  bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
+    const auto& [motion, weights] = measurements_[static_cast<std::size_t>(i)];
+    for (std::size_t k = 0; k < 3; ++k) {
+      f[k] = weights[k] * (p[1][k] - p[0][k] - motion[k]);
+      for (std::size_t entry = 3 * k; J != nullptr && entry < 3 * k + 3; ++entry) {
+        const double by = entry == 4 * k ? weights[k] : 0.0;
+        for (int s = 0; s < 2; ++s) {
+          if (J[s] != nullptr) {
+            J[s][entry] = s == 0 ? -by : by;
+          }
+        }
+      }
+    }
+    return true;
+  }
+
+ private:
+  std::vector<Measurement> measurements_;
+};
+
+// Cameras in a row that look across it, the first of which is constant, with their motions measured,
+// and points of which many are too far for a parallax. They come one by one.
+class FarLife {
+ public:
+  explicit FarLife(unsigned seed) : random_(seed) {}
+  IncrementalSolver& solver() { return solver_; }
+
+  void CameraComes() {
+    GraphEdit edit(solver_.graph());
+    const double x = baseline_ * static_cast<double>(cameras_.size());
+    std::array<double, 3> start = {0.0, 0.0, 0.0};
+    for (std::size_t k = 0; k < 3 && !cameras_.empty(); ++k) {
+      const double motion = (k == 0 ? baseline_ : 0.0) + MotionNoise(k) * random_.Gaussian();
+      start[k] = solver_.Values(cameras_.back())[k] + motion;
+    }
+    cameras_.push_back(edit.AddVariable(start.data(), 3, Role::kFrame));
+    if (cameras_.size() == 1) {
+      edit.SetConstant(cameras_.front(), true);
+    } else {
+      Move(&edit);
+    }
+    const auto num_seen = static_cast<std::size_t>(points_per_camera_ * seen_for_);
+    for (std::size_t k = points_.size() - std::min(points_.size(), num_seen); k < points_.size();
+         ++k) {
+      See(k, x, &edit);
+    }
+    for (int k = 0; k < points_per_camera_; ++k) {
+      const double depth = Magnitude(1.0, farthest_, &random_);
+      const double tangent = random_.Between(-0.7, 0.7);
+      truths_.push_back({x + tangent * depth, depth});
+      const double guess = Magnitude(2.0, 50.0, &random_);
+      const double values[2] = {start[0] + tangent * guess, guess};
+      points_.push_back(edit.AddVariable(values, 2, Role::kLandmark));
+      See(points_.size() - 1, x, &edit);
+    }
+    EXPECT_TRUE(solver_.Apply(edit).ok());
+  }
+
+ private:
+  double MotionNoise(std::size_t k) const { return motion_noise_ * (k == 2 ? 0.1 : baseline_); }
+  void Move(GraphEdit* edit) {
+    MotionFamily::Measurement measurement;
+    for (std::size_t k = 0; k < 3; ++k) {
+      measurement.motion[k] = (k == 0 ? baseline_ : 0.0) + MotionNoise(k) * random_.Gaussian();
+      measurement.weights[k] = 1.0 / MotionNoise(k);
+    }
+    edit->AddFactor(motions_, measurement, {cameras_.end()[-2], cameras_.back()});
+  }
+  void See(std::size_t point, double x, GraphEdit* edit) {
+    const double tangent = (truths_[point][0] - x) / truths_[point][1];
+    edit->AddFactor(bearings_, {tangent + noise_ * random_.Gaussian(), 1.0 / noise_},
+                    {cameras_.back(), points_[point]});
+  }
+
+  Random random_;
+  IncrementalSolver solver_{Incremental()};
+  const FamilyHandle<BearingFamily> bearings_ =
+      solver_.AddFamily(std::make_shared<BearingFamily>());
+  const FamilyHandle<MotionFamily> motions_ = solver_.AddFamily(std::make_shared<MotionFamily>());
+  const double baseline_ = Magnitude(0.1, 1.0, &random_);
+  const double farthest_ = Magnitude(10.0, 1e3, &random_);
+  const double noise_ = Magnitude(1e-4, 2e-3, &random_);
+  const double motion_noise_ = Magnitude(1e-3, 0.1, &random_);
+  const int points_per_camera_ = 1 + random_.Below(8);
+  const int seen_for_ = 2 + random_.Below(5);
+  std::vector<VariableId> cameras_;
+  std::vector<VariableId> points_;
+  std::vector<std::array<double, 2>> truths_;
+};
+
+// Far points are weak along their rays, and where the minimum is at infinity there is none to claim.
+TEST(RandomClaims, OfFarPointsAreMoreSeldomTooHighThanThoseOfOneStep) {
+  Claims incremental;
+  Claims batch;
+  const double function_tolerance = Incremental().function_tolerance;
+  for (unsigned seed = 0; seed < 150; ++seed) {
+    FarLife life(seed);
+    for (int camera = 0; camera < 12; ++camera) {
+      life.CameraComes();
+      SolveAndJudge(life.solver(), function_tolerance, &batch);
+      UpdateAndJudge(&life.solver(), function_tolerance, &incremental);
+    }
+  }
+  EXPECT_GT(incremental.count, 1000);
+  EXPECT_GT(batch.too_high, 25) << "of " << batch.count;
+  EXPECT_LT(2 * incremental.too_high, batch.too_high)
+      << "of " << incremental.count << " and " << batch.count;
 }
 
 }  // namespace
