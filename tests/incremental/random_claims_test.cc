@@ -312,8 +312,8 @@ TEST(RandomClaims, OfBentProblemsAreHardlyEverTooHigh) {
   EXPECT_LT(10 * incremental.too_high, batch.too_high) << "of " << incremental.count;
 }
 
-// A point (X, Z) in a camera at (x, z) that is turned by an angle: as far beside its axis as in front
-// of it, tan of a bearing.
+// A point (X, Z) in a camera at (x, z) that is turned by an angle: how far it is beside the axis,
+// over its depth.
 class BearingFamily final : public AmbientFamily<BearingFamily> {
  public:
   struct Measurement {
@@ -392,7 +392,7 @@ class MotionFamily final : public AmbientFamily<MotionFamily> {
   std::vector<Measurement> measurements_;
 };
 
-// Cameras in a row that look across it, the first of which is constant, with their motions measured,
+// Cameras in a row that look across it, the first of them constant, with their motions measured,
 // and points of which many are too far for a parallax. They come one by one.
 class FarLife {
  public:
@@ -462,7 +462,7 @@ class FarLife {
   std::vector<std::array<double, 2>> truths_;
 };
 
-// Far points are weak along their rays, and where the minimum is at infinity there is none to claim.
+// Far points are weak along their rays, and a minimum at infinity is none to claim.
 TEST(RandomClaims, OfFarPointsAreMoreSeldomTooHighThanThoseOfOneStep) {
   Claims incremental;
   Claims batch;
