@@ -204,17 +204,20 @@ class FactorGlance {
     if (num_slots_ > kMostSlots) {
       return false;
     }
-    landmarks_ = before != nullptr ? landmarks_ : 0;
+    if (before == nullptr) {
+      num_landmarks_ = 0;
+      std::fill_n(is_landmark_, num_slots_, false);
+    }
     for (int s = 0; s < num_slots_; ++s) {
       if ((before == nullptr || ids[s] != before[s]) && !IsSlotInOrder(ids, s)) {
         return false;
       }
     }
-    return (landmarks_ & (landmarks_ - 1)) == 0;  // one at most
+    return num_landmarks_ <= 1;
   }
 
  private:
-  static constexpr int kMostSlots = 16;
+  static constexpr int kMostSlots = 256;
 
   bool IsSlotInOrder(const VariableId* ids, int s) {
     const VariableId id = ids[s];
@@ -224,21 +227,17 @@ class FactorGlance {
     const VariableRecord& variable = records_[id];
     const internal::Sight sight = {&variable, variable.constant,
                                    variable.removed ? Fault::kRemoved : Fault::kNone};
-    const std::uint32_t bit = std::uint32_t{1} << s;
     const bool is_landmark = variable.role == Role::kLandmark && internal::Moves(sight);
-    landmarks_ = is_landmark ? landmarks_ | bit : landmarks_ & ~bit;
+    num_landmarks_ += (is_landmark ? 1 : 0) - (is_landmark_[s] ? 1 : 0);
+    is_landmark_[s] = is_landmark;
     return internal::FaultAtSlot(slots_[s], sight, [this, s](const Manifold& manifold) {
              return takes_any_manifold_[s] || accepted_.Accepts(family_, s, manifold);
            }) == Fault::kNone;
   }
 
   bool IsAmongOthers(const VariableId* ids, int s) const {
-    for (int t = 0; t < num_slots_; ++t) {
-      if (t != s && ids[t] == ids[s]) {
-        return true;
-      }
-    }
-    return false;
+    return internal::IsAmong(ids[s], ids, s) ||
+           internal::IsAmong(ids[s], ids + s + 1, num_slots_ - s - 1);
   }
 
   const FactorFamily& family_;
@@ -248,7 +247,8 @@ class FactorGlance {
   FactorFamily::Slot slots_[kMostSlots];
   bool takes_any_manifold_[kMostSlots];
   internal::AcceptedManifolds accepted_;
-  std::uint32_t landmarks_ = 0;  // a bit for each slot with one that moves
+  bool is_landmark_[kMostSlots];  // that moves
+  int num_landmarks_ = 0;         // of these slots
 };
 
 // What a family is before its factors are looked at. `edited`: an edit was checked.
