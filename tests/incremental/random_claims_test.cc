@@ -206,6 +206,7 @@ class BentFamily final : public AmbientFamily<BentFamily> {
  private:
   static std::vector<Slot> SlotsOf(const std::vector<int>& sizes) {
     std::vector<Slot> slots;
+    slots.reserve(sizes.size());
     for (const int size : sizes) {
       slots.push_back({size, size});
     }
@@ -413,12 +414,12 @@ class FarLife {
     } else {
       Move(&edit);
     }
-    const auto num_seen = static_cast<std::size_t>(points_per_camera_ * seen_for_);
+    const std::size_t num_seen = points_per_camera_ * seen_for_;
     for (std::size_t k = points_.size() - std::min(points_.size(), num_seen); k < points_.size();
          ++k) {
       See(k, x, &edit);
     }
-    for (int k = 0; k < points_per_camera_; ++k) {
+    for (std::size_t k = 0; k < points_per_camera_; ++k) {
       const double depth = Magnitude(1.0, farthest_, &random_);
       const double tangent = random_.Between(-0.7, 0.7);
       truths_.push_back({x + tangent * depth, depth});
@@ -455,8 +456,8 @@ class FarLife {
   const double farthest_ = Magnitude(10.0, 1e3, &random_);
   const double noise_ = Magnitude(1e-4, 2e-3, &random_);
   const double motion_noise_ = Magnitude(1e-3, 0.1, &random_);
-  const int points_per_camera_ = 1 + random_.Below(8);
-  const int seen_for_ = 2 + random_.Below(5);
+  const std::size_t points_per_camera_ = 1 + static_cast<std::size_t>(random_.Below(8));
+  const std::size_t seen_for_ = 2 + static_cast<std::size_t>(random_.Below(5));
   std::vector<VariableId> cameras_;
   std::vector<VariableId> points_;
   std::vector<std::array<double, 2>> truths_;
