@@ -14,10 +14,9 @@ namespace inceres::internal {
 StepControl::StepControl(const Tuning& tuning, const IncrementalOptions& options, double mu)
     : tuning_(tuning.retreat),
       stop_(tuning.stop),
-      min_damping_(options.min_damping),
       least_damping_(options.claim_damping_share * options.min_damping),
       max_damping_(options.max_damping),
-      floor_(std::clamp(mu, least_damping_, min_damping_)),
+      floor_(std::clamp(mu, least_damping_, options.min_damping)),
       mu_(std::clamp(mu, floor_, options.initial_damping)),
       refused_mu_(options.min_damping) {
 }

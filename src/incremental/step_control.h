@@ -65,7 +65,6 @@ class StepControl {
  private:
   Tuning::Retreat tuning_;
   Tuning::Stop stop_;
-  double min_damping_;
   double least_damping_;
   double max_damping_;
   double floor_;  // of μ: min_damping, or least_damping_ since weak directions have been looked for
