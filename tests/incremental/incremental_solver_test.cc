@@ -18,6 +18,7 @@
 #include "inceres/solver/solver.h"
 #include "incremental/incremental_function.h"
 #include "support/test_families.h"
+#include "support/values_held.h"
 #include "tools/sim/street_scene.h"
 
 namespace inceres {
@@ -75,10 +76,7 @@ class Street {
 
   // The minimum the batch solver finds from the values held now.
   double BatchMinimum() const {
-    FactorGraph graph = solver.graph();
-    for (VariableId id = 0; id < graph.num_variables(); ++id) {
-      graph.SetValues(id, solver.Values(id));
-    }
+    FactorGraph graph = test::AtValuesHeld(solver);
     SolverOptions options;
     options.function_tolerance = 1e-14;
     options.parameter_tolerance = 0.0;

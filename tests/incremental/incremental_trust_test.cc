@@ -12,6 +12,7 @@
 #include "incremental/incremental_function.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
+#include "support/values_held.h"
 
 namespace inceres {
 namespace {
@@ -45,10 +46,7 @@ std::shared_ptr<FunctionFamily> WeighedPrior(double weight, const std::vector<do
 
 // What a solver that remembers nothing comes down to from where this one is.
 double Least(const IncrementalSolver& solver) {
-  FactorGraph copy = solver.graph();
-  for (VariableId id = 0; id < copy.num_variables(); ++id) {
-    copy.SetValues(id, solver.Values(id));
-  }
+  FactorGraph copy = test::AtValuesHeld(solver);
   SolverOptions options;
   options.function_tolerance = 1e-12;
   return Solve(options, &copy).final_cost;

@@ -9,9 +9,12 @@
 #include "incremental/incremental_bundle.h"
 #include "marginal/linear_world.h"
 #include "support/dense_oracle.h"
+#include "support/values_held.h"
 
 namespace inceres::test {
 namespace {
+
+using test::AtValuesHeld;
 
 using Eigen::MatrixXd;
 
@@ -38,16 +41,6 @@ LiveCovarianceOptions Exact() {
   options.accuracy = CovarianceAccuracy::kExact;
   options.tolerance = 1e-13;
   return options;
-}
-
-FactorGraph AtValuesHeld(const IncrementalSolver& solver) {
-  FactorGraph graph = solver.graph();
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    if (graph.HasVariable(id)) {
-      graph.SetValues(id, solver.Values(id));
-    }
-  }
-  return graph;
 }
 
 std::vector<VariableId> MovingOf(const FactorGraph& graph) {

@@ -15,10 +15,12 @@
 #include "inceres/solver/incremental_solver.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
+#include "support/values_held.h"
 
 namespace inceres {
 namespace {
 
+using test::AtValuesHeld;
 using test::FunctionFamily;
 using test::Random;
 
@@ -28,14 +30,6 @@ constexpr double kNoCost = 1e-20;
 
 double Magnitude(double low, double high, Random* random) {
   return low * std::pow(high / low, random->Between(0.0, 1.0));
-}
-
-FactorGraph CopyOf(const IncrementalSolver& solver) {
-  FactorGraph copy = solver.graph();
-  for (VariableId id = 0; id < copy.num_variables(); ++id) {
-    copy.SetValues(id, solver.Values(id));
-  }
-  return copy;
 }
 
 SolverOptions BatchOptions(double function_tolerance, int max_num_iterations) {
@@ -71,14 +65,14 @@ IncrementalOptions Incremental() {
 void UpdateAndJudge(IncrementalSolver* solver, double function_tolerance, Claims* claims) {
   const UpdateSummary summary = solver->Update();
   if (summary.termination == Termination::kConvergence && !summary.rests_on_refusals) {
-    FactorGraph end = CopyOf(*solver);
+    FactorGraph end = AtValuesHeld(*solver);
     claims->Judge(&end, summary.final_cost, function_tolerance);
   }
 }
 
 // The same from where it begins, by the batch solver.
 void SolveAndJudge(const IncrementalSolver& solver, double function_tolerance, Claims* claims) {
-  FactorGraph graph = CopyOf(solver);
+  FactorGraph graph = AtValuesHeld(solver);
   const Summary summary = Solve(BatchOptions(function_tolerance, 100), &graph);
   if (summary.termination == Termination::kConvergence) {
     claims->Judge(&graph, summary.final_cost, function_tolerance);
@@ -154,11 +148,10 @@ struct BentRow {
   std::vector<double> a, b, d;
 };
 
-class BentFamily final : public AmbientFamily<BentFamily> {
+class BentFamily final : public MeasuredFamily<std::vector<BentRow>, AmbientFamily<BentFamily>> {
  public:
-  using Measurement = std::vector<BentRow>;
   BentFamily(int num_residuals, const std::vector<int>& sizes)
-      : AmbientFamily(num_residuals, SlotsOf(sizes)) {}
+      : MeasuredFamily(num_residuals, SlotsOf(sizes)) {}
 
   Measurement Draw(Random* random) const {
     const double bend = Magnitude(1e-4, 1.0, random);
@@ -174,15 +167,10 @@ class BentFamily final : public AmbientFamily<BentFamily> {
     }
     return rows;
   }
-  void Add(Measurement measurement) { measurements_.push_back(std::move(measurement)); }
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  int size() const override { return static_cast<int>(measurements_.size()); }
   const char* Name() const override { return "bent"; }
 
   bool EvaluateOne(int i, const double* const* x, double* f, double** J) const {
-    const Measurement& rows = measurements_[static_cast<std::size_t>(i)];
+    const Measurement& rows = measurement(i);
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const BentRow& row = rows[r];
       double a = 0.0, b = 0.0, d = 0.0;
@@ -221,8 +209,6 @@ class BentFamily final : public AmbientFamily<BentFamily> {
       }
     }
   }
-
-  std::vector<Measurement> measurements_;
 };
 
 // Up to three frames in a row with priors, and up to three points that all of them see, all of it
@@ -315,22 +301,18 @@ TEST(RandomClaims, OfBentProblemsAreHardlyEverTooHigh) {
 
 // A point (X, Z) in a camera at (x, z) that is turned by an angle: how far it is beside the axis,
 // over its depth.
-class BearingFamily final : public AmbientFamily<BearingFamily> {
- public:
-  struct Measurement {
-    double tangent;
-    double weight;
-  };
-  BearingFamily() : AmbientFamily(1, {{3, 3}, {2, 2}}) {}
+struct Bearing {
+  double tangent;
+  double weight;
+};
 
-  void Add(Measurement measurement) { measurements_.push_back(measurement); }
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  int size() const override { return static_cast<int>(measurements_.size()); }
+class BearingFamily final : public MeasuredFamily<Bearing, AmbientFamily<BearingFamily>> {
+ public:
+  BearingFamily() : MeasuredFamily(1, {{3, 3}, {2, 2}}) {}
+
   const char* Name() const override { return "bearing"; }
   bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
-    const auto& [tangent, weight] = measurements_[static_cast<std::size_t>(i)];
+    const auto& [tangent, weight] = measurement(i);
     const double cosine = std::cos(p[0][2]);
     const double sine = std::sin(p[0][2]);
     const double beside = cosine * (p[1][0] - p[0][0]) - sine * (p[1][1] - p[0][1]);
@@ -353,28 +335,21 @@ class BearingFamily final : public AmbientFamily<BearingFamily> {
     }
     return true;
   }
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 // Two poses, of which the second has moved by so much, each entry with a weight of its own.
-class MotionFamily final : public AmbientFamily<MotionFamily> {
- public:
-  struct Measurement {
-    std::array<double, 3> motion;
-    std::array<double, 3> weights;
-  };
-  MotionFamily() : AmbientFamily(3, {{3, 3}, {3, 3}}) {}
+struct Motion {
+  std::array<double, 3> motion;
+  std::array<double, 3> weights;
+};
 
-  void Add(Measurement measurement) { measurements_.push_back(measurement); }
-  void Place(int index, const Measurement& measurement) {
-    PlaceIn(&measurements_, index, measurement);
-  }
-  int size() const override { return static_cast<int>(measurements_.size()); }
+class MotionFamily final : public MeasuredFamily<Motion, AmbientFamily<MotionFamily>> {
+ public:
+  MotionFamily() : MeasuredFamily(3, {{3, 3}, {3, 3}}) {}
+
   const char* Name() const override { return "motion"; }
   bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
-    const auto& [motion, weights] = measurements_[static_cast<std::size_t>(i)];
+    const auto& [motion, weights] = measurement(i);
     for (std::size_t k = 0; k < 3; ++k) {
       f[k] = weights[k] * (p[1][k] - p[0][k] - motion[k]);
       for (std::size_t entry = 3 * k; J != nullptr && entry < 3 * k + 3; ++entry) {
@@ -388,9 +363,6 @@ class MotionFamily final : public AmbientFamily<MotionFamily> {
     }
     return true;
   }
-
- private:
-  std::vector<Measurement> measurements_;
 };
 
 // Cameras in a row that look across it, the first of them constant, with their motions measured,
@@ -434,7 +406,7 @@ class FarLife {
  private:
   double MotionNoise(std::size_t k) const { return motion_noise_ * (k == 2 ? 0.1 : baseline_); }
   void Move(GraphEdit* edit) {
-    MotionFamily::Measurement measurement;
+    Motion measurement;
     for (std::size_t k = 0; k < 3; ++k) {
       measurement.motion[k] = (k == 0 ? baseline_ : 0.0) + MotionNoise(k) * random_.Gaussian();
       measurement.weights[k] = 1.0 / MotionNoise(k);

@@ -1,8 +1,13 @@
 // The tolerances of gradient and parameters, which end an Update beside that of the cost.
+#include <cstddef>
+#include <numeric>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "incremental/incremental_bundle.h"
 #include "support/dense_oracle.h"
+#include "support/values_held.h"
 
 namespace inceres::test {
 namespace {
@@ -19,12 +24,9 @@ UpdateSummary UpdateWith(const IncrementalOptions& options, double* gradient) {
   IncrementalBundle bundle(options, 21);
   bundle.Grow(8, 24, 3);
   const UpdateSummary summary = bundle.solver.Update();
-  FactorGraph graph = bundle.solver.graph();
-  std::vector<VariableId> all;
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    graph.SetValues(id, bundle.solver.Values(id));
-    all.push_back(id);
-  }
+  const FactorGraph graph = AtValuesHeld(bundle.solver);
+  std::vector<VariableId> all(static_cast<std::size_t>(graph.num_variables()));
+  std::iota(all.begin(), all.end(), 0);
   *gradient = DenseOracle(graph, all).g.cwiseAbs().maxCoeff();
   return summary;
 }

@@ -10,6 +10,7 @@
 #include "marginal/linear_world.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
+#include "support/values_held.h"
 
 namespace inceres::test {
 namespace {
@@ -518,12 +519,7 @@ TEST(Covariance, OfALivingProblem) {
   request.marginalized = {bundle.landmarks()[0], bundle.landmarks()[5]};
   request.dropped = {bundle.landmarks()[7]};
   ASSERT_TRUE(bundle.solver.Marginalize(request, MarginalizationOptions()).status.ok());
-  FactorGraph copy = bundle.solver.graph();
-  for (VariableId id = 0; id < copy.num_variables(); ++id) {
-    if (copy.HasVariable(id)) {
-      copy.SetValues(id, bundle.solver.Values(id));
-    }
-  }
+  FactorGraph copy = test::AtValuesHeld(bundle.solver);
   const std::vector<VariableId> moving = Moving(copy);
   GraphCovariance covariance;
   const Status status = covariance.Compute(bundle.solver, AllPairs(moving));

@@ -11,9 +11,12 @@
 #include "incremental/incremental_bundle.h"
 #include "marginal/linear_world.h"
 #include "support/dense_oracle.h"
+#include "support/values_held.h"
 
 namespace inceres::test {
 namespace {
+
+using test::AtValuesHeld;
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -24,17 +27,6 @@ IncrementalOptions Tight() {
   options.max_num_iterations = 200;
   options.batch_share = 2.0;
   return options;
-}
-
-// The problem as it stands, as a graph by itself.
-FactorGraph CopyOf(const IncrementalSolver& solver) {
-  FactorGraph graph = solver.graph();
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    if (graph.HasVariable(id)) {
-      graph.SetValues(id, solver.Values(id));
-    }
-  }
-  return graph;
 }
 
 double BatchMinimum(FactorGraph graph) {
@@ -98,7 +90,7 @@ TEST(IncrementalMarginalization, OfALinearProblemLeavesTheOptimumWhereItWas) {
     }
   }
   EXPECT_NEAR(solver.cost() + summary.fixed_cost, cost, 1e-9 * cost);
-  EXPECT_NEAR(solver.cost(), BatchMinimum(CopyOf(solver)), 1e-9 * solver.cost());
+  EXPECT_NEAR(solver.cost(), BatchMinimum(AtValuesHeld(solver)), 1e-9 * solver.cost());
 }
 
 // A window over a nonlinear problem slides for forty frames; every Update ends where a batch solve
@@ -118,7 +110,7 @@ void SlideWindow(double sqrt_stiff, const MarginalizationOptions& options,
   int num_cached = 0;
   for (int k = 0; k < 40; ++k) {
     ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence) << k;
-    const FactorGraph copy = CopyOf(bundle.solver);
+    const FactorGraph copy = AtValuesHeld(bundle.solver);
     const double minimum = BatchMinimum(copy);
     ASSERT_NEAR(bundle.solver.cost(), minimum, 1e-7 * minimum) << k;
     const MarginalizationSummary summary = bundle.solver.Marginalize(
@@ -161,7 +153,7 @@ TEST(IncrementalMarginalization, CachedRowsAreThoseOfTheFactors) {
     IncrementalBundle bundle(options, 6);
     bundle.Grow(8, 60, 3, std::make_shared<CauchyLoss>(0.5));
     ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
-    FactorGraph copy = CopyOf(bundle.solver);
+    FactorGraph copy = AtValuesHeld(bundle.solver);
     const MarginalizationRequest request =
         OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
     const MarginalizationSummary live =
@@ -210,7 +202,7 @@ TEST(IncrementalMarginalization, ChangedFactorsAreEvaluated) {
   bundle.solver.Update();
   bundle.SetValues(bundle.frames()[1], std::vector<double>(6, 0.3));
   bundle.Apply();
-  FactorGraph copy = CopyOf(bundle.solver);
+  FactorGraph copy = AtValuesHeld(bundle.solver);
   const MarginalizationRequest request =
       OldestFrameRule(bundle.solver.graph(), {bundle.frames()[0]}, /*min_factors=*/0);
   const MarginalizationSummary live = bundle.solver.Marginalize(request, MarginalizationOptions());

@@ -9,6 +9,7 @@
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 #include "support/test_families.h"
+#include "support/values_held.h"
 
 namespace inceres {
 namespace {
@@ -223,10 +224,7 @@ TEST(Recenter, IncrementalUpdatesEndWithEveryCenterAtItsValue) {
       const UpdateSummary summary = solver.Update();
       ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
       num_recentered += summary.num_recentered_factors;
-      FactorGraph now = solver.graph();
-      for (VariableId id = 0; id < now.num_variables(); ++id) {
-        now.SetValues(id, solver.Values(id));
-      }
+      const FactorGraph now = test::AtValuesHeld(solver);
       for (int k = 0; k <= i; ++k) {
         EXPECT_LE(std::fabs(chain.expanded->center(k) - solver.Values(chain.xs[k])[0]), kLimit);
       }
