@@ -159,6 +159,11 @@ void Evaluator::MakeRoomToKeep() {
   }
 }
 
+void Evaluator::set_leaves_out_zero_blocks(bool leaves_out) {
+  leaves_out_zero_blocks_ = leaves_out;
+  KeepAllOffsets(leaves_out, &families_);
+}
+
 // What of a family's cache is the graph's own.
 void Evaluator::BindFamily(FamilyId id) {
   Linearization& cache = families_[id];
@@ -199,11 +204,6 @@ void Evaluator::FindParameters(FamilyId id) {
 
 EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, const Chunk& chunk) {
   Linearization& cache = families_[chunk.family];
-  if (jacobians && leaves_out_zero_blocks_) {
-    // Offsets of blocks that the last Jacobians left out come back before the new ones are looked
-    // at.
-    PlaceInTangent(layout_, cache.Entry(chunk.begin), cache.Entry(chunk.end), &cache);
-  }
   // Residuals that nobody reads again once their costs are summed.
   double of_chunk[kChunkSize * VariableLookUp::kMostRows];
   double* const candidate_f =
@@ -213,6 +213,9 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
   EvaluationFailure failure = jacobians
                                   ? cache.Linearize(chunk.begin, chunk.end)
                                   : cache.EvaluateCandidate(chunk.begin, chunk.end, candidate_f);
+  if (jacobians && leaves_out_zero_blocks_) {
+    PlaceNonzeroBlocks(chunk.begin, chunk.end, &cache);
+  }
   // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
     double* sum = sums_.data() + chunk.first_sum;

@@ -77,7 +77,7 @@ class Evaluator {
 
   /// Whether blocks of Jacobians that are all zeros count as not there, with a tangent offset of
   /// -1, until the next Jacobians. Not of whole rows. At first they do not.
-  void set_leaves_out_zero_blocks(bool leaves_out) { leaves_out_zero_blocks_ = leaves_out; }
+  void set_leaves_out_zero_blocks(bool leaves_out);
   bool leaves_out_zero_blocks() const { return leaves_out_zero_blocks_; }
 
   /// What to say of a factor that failed, with the values at which it did.

@@ -102,6 +102,7 @@ void Hessian::PlaceFrameBlocks() {
 // Families in single precision have no residuals to multiply with: their part of the gradient comes
 // from the strips (Evaluator::strip_gradient), and v is null to say so.
 void Hessian::BuildProducts() {
+  sources_.reserve(plans_.hessian_sources.size());
   for (const FramePlans::HessianSource& source : plans_.hessian_sources) {
     const Linearization& cache = evaluator_.families()[source.family];
     Source made;

@@ -293,18 +293,42 @@ void ClearUnwritten(Linearization* cache) {
   }
 }
 
+// Families of whole rows have no offsets that could be taken away.
+void KeepAllOffsets(bool keep, std::vector<Linearization>* families) {
+  for (Linearization& cache : *families) {
+    cache.zero_blocks = ZeroBlocks();
+    if (keep) {
+      cache.zero_blocks.all_offsets = cache.tangent_offsets;
+      cache.zero_blocks.are_zero = std::make_unique<bool[]>(cache.tangent_offsets.size());
+    }
+  }
+}
+
+// What a family says is for this once.
+void PlaceNonzeroBlocks(int begin, int end, Linearization* cache) {
+  const auto count = static_cast<int>(cache->Entry(end) - cache->Entry(begin));
+  const std::int32_t* const all = cache->zero_blocks.all_offsets.data() + cache->Entry(begin);
+  std::int32_t* const offsets = cache->tangent_offsets.data() + cache->Entry(begin);
+  bool* const is_zero = cache->zero_blocks.are_zero.get() + cache->Entry(begin);
+  for (int k = 0; k < count; ++k) {
+    offsets[k] = is_zero[k] ? -1 : all[k];
+  }
+  std::fill_n(is_zero, count, false);
+}
+
 // The whole block with its padding, which is zero. After the correction for the loss, where a
 // weight of zero makes blocks vanish, too. A block of zeros adds nothing to any sum; without an
 // offset products skip it. NaN is not equal to zero, and stays in.
 void LeaveOutZeroBlocks(int begin, int end, Linearization* cache) {
-  const std::size_t num_slots = cache->slots.size();
-  for (std::size_t s = 0; s < num_slots; ++s) {
-    const SlotJacobians& slot = cache->slots[s];
-    const double* J = slot.data + begin * slot.factor_stride;
-    for (int i = begin; i < end; ++i, J += slot.factor_stride) {
-      if (std::all_of(J, J + slot.factor_stride, [](double entry) { return entry == 0.0; })) {
-        cache->tangent_offsets[i * num_slots + s] = -1;
+  std::int32_t* offset = cache->tangent_offsets.data() + cache->Entry(begin);
+  for (int i = begin; i < end; ++i) {
+    for (const SlotJacobians& slot : cache->slots) {
+      const double* const J = slot.data + i * slot.factor_stride;
+      if (*offset >= 0 &&
+          std::all_of(J, J + slot.factor_stride, [](double entry) { return entry == 0.0; })) {
+        *offset = -1;
       }
+      ++offset;
     }
   }
 }

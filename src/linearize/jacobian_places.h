@@ -42,7 +42,14 @@ std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layo
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache);
 
-/// Takes the tangent offsets of blocks that are all zeros away again, of these factors.
+/// Before zero blocks are left out, once tangent offsets are known.
+void KeepAllOffsets(bool keep, std::vector<Linearization>* families);
+
+/// Where zero blocks are left out, gives these factors, just evaluated, the tangent offsets of all
+/// blocks but those of which their family says that they are zero (FactorBatch::zero_blocks).
+void PlaceNonzeroBlocks(int begin, int end, Linearization* cache);
+
+/// Takes the tangent offsets of other blocks that are all zeros away, of these factors.
 void LeaveOutZeroBlocks(int begin, int end, Linearization* cache);
 
 }  // namespace inceres::internal

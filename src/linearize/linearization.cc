@@ -347,14 +347,10 @@ FactorBatch Linearization::CandidateBatch(int begin, int end) {
 
 // All places of the family; begin and end say which of them are evaluated.
 FactorBatch Linearization::LinearizationBatch(int begin, int end) {
-  FactorBatch batch;
-  batch.begin = begin;
-  batch.end = end;
-  batch.parameters = parameters.data();
-  batch.tangent_maps = tangent_maps.data();
-  batch.residuals = WrittenResiduals();
-  batch.jacobians = views.data();
+  FactorBatch batch{begin,       end, parameters.data(), tangent_maps.data(), WrittenResiduals(),
+                    views.data()};
   batch.kept = keeps_ ? kept_.get() : nullptr;
+  batch.zero_blocks = zero_blocks.are_zero.get();
   return batch;
 }
 

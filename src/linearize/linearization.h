@@ -43,6 +43,12 @@ struct LinearizationPlaces {
   double* residuals;
 };
 
+/// Of a family whose zero blocks are left out (LeaveOutZeroBlocks), else empty. Per entry:
+struct ZeroBlocks {
+  UnwrittenVector<std::int32_t> all_offsets;  ///< tangent offsets with those of zero blocks
+  std::unique_ptr<bool[]> are_zero;           ///< what the family says of the blocks
+};
+
 /// The factors of one family, linearized: where their variables are, residuals and tangent
 /// Jacobians, by the places of the factors, free ones among them. Everyone who evaluates factors
 /// does it through one of these, all of a range or those of a list; columns that he does not need
@@ -150,13 +156,11 @@ struct Linearization {
   JacobianStorage storage = JacobianStorage::kBySlot;
   ZeroedArray residuals;
   ZeroedArray candidate_residuals;
-  // all slots, one after the other, or records, or whole rows; records may be floats, two in the
-  // place of a double
+  // by slot, or records, or whole rows; records may be floats, two in the place of a double
   ZeroedArray jacobian_values;
   ZeroedArray strip_values;          // Jacobians, then residuals; mostly empty
   std::vector<SlotJacobians> slots;  // of whole rows there is one
-  // the same places slot by slot, as the public interface calls them
-  std::vector<JacobianView> views;
+  std::vector<JacobianView> views;   // the same places, as the public interface calls them
   // what entries of it need is looked up there; null: in the next columns
   const VariableLookUp* look_up = nullptr;
   // Per entry:
@@ -169,6 +173,7 @@ struct Linearization {
   // Quads into the padded tangent vector, or -1 where the Jacobian has no block; of whole rows: one
   // 0.
   UnwrittenVector<std::int32_t> tangent_offsets;
+  ZeroBlocks zero_blocks;
   // Per factor: Record; empty where each is its own. And tangent_offsets in that order.
   std::vector<std::int32_t> records;
   UnwrittenVector<std::int32_t> record_offsets;

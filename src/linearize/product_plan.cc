@@ -468,6 +468,31 @@ void SortByRecord(const Evaluator& evaluator, FramePlans* plans) {
       });
 }
 
+// Of factors that touch many variables most pairs of slots have no term, where few of the blocks
+// are not zero.
+void DropUnusedSources(FramePlans* plans) {
+  std::vector<ProductPlan::Segment>& segments = plans->hessian.segments;
+  std::vector<FramePlans::HessianSource>& sources = plans->hessian_sources;
+  if (sources.size() <= segments.size()) {
+    return;  // all of them may be used, and there are not more of them than of segments
+  }
+  std::vector<int> renumbered(sources.size(), 0);
+  for (const ProductPlan::Segment& segment : segments) {
+    renumbered[segment.source] = 1;
+  }
+  int num_used = 0;
+  for (std::size_t k = 0; k < sources.size(); ++k) {
+    if (renumbered[k] != 0) {
+      sources[num_used] = sources[k];
+      renumbered[k] = num_used++;
+    }
+  }
+  sources.resize(num_used);
+  for (ProductPlan::Segment& segment : segments) {
+    segment.source = renumbered[segment.source];
+  }
+}
+
 }  // namespace
 
 FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& incidences,
@@ -477,6 +502,7 @@ FramePlans::FramePlans(const Evaluator& evaluator, const LandmarkIncidences& inc
   if (evaluator.storage() == JacobianStorage::kInChunks) {
     SortByRecord(evaluator, this);
   }
+  DropUnusedSources(this);
 }
 
 }  // namespace inceres::internal

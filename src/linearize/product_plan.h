@@ -61,7 +61,7 @@ struct FramePlans {
   ProductPlan hessian;  // sources: indices into hessian_sources
   ProductPlan schur;    // sources: indices into schur_sources
   bool forms_schur;     // else it is there for b alone, where Y has one chunk, or empty
-  std::vector<HessianSource> hessian_sources;
+  std::vector<HessianSource> hessian_sources;  // each has a segment, where there are many
   std::vector<SchurSource> schur_sources;
   std::vector<int> block_row;  // per block of the pattern
 };

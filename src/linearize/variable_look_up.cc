@@ -109,11 +109,13 @@ std::int64_t BytesOf(const Linearization& family) {
   const std::size_t num_offsets = std::max(family.parameters.size(), family.tangent_offsets.size());
   const std::size_t doubles = family.residuals.size() + family.candidate_residuals.size() +
                               family.jacobian_values.size() + family.strip_values.size();
-  const std::size_t offsets = num_offsets + family.records.size() + family.record_offsets.size();
+  const std::size_t offsets = num_offsets + family.records.size() + family.record_offsets.size() +
+                              family.zero_blocks.all_offsets.size();
   const std::size_t pointers = 2 * family.parameters.size() + family.candidate_parameters.size();
   return static_cast<std::int64_t>(doubles * sizeof(double) + offsets * sizeof(std::int32_t) +
                                    pointers * sizeof(void*) +
                                    family.loss_values.size() * sizeof(LossValue)) +
+         static_cast<std::int64_t>(family.zero_blocks.all_offsets.size()) +  // and a byte for each
          family.BytesKept();
 }
 

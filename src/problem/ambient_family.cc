@@ -183,6 +183,30 @@ int internal::TakeAlike(const AmbientSlot& slot, const TangentMap* const* maps, 
   return -1;
 }
 
+// From one entry that is not zero to the next: slots between the two are zero. That of a constant
+// is not, for nobody has written it.
+int internal::TakeNonzero(const AmbientSlot* slots, const TangentMap* const* maps, int num_slots,
+                          int size, std::ptrdiff_t i, bool* zero_blocks) {
+  const auto find_nonzero = BestKernels().find_nonzero;
+  const double* const values = num_slots > 0 ? slots[0].values : nullptr;
+  int nonzero = find_nonzero(values, 0, size);
+  int end = 0;
+  for (int s = 0; s < num_slots; ++s) {
+    end += slots[s].size;
+    zero_blocks[s] = nonzero >= end;
+    if (nonzero >= end) {
+      continue;
+    }
+    AmbientSlot slot = slots[s];
+    slot.J_tangent += i * slot.factor_stride;
+    if (TakeAlike(slot, maps + s, 1, 1) >= 0) {
+      return s;
+    }
+    nonzero = find_nonzero(values, end, size);
+  }
+  return -1;
+}
+
 void internal::MarkManyUnwritten(double* values, int count) {
   BestKernels().mark_unwritten(values, count);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -488,6 +489,106 @@ TEST(AmbientFamily, ServesWideFactors) {
     for (std::size_t k = 0; k < 33; ++k) {
       ASSERT_EQ(J[s][k], 100.0 * static_cast<double>(s) + static_cast<double>(k));
     }
+  }
+}
+
+// Many slots, of which each factor writes zeros to all but a few.
+class SparseFamily final : public AmbientFamily<SparseFamily> {
+ public:
+  enum class Wrong { kNothing, kNan, kForgotten };
+
+  explicit SparseFamily(Wrong wrong = Wrong::kNothing) : AmbientFamily(2, Slots()), wrong_(wrong) {}
+  int size() const override { return 3; }
+  const char* Name() const override { return "sparse"; }
+  bool EvaluateOne(int i, const double* const*, double* residuals, double** jacobians) const {
+    residuals[0] = residuals[1] = i;
+    for (int s = 0; s < num_slots(); ++s) {
+      for (int k = 0; jacobians[s] != nullptr && k < 2 * slot(s).ambient_size; ++k) {
+        jacobians[s][k] = IsZero(i, s) ? -0.0 : 100.0 * i + s + 0.01 * k;
+      }
+      if (i == 2 && s == kZeroSlot && wrong_ != Wrong::kNothing) {
+        jacobians[s][0] = wrong_ == Wrong::kNan ? std::nan("") : kUnwritten;
+      }
+    }
+    return true;
+  }
+
+  static constexpr int kZeroSlot = 20;  // of all factors
+  static bool IsZero(int i, int s) { return s == kZeroSlot || (s != 0 && s % 7 != i); }
+
+ private:
+  // 1, 2, 3, 4, 1, …
+  static std::vector<Slot> Slots() {
+    std::vector<Slot> slots;
+    for (int s = 0; s < 40; ++s) {
+      slots.push_back({1 + s % 4, 1 + s % 4});
+    }
+    return slots;
+  }
+  Wrong wrong_;
+};
+
+class SparseFamilyTest : public testing::Test {
+ protected:
+  static constexpr int kConstant = 14;  // a slot that factor 0 would write to
+
+  EvaluationFailure Evaluate(const SparseFamily& family) {
+    const auto num_slots = static_cast<std::size_t>(family.num_slots());
+    const std::vector<double> x(4, 0.0);
+    const std::vector<const double*> parameters(3 * num_slots, x.data());
+    std::vector<TangentMap> maps;
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const int size = family.slot(s).ambient_size;
+      maps.push_back({s == kConstant ? TangentMap::Kind::kConstant : TangentMap::Kind::kIdentity,
+                      size, size, nullptr, nullptr});
+      J_.emplace_back(static_cast<std::size_t>(3 * 2 * size), kUntouched);
+      views_.push_back({J_.back().data(), 2 * size, size});
+    }
+    std::vector<const TangentMap*> pointers;
+    for (std::size_t k = 0; k < 3 * num_slots; ++k) {
+      pointers.push_back(&maps[k % num_slots]);
+    }
+    zero_blocks_ = std::make_unique<bool[]>(3 * num_slots);
+    FactorBatch batch{1, 3, parameters.data(), pointers.data(), residuals_, views_.data()};
+    batch.zero_blocks = zero_blocks_.get();
+    EvaluationFailure failure = family.Evaluate(batch);
+    batch.begin = 0;
+    batch.end = 1;
+    return failure.failed() ? failure : family.Evaluate(batch);
+  }
+
+  std::vector<std::vector<double>> J_;
+  std::vector<JacobianView> views_;
+  double residuals_[6] = {};
+  std::unique_ptr<bool[]> zero_blocks_;
+};
+
+TEST_F(SparseFamilyTest, SaysWhichBlocksAreZeroAndWritesTheOthers) {
+  const SparseFamily family;
+  ASSERT_FALSE(Evaluate(family).failed());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(residuals_[2 * i + 1], i);
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const bool is_zero = SparseFamily::IsZero(i, s);
+      const int size = 2 * family.slot(s).ambient_size;
+      EXPECT_EQ(zero_blocks_[i * family.num_slots() + s], is_zero && s != kConstant)
+          << i << ", " << s;
+      for (int k = 0; k < size; ++k) {
+        EXPECT_EQ(J_[static_cast<std::size_t>(s)][static_cast<std::size_t>(i * size + k)],
+                  is_zero || s == kConstant ? kUntouched : 100.0 * i + s + 0.01 * k)
+            << i << ", " << s << ", " << k;
+      }
+    }
+  }
+}
+
+TEST_F(SparseFamilyTest, NamesTheFault) {
+  for (const SparseFamily::Wrong wrong :
+       {SparseFamily::Wrong::kNan, SparseFamily::Wrong::kForgotten}) {
+    const EvaluationFailure failure = Evaluate(SparseFamily(wrong));
+    EXPECT_EQ(failure.factor, 2);
+    EXPECT_EQ(failure.slot, SparseFamily::kZeroSlot);
+    EXPECT_EQ(failure.entry, 0);
   }
 }
 

@@ -301,6 +301,23 @@ TEST_P(RowKernels, FindWhatIsNotOrdinaryWhereverItIs) {
   }
 }
 
+TEST_P(RowKernels, FindWhatIsNotZeroWhereverItIs) {
+  for (const int count : {0, 1, 3, 4, 5, 16, 17, 37, 80}) {
+    std::vector<double> values(static_cast<std::size_t>(count), -0.0);
+    EXPECT_EQ(kernels().find_nonzero(values.data(), 0, count), count);
+    for (int k = 0; k < count; ++k) {
+      for (const double entry : {1.0, std::numeric_limits<double>::denorm_min(),
+                                 std::numeric_limits<double>::quiet_NaN()}) {
+        values[static_cast<std::size_t>(k)] = entry;
+        EXPECT_EQ(kernels().find_nonzero(values.data(), 0, count), k) << count;
+        EXPECT_EQ(kernels().find_nonzero(values.data(), k, count), k) << count;
+        EXPECT_EQ(kernels().find_nonzero(values.data(), k + 1, count), count) << k;
+      }
+      values[static_cast<std::size_t>(k)] = 0.0;
+    }
+  }
+}
+
 INCERES_FOR_ALL_INSTRUCTION_SETS(RowKernels);
 
 }  // namespace

@@ -39,11 +39,86 @@ INCERES_EXPORT TakeFunction FindTake(int num_rows, int ambient_size, int columns
 /// Factors whose Jacobians are taken over at a time, at most.
 constexpr int kMostTaken = 8;
 
+/// Slots whose tables need no memory of their own.
+constexpr std::size_t kInlineSlots = 16;
+
+/// Where one factor after the other writes its Jacobians, slot by slot.
+struct AmbientOutputs {
+  double** blocks;          // of one factor, whose function may change the array
+  double** next;            // those of the next one; null for a constant
+  std::ptrdiff_t* strides;  // from factor to factor
+};
+
+/// Where the ambient Jacobians of a few factors are written. Up to kInline doubles live on the
+/// stack: small factors allocate nothing.
+struct AmbientScratch {
+  static constexpr std::size_t kInline = 512;
+
+  // `most`: factors at a time.
+  AmbientScratch(const FactorFamily& family, const FactorBatch& batch, int most) {
+    const auto count = static_cast<std::size_t>(family.num_slots());
+    if (count > kInlineSlots) {
+      heap_blocks.resize(2 * count);
+      heap_strides.resize(count);
+      heap_slots.resize(count);
+      outputs = {heap_blocks.data(), heap_blocks.data() + count, heap_strides.data()};
+      slots = heap_slots.data();
+    }
+    for (int s = 0; s < family.num_slots(); ++s) {
+      const FactorFamily::Slot& slot = family.slot(s);
+      const JacobianView& view = batch.jacobians[s];
+      slots[s] = {nullptr,
+                  view.data + batch.begin * view.factor_stride,
+                  view.factor_stride,
+                  view.row_stride,
+                  family.residual_size(),
+                  slot.ambient_size,
+                  family.residual_size() * slot.ambient_size,
+                  FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
+      size += slots[s].size;
+    }
+    group = std::min(most, batch.end - batch.begin);
+    if (size > 0) {
+      group = std::clamp(static_cast<int>(kInline) / size, 1, std::max(group, 1));
+    }
+    const auto room = static_cast<std::size_t>(size) * static_cast<std::size_t>(group);
+    if (room > kInline) {
+      heap.reset(new double[room]);  // not make_unique: it is filled at once
+    }
+    double* next = room > kInline ? heap.get() : stack;
+    for (std::size_t s = 0; s < count; ++s) {
+      slots[s].values = next;
+      next += std::ptrdiff_t{group} * slots[s].size;
+    }
+  }
+  AmbientScratch(const AmbientScratch&) = delete;
+  AmbientScratch& operator=(const AmbientScratch&) = delete;
+
+  double stack[kInline];
+  double* stack_blocks[2 * kInlineSlots];
+  std::ptrdiff_t stack_strides[kInlineSlots];
+  AmbientSlot stack_slots[kInlineSlots];
+  std::unique_ptr<double[]> heap;
+  std::vector<double*> heap_blocks;
+  std::vector<std::ptrdiff_t> heap_strides;
+  std::vector<AmbientSlot> heap_slots;
+  AmbientOutputs outputs = {stack_blocks, stack_blocks + kInlineSlots, stack_strides};
+  AmbientSlot* slots = stack_slots;
+  int size = 0;   // of one factor's
+  int group = 1;  // factors at a time
+};
+
 /// Checks and projects the Jacobians of `count` factors, at most kMostTaken; maps[n · map_stride]
 /// is that of factor n, and all are alike. Returns the first factor with an entry that is not
 /// finite or was not written, or −1.
 INCERES_EXPORT int TakeAlike(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
                              int count);
+
+/// The same of all slots of factor i, whose Jacobians are `size` entries one after the other and
+/// their tangent ones i strides behind those that `slots` name. What is all zeros is only noted, by
+/// slot. Returns the first slot with such an entry, or −1.
+INCERES_EXPORT int TakeNonzero(const AmbientSlot* slots, const TangentMap* const* maps,
+                               int num_slots, int size, std::ptrdiff_t i, bool* zero_blocks);
 
 /// As MarkUnwritten, of many entries.
 INCERES_EXPORT void MarkManyUnwritten(double* values, int count);
@@ -153,6 +228,9 @@ class AmbientFamily : public FactorFamily {
     if (batch.kept != nullptr) {
       return EvaluateOrFetch(batch);
     }
+    if (batch.zero_blocks != nullptr) {
+      return EvaluateNonzero(batch);
+    }
     return IsInPlace(batch) ? EvaluateInPlace(batch) : EvaluateAndProject(batch);
   }
 
@@ -164,75 +242,8 @@ class AmbientFamily : public FactorFamily {
   static constexpr const char* kReturnedFalse = "the cost function returned false";
   static constexpr const char* kBadResidual = "a residual is not finite or was not written";
   static constexpr const char* kBadJacobian = "a Jacobian entry is not finite or was not written";
-  static constexpr std::size_t kInlineSlots = 16;
   // From so many on what Derived keeps of a factor is mostly not in the cache.
   static constexpr int kManyFactors = 1 << 15;
-
-  // Where one factor after the other writes its Jacobians, slot by slot.
-  struct Outputs {
-    double** blocks;          // of one factor, whose function may change the array
-    double** next;            // those of the next one; null for a constant
-    std::ptrdiff_t* strides;  // from factor to factor
-  };
-
-  // Where the ambient Jacobians of a few factors are written. Up to kInline doubles live on the
-  // stack: small factors allocate nothing.
-  struct Scratch {
-    static constexpr std::size_t kInline = 512;
-
-    Scratch(const FactorFamily& family, const FactorBatch& batch) {
-      const auto count = static_cast<std::size_t>(family.num_slots());
-      if (count > kInlineSlots) {
-        heap_blocks.resize(2 * count);
-        heap_strides.resize(count);
-        heap_slots.resize(count);
-        outputs = {heap_blocks.data(), heap_blocks.data() + count, heap_strides.data()};
-        slots = heap_slots.data();
-      }
-      std::size_t size = 0;
-      for (int s = 0; s < family.num_slots(); ++s) {
-        const FactorFamily::Slot& slot = family.slot(s);
-        const JacobianView& view = batch.jacobians[s];
-        slots[s] = {
-            nullptr,
-            view.data + batch.begin * view.factor_stride,
-            view.factor_stride,
-            view.row_stride,
-            family.residual_size(),
-            slot.ambient_size,
-            family.residual_size() * slot.ambient_size,
-            internal::FindTake(family.residual_size(), slot.ambient_size, slot.tangent_size)};
-        size += static_cast<std::size_t>(slots[s].size);
-      }
-      group = std::min(internal::kMostTaken, batch.end - batch.begin);
-      if (size > 0) {
-        group = std::clamp(static_cast<int>(kInline / size), 1, std::max(group, 1));
-      }
-      size *= static_cast<std::size_t>(group);
-      if (size > kInline) {
-        heap.reset(new double[size]);  // not make_unique: it is filled at once
-      }
-      double* next = size > kInline ? heap.get() : stack;
-      for (std::size_t s = 0; s < count; ++s) {
-        slots[s].values = next;
-        next += std::ptrdiff_t{group} * slots[s].size;
-      }
-    }
-    Scratch(const Scratch&) = delete;
-    Scratch& operator=(const Scratch&) = delete;
-
-    double stack[kInline];
-    double* stack_blocks[2 * kInlineSlots];
-    std::ptrdiff_t stack_strides[kInlineSlots];
-    internal::AmbientSlot stack_slots[kInlineSlots];
-    std::unique_ptr<double[]> heap;
-    std::vector<double*> heap_blocks;
-    std::vector<std::ptrdiff_t> heap_strides;
-    std::vector<internal::AmbientSlot> heap_slots;
-    Outputs outputs = {stack_blocks, stack_blocks + kInlineSlots, stack_strides};
-    internal::AmbientSlot* slots = stack_slots;
-    int group = 1;  // factors at a time
-  };
 
   EvaluationFailure EvaluateResiduals(const FactorBatch& batch) const {
     MarkResiduals(batch);
@@ -250,7 +261,7 @@ class AmbientFamily : public FactorFamily {
 
   // Factor after factor writes its Jacobians, then those of a few factors are taken over together.
   EvaluationFailure EvaluateAndProject(const FactorBatch& batch) const {
-    Scratch scratch(*this, batch);
+    internal::AmbientScratch scratch(*this, batch, internal::kMostTaken);
     MarkResiduals(batch);
     const TangentMap* const* maps = Maps(batch);
     for (int first = batch.begin; first < batch.end;) {
@@ -265,6 +276,41 @@ class AmbientFamily : public FactorFamily {
       }
       maps += static_cast<std::ptrdiff_t>(end - first) * num_slots();
       first = end;
+    }
+    return FirstFault(batch, batch.end, {});
+  }
+
+  // One by one, whose Jacobians then lie together: of many blocks, hardly any of which is not zero,
+  // each takes a few instructions.
+  EvaluationFailure EvaluateNonzero(const FactorBatch& batch) const {
+    internal::AmbientScratch scratch(*this, batch, 1);
+    MarkResiduals(batch);
+    const int num_slots = this->num_slots();
+    const TangentMap* const* maps = Maps(batch);
+    const double* const* parameters = Parameters(batch);
+    double* residuals = Residuals(batch);
+    for (int i = batch.begin; i < batch.end; ++i) {
+      double** const blocks = scratch.outputs.blocks;
+      for (int s = 0; s < num_slots; ++s) {
+        blocks[s] =
+            maps[s]->kind == TangentMap::Kind::kConstant ? nullptr : scratch.slots[s].values;
+      }
+      if (scratch.size > 0) {
+        internal::MarkManyUnwritten(scratch.slots[0].values, scratch.size);
+      }
+      if (!derived().EvaluateOne(i, parameters, residuals, blocks)) {
+        return FirstFault(batch, i, {i, kReturnedFalse});
+      }
+      const int bad =
+          internal::TakeNonzero(scratch.slots, maps, num_slots, scratch.size, i - batch.begin,
+                                batch.zero_blocks + std::ptrdiff_t{i} * num_slots);
+      if (bad >= 0) {
+        const internal::AmbientSlot& slot = scratch.slots[bad];
+        return FirstFault(batch, i + 1, BadJacobian(i, bad, slot.values, slot.size));
+      }
+      maps += num_slots;
+      parameters += num_slots;
+      residuals += residual_size();
     }
     return FirstFault(batch, batch.end, {});
   }
@@ -308,7 +354,8 @@ class AmbientFamily : public FactorFamily {
 
   // The factors from first to end, whose maps are alike, or to one that returns false, which is
   // returned.
-  int EvaluateGroup(const FactorBatch& batch, int first, int end, Scratch* scratch) const {
+  int EvaluateGroup(const FactorBatch& batch, int first, int end,
+                    internal::AmbientScratch* scratch) const {
     const int num_slots = this->num_slots();
     const TangentMap* const* maps =
         batch.tangent_maps + static_cast<std::ptrdiff_t>(first) * num_slots;
@@ -327,7 +374,8 @@ class AmbientFamily : public FactorFamily {
   }
 
   // The factors from first to end, or to one that returns false, which is returned.
-  int EvaluateEach(const FactorBatch& batch, int first, int end, const Outputs& outputs) const {
+  int EvaluateEach(const FactorBatch& batch, int first, int end,
+                   const internal::AmbientOutputs& outputs) const {
     return internal::WithConstantSize(num_slots(), [this, &batch, first, end, outputs](auto count) {
       const int rows = residual_size();
       const double* const* parameters =
@@ -348,7 +396,7 @@ class AmbientFamily : public FactorFamily {
 
   // Of `count` factors from first on; of several with a bad Jacobian the first.
   EvaluationFailure TakeGroup(const TangentMap* const* maps, int first, int count,
-                              Scratch* scratch) const {
+                              internal::AmbientScratch* scratch) const {
     EvaluationFailure failure;
     for (int s = 0; s < num_slots(); ++s) {
       internal::AmbientSlot& slot = scratch->slots[s];
@@ -367,7 +415,7 @@ class AmbientFamily : public FactorFamily {
   // ones, as in curve fitting.
   bool IsInPlace(const FactorBatch& batch) const {
     const int num_slots = this->num_slots();
-    if (residual_size() != 1 || num_slots > static_cast<int>(kInlineSlots) ||
+    if (residual_size() != 1 || num_slots > static_cast<int>(internal::kInlineSlots) ||
         batch.begin == batch.end) {
       return false;
     }
@@ -413,16 +461,16 @@ class AmbientFamily : public FactorFamily {
   // Such Jacobians are written straight to their places.
   EvaluationFailure EvaluateInPlace(const FactorBatch& batch) const {
     // as IsInPlace has seen
-    const int num_slots = std::min(this->num_slots(), static_cast<int>(kInlineSlots));
-    double* blocks[kInlineSlots];
-    double* next[kInlineSlots];
-    std::ptrdiff_t strides[kInlineSlots];
+    const int num_slots = std::min(this->num_slots(), static_cast<int>(internal::kInlineSlots));
+    double* blocks[internal::kInlineSlots];
+    double* next[internal::kInlineSlots];
+    std::ptrdiff_t strides[internal::kInlineSlots];
     for (int s = 0; s < num_slots; ++s) {
       const bool wanted = Maps(batch)[s]->wanted();
       strides[s] = wanted ? batch.jacobians[s].factor_stride : 0;
       next[s] = wanted ? batch.jacobians[s].data + batch.begin * strides[s] : nullptr;
     }
-    Run runs[kInlineSlots];
+    Run runs[internal::kInlineSlots];
     const int num_runs = FindRuns(batch, runs);
     for (const Run* run = runs; run != runs + num_runs; ++run) {
       internal::WithConstantSize(run->size, [run, &batch](auto size) {

@@ -91,6 +91,11 @@ struct FactorBatch {
   /// same parameters: an AmbientFamily keeps there what it computes, and looks there first. Null:
   /// nobody comes back. A family that is quick leaves it alone.
   internal::KeptEvaluations* kept = nullptr;
+  /// Of a call with Jacobians, where blocks that are all zeros are left out
+  /// (SolverOptions::dynamic_sparsity): whether one is, by the same index as parameters; false
+  /// before the call. A family that says so need not write that block; one that says nothing writes
+  /// all of them. Null: nobody asks.
+  bool* zero_blocks = nullptr;
 };
 
 /// Names the factor that could not be evaluated; `factor` is negative on success. Which number it
