@@ -218,13 +218,8 @@ EvaluationFailure Evaluator::EvaluateChunk(bool jacobians, bool known_point, con
   }
   // The group's sums stay those of an earlier pass after a failure, and nobody reads them.
   if (!failure.failed()) {
-    double* sum = sums_.data() + chunk.first_sum;
-    for (int begin = chunk.begin; begin < chunk.end && !failure.failed();) {
-      const int end = std::min((begin / kSumSize + 1) * kSumSize, chunk.end);
-      *sum++ = SumCosts(jacobians, known_point, loss_curvature_, begin, end, candidate_f,
-                        cache.places(), &cache, &failure);
-      begin = end;
-    }
+    SumCostsByGroup(jacobians, known_point, loss_curvature_, chunk.begin, chunk.end, candidate_f,
+                    cache.places(), &cache, sums_.data() + chunk.first_sum, &failure);
     if (jacobians && leaves_out_zero_blocks_) {
       LeaveOutZeroBlocks(chunk.begin, chunk.end, &cache);
     }
@@ -247,9 +242,6 @@ Status Evaluator::DescribeFailure(bool jacobians, FamilyId id, const EvaluationF
 // Announces all factors of a family that asks for it.
 // In the order of the chunks, so the list ascends.
 Status Evaluator::Prepare(bool jacobians, FamilyId id) {
-  if (!families_[id].family->Prepares()) {
-    return Status::Ok();
-  }
   announced_.clear();
   for (const Chunk& chunk : chunks_) {
     for (int i = chunk.begin; chunk.family == id && i < chunk.end; ++i) {
@@ -265,8 +257,11 @@ Status Evaluator::Prepare(bool jacobians, FamilyId id) {
 Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
   // Jacobians are taken at the current point, costs at the candidate.
   points_.PointTo(/*candidate=*/!jacobians);
-  for (FamilyId id = 0; id < static_cast<int>(families_.size()); ++id) {
-    const Status status = Prepare(jacobians, id);
+  for (const Linearization& cache : families_) {
+    if (!cache.family->Prepares()) {
+      continue;
+    }
+    Status status = Prepare(jacobians, cache.id);
     if (!status.ok()) {
       return status;
     }

@@ -145,4 +145,20 @@ double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int 
   return cost;
 }
 
+void SumCostsByGroup(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
+                     const double* candidate_f, const LinearizationPlaces& places,
+                     Linearization* family, double* sums, EvaluationFailure* failure) {
+  const bool has_losses = family->graph->HasLosses(family->id);
+  const int rows = family->residual_size;
+  const double* const f = linearized ? places.residuals : candidate_f;
+  while (begin < end && !failure->failed()) {
+    const int group_end = std::min((begin / kSumSize + 1) * kSumSize, end);
+    *sums++ = has_losses ? SumCosts(linearized, known_point, curvature, begin, group_end,
+                                    candidate_f, places, family, failure)
+                         : PlainCost(f + std::ptrdiff_t{begin} * rows,
+                                     std::ptrdiff_t{group_end - begin} * rows);
+    begin = group_end;
+  }
+}
+
 }  // namespace inceres::internal

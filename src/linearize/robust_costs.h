@@ -29,4 +29,10 @@ double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int 
                 const double* candidate_f, const LinearizationPlaces& places, Linearization* family,
                 EvaluationFailure* failure);
 
+/// The same of any number of factors: one sum after the other, each of those up to a multiple of
+/// kSumSize. Sums of groups behind a failure are not written.
+void SumCostsByGroup(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
+                     const double* candidate_f, const LinearizationPlaces& places,
+                     Linearization* family, double* sums, EvaluationFailure* failure);
+
 }  // namespace inceres::internal

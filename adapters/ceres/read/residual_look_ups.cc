@@ -10,29 +10,54 @@
 namespace inceres::internal {
 namespace {
 
-// What a residual block says of itself, and its slots to group->slots from `first` on, behind those
-// of the one before. Whether it is sound but for blocks that are there twice.
-bool Read(const ceres::Problem& problem, int r, int previous, int first, ProblemView* view,
-          ResidualGroup* group) {
-  const ParameterBlockView* const known = view->blocks.data();
-  ResidualBlockView& residual = view->residuals[At(r)];
-  const ceres::ResidualBlockId id = view->ids[At(r)];
-  residual.cost = problem.GetCostFunctionForResidualBlock(id);
-  residual.loss = problem.GetLossFunctionForResidualBlock(id);
-  residual.num_residuals = residual.cost->num_residuals();
-  problem.GetParameterBlocksForResidualBlock(id, &group->pointers);
+// What a residual block says of itself.
+void Ask(const ceres::Problem& problem, ceres::ResidualBlockId id, ResidualBlockView* residual,
+         std::vector<double*>* pointers) {
+  residual->cost = problem.GetCostFunctionForResidualBlock(id);
+  residual->loss = problem.GetLossFunctionForResidualBlock(id);
+  residual->num_residuals = residual->cost->num_residuals();
+  problem.GetParameterBlocksForResidualBlock(id, pointers);
+  residual->num_slots = static_cast<int>(pointers->size());
+}
+
+// A handful, mostly of one or two: no call for them.
+template <typename T>
+bool AreEqual(const std::vector<T>& a, const std::vector<T>& b) {
+  const std::size_t size = a.size();
+  if (b.size() != size) {
+    return false;
+  }
+  for (std::size_t k = 0; k < size; ++k) {
+    if (a[k] != b[k]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Another residual block of the same blocks, as in curve fitting: all else is known.
+bool Repeats(const ResidualBlockView& before, const ResidualGroup& group,
+             const ResidualBlockView& residual) {
+  return before.sound && residual.num_residuals == before.num_residuals &&
+         AreEqual(group.pointers, group.pointers_before) &&
+         AreEqual(residual.cost->parameter_block_sizes(), before.cost->parameter_block_sizes());
+}
+
+// Its slots to group->slots from `first` on, behind those of the one before. Whether it is sound
+// but for blocks that are there twice.
+bool FindSlots(const ProblemView& view, const ResidualBlockView& residual, int previous, int first,
+               ResidualGroup* group) {
+  const ParameterBlockView* const known = view.blocks.data();
   double* const* const pointers = group->pointers.data();
-  const int num_slots = static_cast<int>(group->pointers.size());
   const int num_near = first - previous;
-  residual.num_slots = num_slots;
-  int* const blocks = group->MakeRoom(first, num_slots);
+  int* const blocks = group->MakeRoom(first, residual.num_slots);
   const int* const near = group->slots.data() + previous;
   const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-  bool sound = sizes.size() == At(num_slots) && residual.num_residuals > 0;
-  for (int s = 0; s < num_slots; ++s) {
+  bool sound = sizes.size() == At(residual.num_slots) && residual.num_residuals > 0;
+  for (int s = 0; s < residual.num_slots; ++s) {
     // The slot of the residual block before often has the same.
     const bool is_near = s < num_near && known[near[s]].values == pointers[s];
-    const int b = is_near ? near[s] : view->index.Find(pointers[s]);
+    const int b = is_near ? near[s] : view.index.Find(pointers[s]);
     blocks[s] = b;
     sound = sound && sizes[At(s)] == known[b].ambient_size;
   }
@@ -73,15 +98,29 @@ int ResidualLookUps::Take(int first, int num_threads) {
 }
 
 void ResidualLookUps::LookUp(int begin, int end, ResidualGroup* group) {
+  // Calls into Ceres may change any member, for all the compiler knows.
+  const ceres::Problem& problem = problem_;
+  const ceres::ResidualBlockId* const ids = view_.ids.data();
   const ParameterBlockView* const known = view_.blocks.data();
+  ResidualBlockView* const residuals = view_.residuals.data();
+  const int* const known_slots = known_slots_.empty() ? nullptr : known_slots_.data();
   int first = 0;     // where this residual block has its slots, unless it shares those
   int previous = 0;  // of the one before
   for (int r = begin; r < end; ++r) {
-    ResidualBlockView& residual = view_.residuals[At(r)];
-    if (known_slots_.empty()) {
-      residual.sound = Read(problem_, r, previous, first, &view_, group);
+    ResidualBlockView& residual = residuals[r];
+    if (known_slots == nullptr) {
+      Ask(problem, ids[r], &residual, &group->pointers);
+      if (r > begin && Repeats(residuals[r - 1], *group, residual)) {
+        const ResidualBlockView& before = residuals[r - 1];
+        residual.first_slot = before.first_slot;
+        residual.fixed = before.fixed;
+        residual.sound = residual.like_previous = true;
+        continue;
+      }
+      residual.sound = FindSlots(view_, residual, previous, first, group);
+      group->pointers.swap(group->pointers_before);
     } else {
-      std::copy_n(known_slots_.data() + residual.first_slot, residual.num_slots,
+      std::copy_n(known_slots + residual.first_slot, residual.num_slots,
                   group->MakeRoom(first, residual.num_slots));
     }
     const bool sound = residual.sound;
@@ -97,7 +136,7 @@ void ResidualLookUps::LookUp(int begin, int end, ResidualGroup* group) {
     residual.sound = repeats || (sound && AreDistinct(blocks, num_slots, &group->sorted));
     residual.fixed = fixed;
     residual.like_previous =
-        repeats && r > begin && residual.num_residuals == view_.residuals[At(r - 1)].num_residuals;
+        repeats && r > begin && residual.num_residuals == residuals[r - 1].num_residuals;
     if (!repeats) {
       previous = first;
       first += num_slots;

@@ -12,8 +12,9 @@ namespace inceres::internal {
 
 /// Residual blocks that are looked up one after the other.
 struct ResidualGroup {
-  std::vector<double*> pointers;  // of one residual block
-  std::vector<int> sorted;        // its blocks, if there are many
+  std::vector<double*> pointers;         // of one residual block
+  std::vector<double*> pointers_before;  // of the one before
+  std::vector<int> sorted;               // its blocks, if there are many
   std::vector<int> slots;
 
   // Where so many slots go.

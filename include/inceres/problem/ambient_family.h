@@ -251,7 +251,8 @@ class AmbientFamily : public FactorFamily {
     double* residuals = Residuals(batch);
     const int num_slots = this->num_slots();
     const int rows = residual_size();
-    for (int i = batch.begin; i < batch.end; ++i, parameters += num_slots, residuals += rows) {
+    const int end = batch.end;
+    for (int i = batch.begin; i < end; ++i, parameters += num_slots, residuals += rows) {
       if (!derived().EvaluateOne(i, parameters, residuals, nullptr)) {
         return FirstFault(batch, i, {i, kReturnedFalse});
       }
