@@ -4,7 +4,8 @@
 // could be the fastest. Prints a row per problem and solver: microseconds of both (medians) and the
 // median of the ratios; the last column is the ratio to the fastest stock configuration.
 //
-//   build/bin/small_solves [ROUNDS]      rounds of one solve each, 501 unless told
+//   build/bin/small_solves [ROUNDS [TEXT]]   rounds of one solve each, 501 unless told; with TEXT
+//                                            only problems whose name has it
 
 #include <array>
 #include <chrono>
@@ -228,12 +229,23 @@ void Compare(const SmallProblem& small, int num_rounds) {
 
 int main(int argc, char** argv) {
   const int num_rounds = argc > 1 ? std::atoi(argv[1]) : 501;
-  if (num_rounds < 1 || argc > 2) {
-    std::fprintf(stderr, "usage: small_solves [ROUNDS]: ROUNDS is a positive number\n");
+  const std::string only = argc > 2 ? argv[2] : "";
+  if (num_rounds < 1 || argc > 3) {
+    std::fprintf(stderr,
+                 "usage: small_solves [ROUNDS [TEXT]]: ROUNDS is a positive number; with TEXT only "
+                 "the problems whose name has it\n");
     return 2;
   }
+  int num_played = 0;
   for (const SmallProblem& small : Problems()) {
-    Compare(small, num_rounds);
+    if (small.name.find(only) != std::string::npos) {
+      Compare(small, num_rounds);
+      ++num_played;
+    }
+  }
+  if (num_played == 0) {
+    std::fprintf(stderr, "small_solves: no problem's name has %s in it\n", only.c_str());
+    return 2;
   }
   return 0;
 }

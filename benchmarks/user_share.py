@@ -4,11 +4,13 @@
     benchmarks/user_share.py [--build build] vins_window --realistic_costs --frames 40
     benchmarks/user_share.py [--build build] okvis_map --realistic_costs --scene startup --frames 20
     benchmarks/user_share.py --baseline /tmp/old/build vins_window --realistic_costs --frames 40
+    benchmarks/user_share.py small_solves 101 "53 residual blocks, one"
 
-Everything after the program's name goes to it. Needs valgrind, and in the build directory bin/<program> and libinceres_dropin.so. Counts what
-callgrind sees within ceres::Solve, and of that the cost functions' Evaluate with all that they call; a program's own calls of
+Everything after the program's name goes to it. Needs valgrind, and in the build directory bin/<program> and libinceres_dropin.so. Counts
+what callgrind sees within ceres::Solve, and of that the cost functions' Evaluate with all that they call; a program's own calls of
 Evaluate between two solves do not count. With --baseline the same program runs with the drop-in of another build directory too, of an
-older commit for one, and what lies outside the cost functions is told as a ratio. Exit code: 0, or 2 if a run could not be played.
+older commit for one, and what lies outside the cost functions, and all of it, are told as ratios. Exit code: 0, or 2 if a run could not
+be played.
 """
 
 import argparse
@@ -22,7 +24,7 @@ from drop_in_figures import find_dropin
 from stock_environment import stock_environment
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-EVALUATE = re.compile(r"(sliding_window::\w+)::Evaluate\(")
+EVALUATE = re.compile(r"(sliding_window::\w+|AutoDiffCostFunction<.*>)::Evaluate\(")
 
 
 def count(program, flags, dropin, folder):
@@ -56,7 +58,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build", help="the build directory")
     parser.add_argument("--baseline", type=pathlib.Path, help="the build directory of another drop-in, to compare with")
-    parser.add_argument("program", choices=("vins_window", "okvis_map"))
+    parser.add_argument("program", choices=("vins_window", "okvis_map", "small_solves"))
     parser.add_argument("flags", nargs=argparse.REMAINDER, help="of the program")
     arguments = parser.parse_args()
     program = arguments.build / "bin" / arguments.program
@@ -75,6 +77,7 @@ def main():
     if baseline:
         before = baseline[0] - sum(baseline[1].values())
         print(f"outside them with the baseline's drop-in: {before}, ratio {outside / before:.3f}")
+        print(f"in all with the baseline's drop-in: {baseline[0]}, ratio {total / baseline[0]:.3f}")
     return 0
 
 
