@@ -4,8 +4,7 @@
 // could be the fastest. Prints a row per problem and solver: microseconds of both (medians) and the
 // median of the ratios; the last column is the ratio to the fastest stock configuration.
 //
-//   build/bin/small_solves [ROUNDS [TEXT]]   rounds of one solve each, 501 unless told; with TEXT
-//                                            only problems whose name has it
+//   build/bin/small_solves [ROUNDS]      rounds of one solve each, 501 unless told
 
 #include <array>
 #include <chrono>
@@ -20,35 +19,16 @@
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
+#include "curve_samples.h"
 #include "inceres/ceres/solve.h"
 #include "tools/ab/statistics.h"
 
 namespace {
 
+using inceres::benchmarks::kNumSamples;
+using inceres::benchmarks::OneSample;
+using inceres::benchmarks::Sample;
 using inceres::tools::Summarize;
-
-constexpr int kNumSamples = 53;
-
-// y = a exp(b t) + c at one t, and at all of them.
-struct OneSample {
-  double t;
-  double y;
-  template <typename T>
-  bool operator()(const T* p, T* residual) const {
-    residual[0] = p[0] * exp(p[1] * T(t)) + p[2] - T(y);
-    return true;
-  }
-  template <typename T>
-  bool operator()(const T* a, const T* b, const T* c, T* residual) const {
-    residual[0] = a[0] * exp(b[0] * T(t)) + c[0] - T(y);
-    return true;
-  }
-};
-
-OneSample Sample(int i) {
-  const double t = 0.1 * i;
-  return {t, 2.0 * std::exp(0.3 * t) + 0.5 + 0.05 * std::sin(17.0 * i)};
-}
 
 struct AllSamples {
   AllSamples() {
@@ -229,23 +209,12 @@ void Compare(const SmallProblem& small, int num_rounds) {
 
 int main(int argc, char** argv) {
   const int num_rounds = argc > 1 ? std::atoi(argv[1]) : 501;
-  const std::string only = argc > 2 ? argv[2] : "";
-  if (num_rounds < 1 || argc > 3) {
-    std::fprintf(stderr,
-                 "usage: small_solves [ROUNDS [TEXT]]: ROUNDS is a positive number; with TEXT only "
-                 "the problems whose name has it\n");
+  if (num_rounds < 1 || argc > 2) {
+    std::fprintf(stderr, "usage: small_solves [ROUNDS]: ROUNDS is a positive number\n");
     return 2;
   }
-  int num_played = 0;
   for (const SmallProblem& small : Problems()) {
-    if (small.name.find(only) != std::string::npos) {
-      Compare(small, num_rounds);
-      ++num_played;
-    }
-  }
-  if (num_played == 0) {
-    std::fprintf(stderr, "small_solves: no problem's name has %s in it\n", only.c_str());
-    return 2;
+    Compare(small, num_rounds);
   }
   return 0;
 }

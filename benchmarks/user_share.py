@@ -4,7 +4,7 @@
     benchmarks/user_share.py [--build build] vins_window --realistic_costs --frames 40
     benchmarks/user_share.py [--build build] okvis_map --realistic_costs --scene startup --frames 20
     benchmarks/user_share.py --baseline /tmp/old/build vins_window --realistic_costs --frames 40
-    benchmarks/user_share.py small_solves 101 "53 residual blocks, one"
+    benchmarks/user_share.py curve_fits 101
 
 Everything after the program's name goes to it. Needs valgrind, and in the build directory bin/<program> and libinceres_dropin.so. Counts
 what callgrind sees within ceres::Solve, and of that the cost functions' Evaluate with all that they call; a program's own calls of
@@ -58,7 +58,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build", help="the build directory")
     parser.add_argument("--baseline", type=pathlib.Path, help="the build directory of another drop-in, to compare with")
-    parser.add_argument("program", choices=("vins_window", "okvis_map", "small_solves"))
+    parser.add_argument("program", choices=("vins_window", "okvis_map", "curve_fits"))
     parser.add_argument("flags", nargs=argparse.REMAINDER, help="of the program")
     arguments = parser.parse_args()
     program = arguments.build / "bin" / arguments.program
