@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "problem/edit_state.h"
@@ -288,7 +289,7 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
   const int num_different = AreAlike(record) ? 1 : record.num_factors;
-  internal::AcceptedManifolds accepted;
+  std::optional<internal::AcceptedManifolds> accepted;  // a large table, seldom asked
   FactorGlance glance(family, variables);
   const VariableId* before = nullptr;  // the last one that was glanced at and in order
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
@@ -303,10 +304,13 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
       continue;
     }
     before = nullptr;
+    if (!accepted.has_value()) {
+      accepted.emplace();
+    }
     const FactorFault fault = internal::FindFault(
         family, ids,
         [&variables](VariableId variable) { return internal::See(variables, variable); },
-        &accepted);
+        &*accepted);
     // The culprit's record is only there to tell its sizes.
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];

@@ -1,6 +1,7 @@
 #include "adapters/ceres/compare/cross_check.h"
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -194,12 +195,13 @@ void SolveAsAsked(SolveCall call, const OurSolve& ours, Repeatable repeatable,
                   const std::string& obstacle) {
   CHECK(call.problem != nullptr);  // as ceres::Solve
   CHECK(call.summary != nullptr);
-  SolveReport unread;
+  std::optional<SolveReport> unread;
   if (call.report == nullptr) {
-    call.report = &unread;
+    call.report = &unread.emplace();
+  } else {
+    *call.report = SolveReport();
   }
   *call.summary = ceres::Solver::Summary();
-  *call.report = SolveReport();
   if (call.solve_options.cross_check.enabled || !call.solve_options.ab_log.empty()) {
     SolveAndCompare(call, ours, repeatable, obstacle);
   } else {

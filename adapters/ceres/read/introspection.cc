@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <numeric>
 
 #include <ceres/cost_function.h>
 
@@ -135,29 +136,41 @@ class ResidualReader {
   }
 
  private:
+  // Run by run of residual blocks that are like the one before.
   void ReadGroup(const std::vector<int>& slots) {
     const int first_slot = static_cast<int>(view_.slots.size());
     view_.slots.insert(view_.slots.end(), slots.begin(), slots.end());
+    ResidualBlockView* const residuals = view_.residuals.data();
     const int end = std::min(next_ + ResidualLookUps::kGroup, count_);
-    for (; next_ < end; ++next_) {
-      ResidualBlockView& residual = view_.residuals[At(next_)];
-      residual.first_slot += first_slot;
-      if (!residual.sound) {
-        FindDefect(residual);
+    while (next_ < end) {
+      ResidualBlockView& first = residuals[next_];
+      first.first_slot += first_slot;
+      if (!first.sound) {
+        FindDefect(first);
       }
-      view_.all.num_residuals += residual.num_residuals;
-      if (!residual.fixed) {
-        Move(residual);
+      int run_end = next_ + 1;
+      for (; run_end < end && residuals[run_end].like_previous; ++run_end) {
+        residuals[run_end].first_slot = first.first_slot;
       }
+      view_.all.num_residuals += first.num_residuals * (run_end - next_);
+      if (!first.fixed) {
+        Move(first, run_end);
+      }
+      next_ = run_end;
     }
   }
 
-  void Move(const ResidualBlockView& residual) {
-    view_.moving.push_back(next_);
-    view_.reduced.num_residuals += residual.num_residuals;
+  // Those from next_ on, all like this one.
+  void Move(const ResidualBlockView& residual, int end) {
+    const int count = end - next_;
+    const std::size_t num_before = view_.moving.size();
+    view_.moving.resize(num_before + At(count));
+    std::iota(view_.moving.begin() + static_cast<std::ptrdiff_t>(num_before), view_.moving.end(),
+              next_);
+    view_.reduced.num_residuals += residual.num_residuals * count;
     const int* const slots = view_.SlotsOf(residual);
     for (int s = 0; s < residual.num_slots; ++s) {
-      ++view_.blocks[At(slots[s])].degree;
+      view_.blocks[At(slots[s])].degree += count;
     }
   }
 
@@ -198,6 +211,14 @@ void Count(const ParameterBlockView& block, ProblemTotals* totals) {
   totals->num_effective_parameters += block.tangent_size;
 }
 
+// But for what is of one residual block.
+std::size_t BytesOf(const std::vector<ResidualGroup>& groups) {
+  return std::accumulate(groups.begin(), groups.end(), groups.capacity() * sizeof(ResidualGroup),
+                         [](std::size_t sum, const ResidualGroup& group) {
+                           return sum + group.slots.capacity() * sizeof(int);
+                         });
+}
+
 }  // namespace
 
 std::string Describe(const ParameterBlockView& block) {
@@ -229,7 +250,7 @@ std::size_t ProblemView::Bytes() const {
          ids.capacity() * sizeof(ceres::ResidualBlockId) +
          residuals.capacity() * sizeof(ResidualBlockView) +
          (moving.capacity() + slots.capacity()) * sizeof(int) + bounds.capacity() * sizeof(double) +
-         index.Bytes();
+         BytesOf(groups) + index.Bytes();
 }
 
 void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads,

@@ -57,6 +57,23 @@ struct ProblemTotals {
   int num_residuals = 0;
 };
 
+/// Residual blocks that are looked up one after the other.
+struct ResidualGroup {
+  std::vector<double*> pointers;         // of one residual block
+  std::vector<double*> pointers_before;  // of the one before
+  std::vector<int> sorted;               // its blocks, if there are many
+  std::vector<int> slots;
+
+  /// Where so many slots go.
+  int* MakeRoom(int first, int count) {
+    const auto size = static_cast<std::size_t>(first + count);
+    if (slots.size() < size) {
+      slots.resize(2 * size);
+    }
+    return slots.data() + first;
+  }
+};
+
 /// All the adapter knows of a ceres::Problem: one pass through its public API. Nothing of the
 /// user's but the memory of its parameter blocks and size getters is touched; no cost function is
 /// evaluated.
@@ -66,10 +83,11 @@ struct ProblemView {
   std::vector<ParameterBlockView> blocks;        ///< by address (the only order Ceres shows)
   std::vector<ceres::ResidualBlockId> ids;       ///< of the residual blocks, in program order
   UnwrittenVector<ResidualBlockView> residuals;  ///< in the same order
-  std::vector<int> moving;     ///< residual blocks that touch a variable block, ascending
-  std::vector<int> slots;      ///< block of each slot of the residual blocks, see SlotsOf
-  std::vector<double> bounds;  ///< of the bounded blocks
-  PointerIndex index;          ///< address to index in `blocks`
+  std::vector<int> moving;            ///< residual blocks that touch a variable block, ascending
+  std::vector<int> slots;             ///< block of each slot of the residual blocks, see SlotsOf
+  std::vector<double> bounds;         ///< of the bounded blocks
+  PointerIndex index;                 ///< address to index in `blocks`
+  std::vector<ResidualGroup> groups;  ///< scratch of who reads residual blocks
   ProblemTotals all;
   ProblemTotals reduced;
   /// the first thing no solver but stock should look at (a block twice in a residual block, …);
@@ -94,6 +112,7 @@ struct ProblemView {
     UnwrittenVector<ResidualBlockView>().swap(residuals);
     std::vector<int>().swap(moving);
     std::vector<int>().swap(slots);
+    std::vector<ResidualGroup>().swap(groups);
     index = PointerIndex();
   }
   /// The same of everything, but for the totals.

@@ -87,11 +87,11 @@ int ResidualLookUps::Take(int first, int num_threads) {
   const int num_left = static_cast<int>(view_.ids.size()) - first;
   // What is looked up is read while it is in the cache.
   const int num_groups = std::min(num_threads > 1 ? 64 : 1, (num_left + kGroup - 1) / kGroup);
-  groups_.resize(std::max(groups_.size(), At(num_groups)));
+  view_.groups.resize(std::max(view_.groups.size(), At(num_groups)));
   ParallelFor(num_threads, num_groups, 1, [&](int group, int groups_end) {
     for (; group < groups_end; ++group) {
       const int begin = first + group * kGroup;
-      LookUp(begin, std::min(begin + kGroup, first + num_left), &groups_[At(group)]);
+      LookUp(begin, std::min(begin + kGroup, first + num_left), &view_.groups[At(group)]);
     }
   });
   return num_groups;

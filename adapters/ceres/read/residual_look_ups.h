@@ -10,22 +10,6 @@
 
 namespace inceres::internal {
 
-/// Residual blocks that are looked up one after the other.
-struct ResidualGroup {
-  std::vector<double*> pointers;         // of one residual block
-  std::vector<double*> pointers_before;  // of the one before
-  std::vector<int> sorted;               // its blocks, if there are many
-  std::vector<int> slots;
-
-  // Where so many slots go.
-  int* MakeRoom(int first, int count) {
-    if (slots.size() < At(first + count)) {
-      slots.resize(2 * At(first + count));
-    }
-    return slots.data() + first;
-  }
-};
-
 /// Looks up some residual blocks after the others, in groups. Their objects lie anywhere in memory,
 /// so that most of the time goes by waiting for it, which several threads may do.
 class ResidualLookUps {
@@ -42,7 +26,7 @@ class ResidualLookUps {
   /// SlotsOf their group. Returns the number of these groups.
   int Take(int first, int num_threads);
   /// Of one of the groups that were taken last.
-  const std::vector<int>& SlotsOf(int group) const { return groups_[At(group)].slots; }
+  const std::vector<int>& SlotsOf(int group) const { return view_.groups[At(group)].slots; }
 
  private:
   void LookUp(int begin, int end, ResidualGroup* group);
@@ -50,7 +34,6 @@ class ResidualLookUps {
   const ceres::Problem& problem_;
   const UnwrittenVector<int>& known_slots_;
   ProblemView& view_;
-  std::vector<ResidualGroup> groups_;
 };
 
 }  // namespace inceres::internal
