@@ -12,6 +12,18 @@ namespace inceres::internal {
 INCERES_EXPORT void ParallelFor(int num_threads, int count, int grain,
                                 const std::function<void(int begin, int end)>& body);
 
+/// The same of anything that can be called so. What one thread does it does at once, without a
+/// std::function, which would ask for memory.
+template <typename Body>
+void ParallelFor(int num_threads, int count, int grain, const Body& body) {
+  if (num_threads > 1 && count > grain) {
+    ParallelFor(num_threads, count, grain,
+                std::function<void(int begin, int end)>(std::cref(body)));
+  } else if (count > 0) {
+    body(0, count);
+  }
+}
+
 /// So many threads, in the place of an Executor.
 class Threads {
  public:

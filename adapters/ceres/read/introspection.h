@@ -66,7 +66,7 @@ struct ResidualGroup {
 
   /// Where so many slots go.
   int* MakeRoom(int first, int count) {
-    const auto size = static_cast<std::size_t>(first + count);
+    const auto size = static_cast<std::size_t>(first) + static_cast<std::size_t>(count);
     if (slots.size() < size) {
       slots.resize(2 * size);
     }
