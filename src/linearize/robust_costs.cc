@@ -120,16 +120,19 @@ void Correct(const GroupScales& scales, LossCurvature curvature, int begin, int 
   });
 }
 
+// Without losses: one pass over the residuals.
+double SumPlainCosts(const Linearization& family, const double* f, int begin, int end) {
+  return PlainCost(f + std::ptrdiff_t{begin} * family.residual_size,
+                   std::ptrdiff_t{end - begin} * family.residual_size);
+}
+
 }  // namespace
 
 double SumCosts(bool linearized, bool known_point, LossCurvature curvature, int begin, int end,
                 const double* candidate_f, const LinearizationPlaces& places, Linearization* family,
                 EvaluationFailure* failure) {
-  // One pass over the residuals, as the sum of squares needs no loss.
   if (!family->graph->HasLosses(family->id)) {
-    const double* const f = linearized ? places.residuals : candidate_f;
-    return PlainCost(f + std::ptrdiff_t{begin} * family->residual_size,
-                     std::ptrdiff_t{end - begin} * family->residual_size);
+    return SumPlainCosts(*family, linearized ? places.residuals : candidate_f, begin, end);
   }
   if (!linearized) {
     return SumCandidateCosts(begin, end, candidate_f, family);
@@ -149,14 +152,12 @@ void SumCostsByGroup(bool linearized, bool known_point, LossCurvature curvature,
                      const double* candidate_f, const LinearizationPlaces& places,
                      Linearization* family, double* sums, EvaluationFailure* failure) {
   const bool has_losses = family->graph->HasLosses(family->id);
-  const int rows = family->residual_size;
   const double* const f = linearized ? places.residuals : candidate_f;
   while (begin < end && !failure->failed()) {
     const int group_end = std::min((begin / kSumSize + 1) * kSumSize, end);
     *sums++ = has_losses ? SumCosts(linearized, known_point, curvature, begin, group_end,
                                     candidate_f, places, family, failure)
-                         : PlainCost(f + std::ptrdiff_t{begin} * rows,
-                                     std::ptrdiff_t{group_end - begin} * rows);
+                         : SumPlainCosts(*family, f, begin, group_end);
     begin = group_end;
   }
 }
