@@ -278,11 +278,6 @@ Status Evaluator::EvaluateAll(bool jacobians, bool known_point, double* cost) {
 }
 
 Status Evaluator::EvaluateChunks(bool jacobians, bool known_point, int begin, int end) {
-  if (end - begin == 1) {  // of a small problem: no tasks, which would take as long as some factors
-    const EvaluationFailure failure = EvaluateChunk(jacobians, known_point, chunks_[begin]);
-    return failure.failed() ? DescribeFailure(jacobians, chunks_[begin].family, failure)
-                            : Status::Ok();
-  }
   chunk_failures_.resize(static_cast<std::size_t>(end - begin));
   const int first_failed = EvaluateTasks(executor_, &chunk_failures_, [&](int k) {
     return EvaluateChunk(jacobians, known_point, chunks_[begin + k]);

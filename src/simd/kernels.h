@@ -198,7 +198,7 @@ struct Kernels {
   /// Whether the sum of the magnitudes of the values proves that none of them is kUnwrittenEntry,
   /// infinite or NaN.
   bool (*are_ordinary)(const double* values, int count);
-  // The first entry from `begin` on that is not zero, or count.
+  /// The first entry from `begin` on that is not zero, or count.
   int (*find_nonzero)(const double* values, int begin, int count);
   /// Fills them with kUnwrittenEntry.
   void (*mark_unwritten)(double* values, int count);

@@ -44,9 +44,9 @@ constexpr std::size_t kInlineSlots = 16;
 
 /// Where one factor after the other writes its Jacobians, slot by slot.
 struct AmbientOutputs {
-  double** blocks;          // of one factor, whose function may change the array
-  double** next;            // those of the next one; null for a constant
-  std::ptrdiff_t* strides;  // from factor to factor
+  double** blocks;          ///< of one factor, whose function may change the array
+  double** next;            ///< those of the next one; null for a constant
+  std::ptrdiff_t* strides;  ///< from factor to factor
 };
 
 /// Where the ambient Jacobians of a few factors are written. Up to kInline doubles live on the
@@ -54,7 +54,7 @@ struct AmbientOutputs {
 struct AmbientScratch {
   static constexpr std::size_t kInline = 512;
 
-  // `most`: factors at a time.
+  /// `most`: factors at a time.
   AmbientScratch(const FactorFamily& family, const FactorBatch& batch, int most) {
     const auto count = static_cast<std::size_t>(family.num_slots());
     if (count > kInlineSlots) {
@@ -104,8 +104,8 @@ struct AmbientScratch {
   std::vector<AmbientSlot> heap_slots;
   AmbientOutputs outputs = {stack_blocks, stack_blocks + kInlineSlots, stack_strides};
   AmbientSlot* slots = stack_slots;
-  int size = 0;   // of one factor's
-  int group = 1;  // factors at a time
+  int size = 0;   ///< of one factor's
+  int group = 1;  ///< factors at a time
 };
 
 /// Checks and projects the Jacobians of `count` factors, at most kMostTaken; maps[n · map_stride]
