@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include <Eigen/QR>
-#include <Eigen/SVD>
 
 #include "base/formatted.h"
+#include "marginal/singular_values.h"
 
 namespace inceres::internal {
 

@@ -4,9 +4,8 @@
 #include <numeric>
 #include <string>
 
-#include <Eigen/SVD>
-
 #include "marginal/row_elimination.h"
+#include "marginal/singular_values.h"
 
 namespace inceres::internal {
 

@@ -1,0 +1,3 @@
+#include "marginal/singular_values.h"
+
+template class Eigen::BDCSVD<Eigen::MatrixXd>;
