@@ -56,10 +56,10 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
         const std::int32_t quad = family.tangent_offsets[family.Entry(i) + s];
         const SlotJacobians& slot = family.slots[s];
         if (quad >= 0) {
-          using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+          using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
           // Added, not assigned: a factor may have one variable in two slots.
           J.block(row, column_of_quad[quad], family.residual_size, slot.columns) +=
-              Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
+              Eigen::Map<const Rows, 0, Eigen::OuterStride<>>(
                   slot.data + std::ptrdiff_t{i} * slot.factor_stride, family.residual_size,
                   slot.columns, Eigen::OuterStride<>(slot.row_stride));
         }
