@@ -11,13 +11,14 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 preset=default
 build_options=()
-choice=()  # of tests, in the words of tools/test_together.py
+test_options=()
 together=no
 while (($# > 0)); do
   case $1 in
     --preset) preset=${2:?--preset needs a name}; shift ;;
     --target) build_options+=(--target "${2:?--target needs a name}"); shift ;;
-    --tests | --without) choice+=("$1" "${2:?$1 needs a regular expression}"); shift ;;
+    --tests) test_options+=(--tests-regex "${2:?--tests needs a regular expression}"); shift ;;
+    --without) test_options+=(--exclude-regex "${2:?--without needs a regular expression}"); shift ;;
     --together) together=yes ;;
     --benchmarks | --warnings-as-errors | --unity | --no-install) build_options+=("$1") ;;
     --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;
@@ -30,15 +31,9 @@ if ! tools/build.sh --preset "$preset" "${build_options[@]}"; then
   echo "test.sh: FAILED to build preset $preset" >&2
   exit 1
 fi
-run_tests() {
-  if [[ $together == yes ]]; then
-    tools/test_together.py "$preset" "${choice[@]}"
-    return
-  fi
-  local words=("${choice[@]/#--tests/--tests-regex}")
-  ctest --preset "$preset" --parallel "$(nproc)" "${words[@]/#--without/--exclude-regex}"
-}
-if ! run_tests; then
+run=(ctest --preset "$preset" --parallel "$(nproc)")
+[[ $together == no ]] || run=(tools/test_together.py "$preset")
+if ! "${run[@]}" "${test_options[@]}"; then
   echo "test.sh: FAILED, preset $preset: the failed tests are listed above" >&2
   exit 1
 fi

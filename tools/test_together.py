@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs the tests of a preset as ctest would, but GoogleTest's many to a process.
 
-    tools/test_together.py PRESET [--tests REGEX] [--without REGEX] [--size N]
+    tools/test_together.py PRESET [--tests-regex REGEX] [--exclude-regex REGEX] [--size N]
 
 With a sanitizer a process takes longer to start than most tests do. Tests of one program run in one process, --size of them
 at most; all others are left to ctest. What a process that failed printed is printed, and is added to ctest's LastTest.log, the
@@ -21,6 +21,7 @@ import time
 FILTER = "--gtest_filter="
 LEFT_OUT = {"LABELS", "SKIP_REGULAR_EXPRESSION"}  # properties that do not change how a test runs
 KEPT = {"ENVIRONMENT", "WORKING_DIRECTORY"}
+TIMEOUT = 1500  # seconds of a process: ctest's own for a test
 
 
 def tests_of(preset, tests, without):
@@ -48,13 +49,12 @@ def group(tests, size):
 
 
 def failed_tests(names, code, output):
-    """Those of `names` that did not pass: by what GoogleTest printed, and all without a verdict if it could not end."""
+    """Those of `names` that did not pass: all without a verdict, or those that had begun where the process failed; all where none had."""
+    left = [name for name in names if not re.search(rf"\[ +(OK|SKIPPED) +\] {re.escape(name)}\b", output)]
     if not code:
-        missing = [name for name in names if not re.search(rf"\[ +(OK|SKIPPED) +\] {re.escape(name)}\b", output)]
-        return missing
-    failed = [name for name in names if re.search(rf"\[ +FAILED +\] {re.escape(name)}\b", output)]
-    begun = re.findall(r"\[ +RUN +\] (\S+)", output)
-    return failed or begun[-1:] or names
+        return left
+    begun = set(re.findall(r"\[ +RUN +\] (\S+)", output))
+    return [name for name in left if name in begun] or names
 
 
 def run(part):
@@ -62,12 +62,13 @@ def run(part):
     (command, environment, folder), names = part
     began = time.monotonic()
     try:
-        done = subprocess.run([*command, FILTER + ":".join(names)], cwd=folder, stdin=subprocess.DEVNULL, text=True, errors="replace",
-                              env={**os.environ, **dict(e.split("=", 1) for e in environment)}, timeout=1500, check=False,
+        done = subprocess.run([*command, FILTER + ":".join(names)], cwd=folder, stdin=subprocess.DEVNULL, timeout=TIMEOUT, check=False,
+                              env={**os.environ, **dict(e.split("=", 1) for e in environment)},
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        code, output = done.returncode, done.stdout
+        code, printed, end = done.returncode, done.stdout, ""
     except subprocess.TimeoutExpired as timeout:
-        code, output = 1, (timeout.stdout or b"").decode(errors="replace") + "\nstopped after 1500 s\n"
+        code, printed, end = 1, timeout.stdout or b"", f"\nstopped after {TIMEOUT} s\n"
+    output = printed.decode(errors="replace") + end
     return names, failed_tests(names, code, output), output, time.monotonic() - began
 
 
@@ -94,11 +95,11 @@ def main():
     """What the head of this file says."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("preset")
-    parser.add_argument("--tests", help="only tests whose names match")
-    parser.add_argument("--without", help="without tests whose names match")
+    parser.add_argument("--tests-regex", help="only tests whose names match")
+    parser.add_argument("--exclude-regex", help="without tests whose names match")
     parser.add_argument("--size", type=int, default=40, help="tests of a process, at most")
     options = parser.parse_args()
-    parts, others = group(tests_of(options.preset, options.tests, options.without), options.size)
+    parts, others = group(tests_of(options.preset, options.tests_regex, options.exclude_regex), options.size)
     if not parts and not others:
         sys.exit(f"no test of preset {options.preset} was chosen")
     code = 0

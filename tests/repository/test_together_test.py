@@ -8,12 +8,13 @@ import pathlib
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 SOURCE = pathlib.Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 else pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "tools"))
 import test_together  # noqa: E402  pylint: disable=wrong-import-position,import-error
 
-# As GoogleTest: runs what the filter names; Dies ends the process, Fails fails, all others pass.
+# As GoogleTest: runs what the filter names; Dies ends the process, Hangs does not end, Fails fails; Leaks is told of at the end only.
 PROGRAM = """#!/bin/sh
 for word; do case $word in --gtest_filter=*) names=${word#*=} ;; esac; done
 code=0
@@ -21,10 +22,11 @@ for name in $(echo "$names" | tr : ' '); do
   echo "[ RUN      ] $name"
   case $name in
     *Dies) echo "at $PLACE"; exit 3 ;;
+    *Hangs) exec sleep 9 ;;
     *Fails) echo "[  FAILED  ] $name (0 ms)"; code=1 ;;
     *Skips) echo "[  SKIPPED ] $name (0 ms)" ;;
     *Forgotten) ;;
-    *) echo "[       OK ] $name (0 ms)" ;;
+    *) echo "[       OK ] $name (0 ms)"; case $name in *Leaks) code=23 ;; esac ;;
   esac
 done
 exit $code
@@ -77,6 +79,17 @@ class Together(unittest.TestCase):
     def test_a_test_that_ends_its_process_is_named(self):
         self.assertEqual(self.run_all("A.1", "A.Dies", "A.2", size=9, ENVIRONMENT=["PLACE=here"]), ["A.Dies"])
         self.assertIn("at here", (self.folder / "logs/LastTest.log").read_text(encoding="utf-8"))
+
+    def test_failures_before_the_end_of_a_process_do_not_hide_what_ended_it(self):
+        self.assertEqual(self.run_all("A.1", "A.Fails", "A.Dies", "A.2", size=9), ["A.Fails", "A.Dies"])
+
+    def test_a_test_that_does_not_end_is_stopped_and_named(self):
+        with unittest.mock.patch.object(test_together, "TIMEOUT", 1):
+            self.assertEqual(self.run_all("A.1", "A.Hangs", "A.2", size=9), ["A.Hangs"])
+        self.assertIn("stopped after 1 s", (self.folder / "logs/LastTest.log").read_text(encoding="utf-8"))
+
+    def test_a_process_that_fails_after_all_have_passed_has_failed(self):
+        self.assertEqual(self.run_all("A.1", "A.Leaks", size=9), ["A.1", "A.Leaks"])
 
     def test_a_test_without_a_verdict_has_failed(self):
         self.assertEqual(self.run_all("A.Forgotten", "A.1"), ["A.Forgotten"])
