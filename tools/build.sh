@@ -3,8 +3,8 @@
 #
 #   tools/build.sh [--preset default|dev|asan|tsan] [--target NAME]... [--benchmarks] [--warnings-as-errors] [--unity] [--no-install]
 #
-# --unity compiles several sources at once, which is faster but inlines other functions, and tests for debugging, in a third less of
-# their time: do not measure with it. The build directory keeps it.
+# --unity compiles several sources at once, which is faster but inlines other functions, and tests for debugging (-Og), in
+# half of their time: do not measure with it. The build directory keeps it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
