@@ -59,6 +59,7 @@ VariableId VariableTable::Append(VariableRecord variable, const double* values) 
       state_.insert(state_.end(), num_values, std::numeric_limits<double>::quiet_NaN());
     }
   }
+  variable.serial = num_added_++;
   records_.push_back(std::move(variable));
   return size() - 1;
 }
@@ -136,6 +137,7 @@ void VariableTable::Reuse(VariableId id, VariableRecord variable, const double* 
   ids.pop_back();
   --num_removed_;
   variable.offset = (*this)[id].offset;
+  variable.serial = num_added_++;
   records_[IndexOf(id)] = std::move(variable);
   // Values last: SetValues writes to where the record says.
   SetValues(id, values);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "base/stopwatch.h"
 #include "inceres/solver/gnc.h"
@@ -121,7 +122,7 @@ class LivingGnc::Impl {
   std::vector<Suspect> suspects_;
   std::vector<double> squared_errors_;
   std::vector<double> weights_;   // wanted, one a suspect
-  VariableId num_known_ = 0;      // that were there after the last Update
+  std::int64_t num_known_ = 0;    // variables that had come when the last Update ended
   std::size_t num_out_then_ = 0;  // without weight, when they were looked at again
   bool is_cut_ = false;           // the last round has not come to its minimum
 };
@@ -194,14 +195,14 @@ bool LivingGnc::Impl::Reweigh(bool first, int* num_open) {
 // factors lead from it to such a one, or to a constant, or hold it by themselves. Not far away: in
 // a graph that is all new nothing is foreseen. A walk, breadth first, over factors that are no
 // suspects, which ends at the first variable that has a place or after kMostSteps of them. What was
-// there when the last Update ended has an id below num_known_. A factor of one variable, as a
-// prior, counts as holding it.
+// there when the last Update ended has a serial number below num_known_, which ids, given out
+// again, do not tell. A factor of one variable, as a prior, counts as holding it.
 bool LivingGnc::Impl::IsHeldWithout(VariableId id) const {
   const FactorGraph& graph = solver_.graph();
   std::vector<VariableId> seen{id};
   for (std::size_t k = 0; k < std::min(seen.size(), internal::kMostSteps) && graph.TracksFactors();
        ++k) {
-    if (seen[k] < num_known_ || graph.IsConstant(seen[k])) {
+    if (graph.VariableSerial(seen[k]) < num_known_ || graph.IsConstant(seen[k])) {
       return true;
     }
     bool is_held = false;
@@ -418,7 +419,7 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
       return;
     }
   }
-  num_known_ = solver_.graph().num_variables();
+  num_known_ = solver_.graph().num_added_variables();
   Judge(summary);
 }
 

@@ -245,6 +245,42 @@ TEST(LivingGnc, AResetSuspectIsAsOneThatHasJustCome) {
   }
 }
 
+// Whether the new variable has the id of a removed one is nothing to go by: held by a suspect alone
+// it has no place without it.
+TEST(LivingGnc, AVariableWithARemovedOnesIdIsNew) {
+  std::vector<GncSummary> summaries;
+  for (const bool takes_id : {false, true}) {
+    LivingWorld living(PoseGraphWorld(2, 30, 10, 0, 0.01, 4));
+    for (int i = 0; i < 30; ++i) {
+      living.AddPose(i);
+    }
+    if (takes_id) {
+      GraphEdit removal(living.solver_.graph());
+      removal.RemoveVariable(29);
+      ASSERT_TRUE(living.solver_.Apply(removal).ok());
+      for (const auto& [edge, factor] : living.edges_) {
+        living.gnc_.Forget(
+            living.solver_.graph().HasFactor(factor.family, factor.index) ? FactorId() : factor);
+      }
+      ASSERT_TRUE(living.gnc_.Update().IsSolutionUsable());
+    }
+    GraphEdit edit(living.solver_.graph());
+    const double start[3] = {50.0, -20.0, 1.0};
+    const VariableId added = edit.AddVariable(start, 3, Role::kFrame);
+    ASSERT_EQ(added, takes_id ? 29 : 30);
+    PoseGraphEdge edge = living.world_.truth.edges[0];
+    edge.from = 15;
+    edge.to = added;
+    const FactorId suspect = living.AddEdge(edge, nullptr, &edit);
+    ASSERT_TRUE(living.solver_.Apply(edit).ok());
+    living.gnc_.Watch(suspect);
+    summaries.push_back(living.gnc_.Update());
+    EXPECT_EQ(summaries.back().termination, Termination::kConvergence);
+    EXPECT_TRUE(summaries.back().verdicts.back().inlier);
+  }
+  EXPECT_EQ(summaries[1].rounds.size(), summaries[0].rounds.size());
+}
+
 TEST(LivingGnc, NamesASuspectThatIsGoneUntilItIsForgotten) {
   LivingWorld living(PoseGraphWorld(2, 60, 20, 0, 0.01, 4));
   for (int i = 0; i < 60; ++i) {

@@ -214,6 +214,10 @@ class INCERES_EXPORT FactorGraph {
   int num_live_variables() const { return num_variables() - variables_.num_removed(); }
   /// Whether the id is that of a variable that is there.
   bool HasVariable(VariableId id) const { return variables_.Has(id); }
+  /// Variables ever added, under whatever id.
+  std::int64_t num_added_variables() const { return variables_.num_added(); }
+  /// How many variables were added before it: tells a variable from a removed one that had its id.
+  std::int64_t VariableSerial(VariableId id) const { return variables_[id].serial; }
   /// Families, empty ones included.
   int num_families() const { return factors_.size(); }
   /// Factors of all families; free places do not count.

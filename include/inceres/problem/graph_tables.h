@@ -56,6 +56,7 @@ struct VariableRecord {
   static VariableRecord Borrowed(const double* values, int ambient_size);
 
   std::int64_t offset = 0;  // into the state, or -1
+  std::int64_t serial = 0;  // as FactorGraph::VariableSerial
   const double* borrowed = nullptr;
   std::shared_ptr<const Manifold> manifold;
   int ambient_size = 0;
@@ -74,6 +75,7 @@ class INCERES_EXPORT VariableTable {
   int size() const { return static_cast<int>(records_.size()); }
   int num_removed() const { return num_removed_; }
   int num_grouped() const { return num_grouped_; }
+  std::int64_t num_added() const { return num_added_; }
   bool Has(VariableId id) const { return id >= 0 && id < size() && !(*this)[id].removed; }
   const VariableRecord& operator[](VariableId id) const { return records_[IndexOf(id)]; }
   const std::vector<double>& state() const { return state_; }
@@ -120,6 +122,7 @@ class INCERES_EXPORT VariableTable {
   std::map<VariableId, VariableBounds> bounds_;     // of the bounded ones
   std::map<VariableId, std::vector<double>> pins_;  // of the pinned ones
   std::map<int, std::vector<VariableId>> free_;     // by Key; the last one is given out first
+  std::int64_t num_added_ = 0;                      // ever, under whatever id
   int num_removed_ = 0;
   int num_grouped_ = 0;  // in another group than 0
 };
