@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Installs what is missing, builds everything and runs all tests. From any directory, from a fresh clone. Exit code 0: all passed.
 #
-#   tools/test.sh [--preset default|dev|asan|tsan] [--target NAME]... [--tests REGEX] [--without REGEX] [--benchmarks]
-#                 [--warnings-as-errors] [--unity] [--no-install] [--together]
+#   tools/test.sh [--preset default|dev|asan|tsan] [--target NAME]... [--tests REGEX] [--without REGEX] [--without-folders REGEX]
+#                 [--benchmarks] [--warnings-as-errors] [--unity] [--no-install] [--together]
 #
-# --tests and --without choose among the names that `ctest --preset NAME --show-only` prints; --target builds no more than these;
-# --together runs many tests of a program in one process (tools/test_together.py), as sanitized processes take long to start.
+# --tests and --without choose among the names that `ctest --preset NAME --show-only` prints, --without-folders among the folders of
+# tests/, which are the tests' labels; --target builds no more than these; --together runs many tests of a program in one process
+# (tools/test_together.py), as sanitized processes take long to start.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -19,6 +20,7 @@ while (($# > 0)); do
     --target) build_options+=(--target "${2:?--target needs a name}"); shift ;;
     --tests) test_options+=(--tests-regex "${2:?--tests needs a regular expression}"); shift ;;
     --without) test_options+=(--exclude-regex "${2:?--without needs a regular expression}"); shift ;;
+    --without-folders) test_options+=(--label-exclude "${2:?--without-folders needs a regular expression}"); shift ;;
     --together) together=yes ;;
     --benchmarks | --warnings-as-errors | --unity | --no-install) build_options+=("$1") ;;
     --help) sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"; exit 0 ;;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs the tests of a preset as ctest would, but GoogleTest's many to a process.
 
-    tools/test_together.py PRESET [--tests-regex REGEX] [--exclude-regex REGEX] [--size N]
+    tools/test_together.py PRESET [--tests-regex REGEX] [--exclude-regex REGEX] [--label-exclude REGEX] [--size N]
 
 With a sanitizer a process takes longer to start than most tests do. Tests of one program run in one process, --size of them
 at most; all others are left to ctest. What a process that failed printed is printed, and is added to ctest's LastTest.log, the
@@ -24,11 +24,9 @@ KEPT = {"ENVIRONMENT", "WORKING_DIRECTORY"}
 TIMEOUT = 1500  # seconds of a process: ctest's own for a test
 
 
-def tests_of(preset, tests, without):
-    """What ctest would run, in its own words."""
-    command = ["ctest", "--preset", preset, "--show-only=json-v1"]
-    command += ["--tests-regex", tests] if tests else []
-    command += ["--exclude-regex", without] if without else []
+def tests_of(preset, choice):
+    """What ctest would run with these options, in its own words."""
+    command = ["ctest", "--preset", preset, "--show-only=json-v1", *choice]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["tests"]
 
 
@@ -95,11 +93,15 @@ def main():
     """What the head of this file says."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("preset")
-    parser.add_argument("--tests-regex", help="only tests whose names match")
-    parser.add_argument("--exclude-regex", help="without tests whose names match")
+    choices = {"--tests-regex": "only tests whose names match", "--exclude-regex": "without tests whose names match",
+               "--label-exclude": "without tests that have a label that matches"}
+    for option, what in choices.items():
+        parser.add_argument(option, help=what)
     parser.add_argument("--size", type=int, default=40, help="tests of a process, at most")
     options = parser.parse_args()
-    parts, others = group(tests_of(options.preset, options.tests_regex, options.exclude_regex), options.size)
+    given = ((option, getattr(options, option[2:].replace("-", "_"))) for option in choices)
+    choice = [word for option, value in given if value for word in (option, value)]
+    parts, others = group(tests_of(options.preset, choice), options.size)
     if not parts and not others:
         sys.exit(f"no test of preset {options.preset} was chosen")
     code = 0
