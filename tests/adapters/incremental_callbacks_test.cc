@@ -140,7 +140,8 @@ TEST(IncrementalCallbacks, SeeEveryIterationAndUntouchedMemory) {
 
 // Powell's function down to the last digit: more iterations than incremental steps are given.
 struct Endless {
-  Endless() {
+  explicit Endless(const SessionOptions& session_options = Bench::OptionsFor(Way::kIncremental))
+      : session(session_options) {
     options.logging_type = ceres::SILENT;
     options.max_num_iterations = 200;
     options.function_tolerance = 0.0;
@@ -156,7 +157,7 @@ struct Endless {
 
   std::unique_ptr<TestProblem> test = testing::MakePowell();
   Options options;
-  CeresSession session{Bench::OptionsFor(Way::kIncremental)};
+  CeresSession session;
   SolveReport report;
   ceres::Solver::Summary summary;
   Blocks start;
@@ -178,9 +179,27 @@ TEST(IncrementalCallbacks, SeeASolveOfTwoPartsAsOne) {
     EXPECT_EQ(summary.iterations[i].iteration, static_cast<int>(i));
     EXPECT_EQ(recorder.iterations[i].iteration, static_cast<int>(i));
     EXPECT_EQ(recorder.iterations[i].cost, summary.iterations[i].cost);
+    EXPECT_EQ(recorder.memory[i], bench.start) << i;
   }
   EXPECT_EQ(summary.iterations.front().cost, summary.initial_cost);
   EXPECT_NEAR(CostOf(bench.test.get()), summary.final_cost, 1e-9 * summary.final_cost);
+}
+
+// The budget is spent in the part that begins from the start again: nothing follows it.
+TEST(IncrementalCallbacks, TheWorkBudgetEndsASolveBetweenItsParts) {
+  Endless whole;
+  whole.Solve();
+  const std::int64_t all =
+      whole.report.update.num_evaluated_factors + whole.report.update.num_relinearized_factors;
+  for (std::int64_t budget = all / 20; budget < all; budget += all / 20) {
+    SCOPED_TRACE(budget);
+    SessionOptions session_options = Bench::OptionsFor(Way::kIncremental);
+    session_options.core.max_factor_evaluations = budget;
+    Endless bench(session_options);
+    const ceres::Solver::Summary& summary = bench.Solve();
+    EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE) << summary.message;
+    EXPECT_NEAR(CostOf(bench.test.get()), summary.final_cost, 1e-9 * summary.final_cost);
+  }
 }
 
 // A user's word ends the solve in its second part as in its first: with the values he saw, or with

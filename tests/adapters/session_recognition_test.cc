@@ -335,6 +335,59 @@ TEST(SessionRecognition, WhatIsRevisedWhileItsBlockIsMovedIsNotTakenForWhatItWas
   }
 }
 
+// What a callback has made of a cost function is another function than the solver has linearized,
+// though it is the same after the solve as before the next.
+TEST(SessionRecognition, WhatIsRevisedWithinASolveIsNotTakenForWhatItWas) {
+  ceres::Problem problem(Borrowing());
+  Pull a(1.0, 1.0), b(0.0, 1.0), c(5.0, 1.0);
+  double x = 3.0;
+  problem.AddResidualBlock(&a, nullptr, &x);
+  problem.AddResidualBlock(&b, nullptr, &x);
+  Session session;
+  session.Solve(&problem);
+  EXPECT_NEAR(x, 0.5, 1e-6);
+  problem.AddResidualBlock(&c, nullptr, &x);
+  class Revise : public ceres::IterationCallback {
+   public:
+    explicit Revise(Pull* pull) : pull_(pull) {}
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary& iteration) override {
+      if (iteration.iteration == 0) {
+        return ceres::SOLVER_CONTINUE;
+      }
+      pull_->weight = 0.1;
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    }
+
+   private:
+    Pull* pull_;
+  } revise(&b);
+  ceres::Solver::Options options;
+  options.callbacks = {&revise};
+  session.Solve(&problem, options);
+  EXPECT_NEAR(x, 2.0, 1e-3) << "one damped step";
+  session.Solve(&problem);
+  EXPECT_NEAR(x, 6.0 / 2.01, 1e-6);
+  EXPECT_EQ(session.changes().num_replaced_factors, 1);
+  EXPECT_NEAR(session.summary.initial_cost, 0.5 * (1.0 + 0.04 + 9.0), 1e-3);
+}
+
+TEST(SessionRecognition, AFixedResidualBlockThatFailsIsNamedAsByCeres) {
+  ceres::Problem problem(Borrowing());
+  Pull a(1.0, 1.0), fixed(0.0, 1.0);
+  fixed.fails = true;
+  double x = 3.0, y = 1.0;
+  problem.AddResidualBlock(&a, nullptr, &x);
+  problem.AddResidualBlock(&fixed, nullptr, &y);
+  problem.SetParameterBlockConstant(&y);
+  Session session;
+  session.Solve(&problem);
+  EXPECT_EQ(session.summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(session.summary.message.find("removal of fixed residual blocks"), std::string::npos)
+      << session.summary.message;
+  EXPECT_EQ(session.summary.num_parameter_blocks_reduced, -1);
+  EXPECT_EQ(x, 3.0);
+}
+
 // Losses.
 
 TEST(SessionRecognition, TheSameLossWithOtherContentsAndAnotherLoss) {

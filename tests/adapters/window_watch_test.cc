@@ -85,6 +85,50 @@ TEST(WindowWatch, AWindowThatSlidesStaysExact) {
   }
 }
 
+// The states of a window lie in an array, and the next one takes the place of the one removed.
+TEST(WindowWatch, AWindowThatSlidesInPlaceStaysExact) {
+  constexpr std::size_t kStates = 5;
+  std::vector<std::vector<double>> places(kStates, std::vector<double>(6, 0.0));
+  const auto place = [&places](int state) {
+    return places[static_cast<std::size_t>(state) % kStates].data();
+  };
+  ceres::Problem problem;
+  WindowWatch watch;
+  ProblemView view;
+  for (int newest = 1; newest < 4 * WindowWatch::kQuietSolves; ++newest) {
+    if (newest >= static_cast<int>(kStates)) {
+      problem.RemoveParameterBlock(place(newest));
+      problem.AddResidualBlock(new Nothing<6>, nullptr, place(newest + 1));
+    }
+    problem.AddResidualBlock(new Nothing<6, 6>, nullptr, place(newest - 1), place(newest));
+    Introspect(problem, &view);
+    EXPECT_TRUE(watch.WantsExact(view)) << newest;
+  }
+}
+
+// Of the same cost functions each time: nothing has slid.
+TEST(WindowWatch, AProblemThatIsBuiltAnewAndGrowsIsNotAWindowThatSlides) {
+  std::vector<std::unique_ptr<Nothing<6, 6>>> between;
+  std::vector<std::unique_ptr<std::vector<double>>> states;
+  states.push_back(std::make_unique<std::vector<double>>(6, 0.0));
+  ceres::Problem::Options borrowing;
+  borrowing.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  WindowWatch watch;
+  ProblemView view;
+  bool is_exact = true;
+  for (int solve = 0; solve <= WindowWatch::kQuietSolves; ++solve) {
+    states.push_back(std::make_unique<std::vector<double>>(6, 0.0));
+    between.push_back(std::make_unique<Nothing<6, 6>>());
+    ceres::Problem problem(borrowing);
+    for (std::size_t k = 0; k < between.size(); ++k) {
+      problem.AddResidualBlock(between[k].get(), nullptr, states[k]->data(), states[k + 1]->data());
+    }
+    Introspect(problem, &view);
+    is_exact = watch.WantsExact(view);
+  }
+  EXPECT_FALSE(is_exact);
+}
+
 TEST(WindowWatch, ALargeProblemIsExactOnlyAfterASlide) {
   Chain chain;
   WindowWatch watch;

@@ -11,6 +11,7 @@
 #include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "adapters/ceres/read/user_state.h"
 #include "inceres/ceres/solve.h"
 
 namespace inceres::internal {
@@ -37,6 +38,11 @@ struct SolveInput {
   /// The last iteration of the part of this solve that another solver did, where there is one: it
   /// is this one's start.
   std::optional<int> last_iteration = std::nullopt;
+  /// Where that part has led to elsewhere than the user's memory is to show while this one works:
+  /// put back once the values are read. null: the memory is as it is to be.
+  const StartValues* shown = nullptr;
+  /// That part has found it; none: it is to be evaluated.
+  std::optional<double> fixed_cost = std::nullopt;
   /// ChoosePlan's; null in a session, and where there is nothing to solve for
   std::shared_ptr<const GraphPlan> plan = nullptr;
   /// The same, where nobody else has it: a solver may give back what it no longer needs of it.

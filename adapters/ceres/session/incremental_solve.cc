@@ -57,18 +57,14 @@ Status Follow(const SolveInput& input, IncrementalProblem* living, LandmarkSelec
 bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
               IncrementalProblem* living, ceres::Solver::Summary* summary, SolveReport* report) {
   UpdateResult result;
+  result.fixed_cost = summary->fixed_cost;
   LandmarkSelection landmarks;
   const Status status = Follow(input, living, &landmarks, &result.changes);
   result.landmarks = landmarks;
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
-  const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
   result.num_landmarks = living->num_landmarks();
-  result.fixed_cost = summary->fixed_cost = fixed.cost;
-  if (!fixed.error.empty()) {
-    return Fail(fixed.error, summary);
-  }
   WriteLinearSolver(input.view, input.ordering, landmarks,
                     IncrementalLinearSolver(input.options, input.ordering), summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
@@ -86,14 +82,13 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
 bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_options,
                   ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = IncrementalLinearSolver(input.options, input.ordering);
-  const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
   UpdateResult result;
-  result.fixed_cost = summary->fixed_cost = fixed.cost;
-  if (!fixed.error.empty()) {
-    return Fail(fixed.error, summary);
-  }
+  result.fixed_cost = summary->fixed_cost;
   FactorGraph graph;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &result.landmarks, summary);
+  if (input.shown != nullptr && !input.options.update_state_every_iteration) {
+    input.shown->PutBack();
+  }
   NameVariables(blocks, &graph);
   result.num_landmarks = result.landmarks.num_landmarks;
   result.changes.num_added_variables = static_cast<int>(graph.num_variables());
@@ -137,25 +132,31 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
                         SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = core.num_threads;
-  bool solved = true;
-  if (input.view.reduced.num_parameter_blocks > 0) {
+  FixedCost fixed;
+  fixed.cost = input.fixed_cost.value_or(0.0);
+  if (!input.fixed_cost.has_value()) {
+    fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
+  }
+  summary->fixed_cost = fixed.cost;
+  bool solved = fixed.error.empty();
+  if (!solved) {
+    // As Ceres, which has written nothing yet of what a solve works on.
+    summary->termination_type = ceres::FAILURE;
+    summary->message = fixed.error;
+  } else if (input.view.reduced.num_parameter_blocks > 0) {
     solved = living != nullptr ? Minimize(input, core, living, summary, report)
                                : MinimizeOnce(input, core, summary, report);
   } else {
     // What is living stays as it is: the next solve finds what has changed since.
-    const FixedCost fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
-    summary->fixed_cost = fixed.cost;
     summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
     summary->preprocessor_time_in_seconds = input.clock.Seconds();
-    if (fixed.error.empty()) {
-      WriteNothingToSolve(fixed.cost, summary);
-    } else {
-      solved = Fail(fixed.error, summary);
-    }
+    WriteNothingToSolve(fixed.cost, summary);
     ReportNothingToSolve(input, report);
   }
   const double postprocessor_start = input.clock.Seconds();
-  WriteReduced(input.view, summary);
+  if (fixed.error.empty()) {
+    WriteReduced(input.view, summary);
+  }
   summary->total_time_in_seconds = input.clock.Seconds();
   summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
   return solved;

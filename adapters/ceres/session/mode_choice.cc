@@ -29,7 +29,7 @@ double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
                        kRow * num_frames * iterations;
   const double incremental =
       once + num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
-      kIncrementalJacobians * update.num_relinearized_factors +
+      kIncrementalJacobians * static_cast<double>(update.num_relinearized_factors) +
       kIncrementalResiduals * static_cast<double>(update.num_evaluated_factors) +
       kRow * static_cast<double>(update.num_factored_rows);
   return incremental / exact;

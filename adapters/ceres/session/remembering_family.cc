@@ -27,25 +27,30 @@ RememberingFamily::RememberingFamily(int num_residuals, std::vector<Slot> slots,
 
 EvaluationFailure RememberingFamily::Evaluate(const FactorBatch& batch) const {
   const EvaluationFailure failure = CeresCostFamily::Evaluate(batch);
-  if (remembers_ && batch.jacobians != nullptr) {
+  if (remembers_) {
     for (int i = batch.begin; i < (failure.failed() ? failure.factor : batch.end); ++i) {
       Record(batch, i);
     }
-    if (failure.failed()) {
+    if (failure.failed() && batch.jacobians != nullptr) {
       memory_[At(failure.factor)] = Memory::kNone;
     }
   }
   return failure;
 }
 
-// A proof stays one: of the same function, at other values.
+// Until there is a proof Jacobian calls are recorded, and then what follows it: cost-only calls,
+// unless they say nothing. So the proof is of the function as the solver has seen it last:
+// evaluated after the solve it would be of what the user has made of it meanwhile.
 void RememberingFamily::Record(const FactorBatch& batch, int i) const {
-  if (memory_[At(i)] == Memory::kProof) {
+  const double* const residual = batch.residuals + std::ptrdiff_t{i} * residual_size();
+  const bool is_proof = memory_[At(i)] == Memory::kProof;
+  const bool with_jacobians = batch.jacobians != nullptr;
+  if (is_proof == with_jacobians || (is_proof && SaysNothing(residual))) {
     return;
   }
   CopyValues(batch.parameters + std::ptrdiff_t{i} * num_slots(), Values(i));
-  std::copy_n(batch.residuals + std::ptrdiff_t{i} * residual_size(), residual_size(), Residual(i));
-  memory_[At(i)] = Memory::kLinearized;
+  std::copy_n(residual, residual_size(), Residual(i));
+  memory_[At(i)] = is_proof ? Memory::kProof : Memory::kLinearized;
 }
 
 void RememberingFamily::CopyValues(const double* const* parameters, double* values) const {
@@ -69,26 +74,30 @@ void RememberingFamily::Doubt(int i) {
   }
 }
 
-// Whether a cost-only call says the same as the Jacobian call is asked once. What is recorded then
-// follows the parameters, unless it would prove nothing there.
+// Whether a cost-only call says the same as the Jacobian call is asked once.
 void RememberingFamily::Remember(int i, const double* const* parameters) {
-  if (!remembers_ || memory_[At(i)] == Memory::kNone) {
+  if (!remembers_ || memory_[At(i)] != Memory::kLinearized) {
     return;
   }
-  if (memory_[At(i)] == Memory::kLinearized) {
-    const bool proves = EvaluateCostOnly(*at(i), Values(i)) && Proves(Residual(i));
-    memory_[At(i)] = proves ? Memory::kProof : Memory::kNone;
-    std::copy(residual_.begin(), residual_.end(), Residual(i));
+  const bool proves = EvaluateCostOnly(*at(i), Values(i)) && Proves(Residual(i));
+  memory_[At(i)] = proves ? Memory::kProof : Memory::kNone;
+  std::copy(residual_.begin(), residual_.end(), Residual(i));
+  if (proves && !HasValues(i, parameters)) {
+    Prove(i, *at(i), parameters);
   }
-  if (memory_[At(i)] == Memory::kNone || HasValues(i, parameters)) {
-    return;
-  }
-  if (!EvaluateCostOnlyAt(*at(i), parameters)) {
-    memory_[At(i)] = Memory::kNone;
-  } else if (!SaysNothing()) {
+}
+
+// What is there recognized is evaluated here, and that is recorded from then on, unless it would
+// prove nothing. False if it cannot be evaluated.
+bool RememberingFamily::Prove(int i, const ceres::CostFunction& cost,
+                              const double* const* parameters) {
+  const bool evaluates = EvaluateCostOnlyAt(cost, parameters) && IsFinite();
+  memory_[At(i)] = evaluates ? memory_[At(i)] : Memory::kNone;
+  if (evaluates && !SaysNothing(residual_.data())) {
     CopyValues(parameters, Values(i));
     std::copy(residual_.begin(), residual_.end(), Residual(i));
   }
+  return evaluates;
 }
 
 bool RememberingFamily::HasValues(int i, const double* const* parameters) const {
@@ -109,7 +118,7 @@ bool RememberingFamily::Recognize(int i, const ceres::CostFunction* cost,
                                   const double* const* parameters) {
   return remembers_ && memory_[At(i)] == Memory::kProof && EvaluateCostOnly(*cost, Values(i)) &&
          std::memcmp(residual_.data(), Residual(i), residual_.size() * sizeof(double)) == 0 &&
-         (HasValues(i, parameters) || (EvaluateCostOnlyAt(*cost, parameters) && IsFinite()));
+         (HasValues(i, parameters) || Prove(i, *cost, parameters));
 }
 
 // The result is in residual_.
@@ -128,8 +137,8 @@ bool RememberingFamily::EvaluateCostOnlyAt(const ceres::CostFunction& cost,
 }
 
 // A NaN says no more than zero does.
-bool RememberingFamily::SaysNothing() const {
-  return !std::any_of(residual_.begin(), residual_.end(),
+bool RememberingFamily::SaysNothing(const double* residual) const {
+  return !std::any_of(residual, residual + residual_size(),
                       [](double r) { return std::fabs(r) > 0.0; });
 }
 

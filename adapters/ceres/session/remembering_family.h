@@ -14,8 +14,9 @@ namespace inceres::internal {
 ///
 /// Recognition compares cost-only calls with each other: a Jacobian call may round differently
 /// (AutoDiff divides otherwise than plain doubles do). So Remember, after a solve, evaluates
-/// cost-only, first where the first Jacobian call was, and from then on where solves have ended;
-/// Recognize, before the next one, does so again. There, and not where Jacobians are from, values
+/// cost-only where the first Jacobian call was, and there where the solve has ended; later solves
+/// record what their own cost-only calls say, the last of which is mostly where they end; and
+/// Recognize, before the next one, evaluates again. There, and not where Jacobians are from, values
 /// are to be had for the next solve as they stand.
 ///
 /// Threads: Evaluate as any family, on disjoint ranges; the rest from one thread. Memory per place:
@@ -53,8 +54,9 @@ class RememberingFamily final : public CeresCostFamily {
   void CopyValues(const double* const* parameters, double* values) const;
   bool HasValues(int i, const double* const* parameters) const;
   bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
+  bool Prove(int i, const ceres::CostFunction& cost, const double* const* parameters);
   bool EvaluateCostOnlyAt(const ceres::CostFunction& cost, const double* const* parameters);
-  bool SaysNothing() const;
+  bool SaysNothing(const double* residual) const;
   bool IsFinite() const;
   bool Proves(const double* with_jacobians) const;
 

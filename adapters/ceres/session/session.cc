@@ -105,9 +105,10 @@ class CeresSession::Impl {
     int max_iterations = 0;
     bool as_ceres = false;  // by its iterates, and its rules
   };
-  Part GoOnInBatch(const internal::SolveInput& input, const Descent& descent, SolveReport* report,
+  Part GoOnInBatch(const internal::SolveInput& input, const Descent& descent,
+                   const internal::StartValues& start, SolveReport* report,
                    ceres::Solver::Summary* summary);
-  void SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
+  bool SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
   std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
   bool IsMostlyNew(double num_residual_blocks, double num_known) const {
@@ -156,9 +157,10 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
   internal::StartValues start(view);
   if (options.automatic && RemembersLittle(core)) {
-    SolveExactlyFor("auto: most of the problem is not remembered", call, &input);
-    // It calls the user's code after the solve, and an exception may come of that.
-    BeginToRemember(call, input, core);
+    if (SolveExactlyFor("auto: most of the problem is not remembered", call, &input)) {
+      // It calls the user's code after the solve, and an exception may come of that.
+      BeginToRemember(call, input, core);
+    }
     start.Keep();
     return;
   }
@@ -198,14 +200,20 @@ bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
          input.clock.Seconds() < input.options.max_solver_time_in_seconds;
 }
 
-// The batch solver, from the values in the user's memory. What is remembered stays, and finds the
-// values changed.
+// The batch solver, from the values in the user's memory, which shows the start again meanwhile, as
+// in a solve of one part. What is remembered stays, and finds the values changed.
 CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input,
                                                          const Descent& descent,
+                                                         const internal::StartValues& start,
                                                          SolveReport* report,
                                                          ceres::Solver::Summary* summary) {
+  if (NumEvaluations(report->update) >= options.core.max_factor_evaluations) {
+    return Part::kNone;
+  }
   internal::SolveInput again{input.options, view, input.ordering, input.clock};
   again.asked = input.asked;
+  again.shown = &start;
+  again.fixed_cost = summary->fixed_cost;
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
   if (!internal::ChoosePlan(internal::TypeToPlanIncrementally(input.options, input.ordering),
                             &again)
@@ -213,6 +221,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
     return Part::kNone;  // no memory for it
   }
   has_view = false;  // the batch solver's graph takes its place
+  internal::StartValues reached(view);
   ceres::Solver::Summary first;
   std::swap(first, *summary);
   const SolveReport before = *report;
@@ -229,6 +238,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
     *report = before;
     return Part::kNone;
   }
+  reached.Keep();
   internal::Prepend(first, summary);
   report->changes = before.changes;
   report->callback_seconds += before.callback_seconds;
@@ -262,13 +272,13 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
     const Descent only{
         IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
         iterations_left()};
-    return GoOnInBatch(input, only, report, summary) != Part::kAborted;
+    return GoOnInBatch(input, only, start, report, summary) != Part::kAborted;
   }
   bool has_end = false;  // without a proof
   if (GainedLately(*summary) <= Tolerance(input, *report)) {
     const Descent near{kGoOn, iterations_left() / 2};
     const int others_left = iterations_left() - near.max_iterations;
-    const Part part = GoOnInBatch(input, near, report, summary);
+    const Part part = GoOnInBatch(input, near, start, report, summary);
     if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
       return part != Part::kAborted;
     }
@@ -284,7 +294,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   start.PutBack();
   Look(problem);
   const Descent anew{core.batch_strategy, iterations_left() / 2, /*as_ceres=*/true};
-  const Part part = GoOnInBatch(input, anew, report, summary);
+  const Part part = GoOnInBatch(input, anew, start, report, summary);
   if (part == Part::kAborted) {
     return false;
   }
@@ -308,7 +318,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   Look(problem);
   const Descent last{kGoOn, iterations_left()};
-  return GoOnInBatch(input, last, report, summary) != Part::kAborted;
+  return GoOnInBatch(input, last, start, report, summary) != Part::kAborted;
 }
 
 // Empty: the solve is to be incremental.
@@ -322,19 +332,23 @@ std::string CeresSession::Impl::ReasonForExact(const ceres::Solver::Options& sol
   return options.automatic && choice.WantsExact() ? choice.reason() : "";
 }
 
-// What was remembered is out of date then, and takes memory.
-void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
+// What was remembered is out of date then, and takes memory. False if it was declined: what exact
+// mode cannot do was not asked for a solve that was to be incremental.
+bool CeresSession::Impl::SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                                          internal::SolveInput* input) {
   living.reset();
   has_view = false;  // an exact solve empties it
-  std::string too_much = internal::DenseQrObstacle(input->options, input->view, input->ordering);
-  if (too_much.empty()) {
-    too_much =
+  std::string obstacle = internal::OptionsObstacle(input->options);
+  if (obstacle.empty()) {
+    obstacle = internal::DenseQrObstacle(input->options, input->view, input->ordering);
+  }
+  if (obstacle.empty()) {
+    obstacle =
         internal::ChoosePlan(internal::TypeToPlanFor(input->options, input->ordering), input);
   }
-  if (!too_much.empty()) {
-    internal::Decline(call, too_much);
-    return;
+  if (!obstacle.empty()) {
+    internal::Decline(call, obstacle);
+    return false;
   }
   // Told by their number: where as many have gone as have come, all of them are taken for known.
   const int num_moving = input->view.reduced.num_residual_blocks;
@@ -342,6 +356,7 @@ void CeresSession::Impl::SolveExactlyFor(const std::string& reason, const intern
   internal::SolveExactly(*input, call.summary, call.report);
   call.report->exact_reason = reason;
   choice.NoteExact(*call.summary, mostly_new);
+  return true;
 }
 
 std::unique_ptr<internal::IncrementalProblem> CeresSession::Impl::NewLiving(
@@ -365,7 +380,7 @@ bool CeresSession::Impl::RemembersLittle(const IncrementalOptions& core) const {
 void CeresSession::Impl::BeginToRemember(const internal::SolveCall& call,
                                          const internal::SolveInput& input,
                                          const IncrementalOptions& core) {
-  if (call.report->used_stock || !choice.IsToRemember()) {
+  if (!choice.IsToRemember()) {
     return;
   }
   Look(*call.problem);

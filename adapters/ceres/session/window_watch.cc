@@ -23,14 +23,30 @@ void Mix(std::size_t* hash, std::size_t value) {
   *hash ^= value + 0x9e3779b97f4a7c15U + (*hash << 6) + (*hash >> 2);
 }
 
-std::size_t HashOf(const ProblemView& view, int r) {
-  const ResidualBlockView& residual = view.residuals[At(r)];
-  std::size_t hash = std::hash<const void*>()(view.ids[At(r)]);
-  Mix(&hash, std::hash<const void*>()(residual.cost));
+// What of a residual block stays where a problem is built anew of the same cost functions.
+std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
+  std::size_t hash = std::hash<const void*>()(residual.cost);
   for (int s = 0; s < residual.num_slots; ++s) {
     Mix(&hash, std::hash<const void*>()(view.block(view.SlotsOf(residual)[s]).values));
   }
   return hash;
+}
+
+// Whether a state is gone, though another may have its address: it had bonds, and none is there any
+// more. Both ascend.
+template <typename Bonds>
+bool AnyLostAll(const Bonds& before, const Bonds& now) {
+  for (auto state = before.begin(); state != before.end();) {
+    const auto end = std::find_if(state, before.end(),
+                                  [state](const auto& bond) { return bond.first != state->first; });
+    if (std::none_of(state, end, [&now](const auto& bond) {
+          return std::binary_search(now.begin(), now.end(), bond);
+        })) {
+      return true;
+    }
+    state = end;
+  }
+  return false;
 }
 
 }  // namespace
@@ -79,6 +95,7 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
   }
   std::sort(states_now_.begin(), states_now_.end());
   links_now_.clear();
+  bonds_now_.clear();
   bool has_new_link = false;
   for (const int r : view.moving) {
     const ResidualBlockView& residual = view.residuals[At(r)];
@@ -87,17 +104,25 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
                      [&](int b) { return is_state(view.block(b)); })) {
       continue;
     }
-    links_now_.push_back(HashOf(view, r));
+    const std::size_t bond = HashOf(view, residual);
+    for (int s = 0; s < residual.num_slots; ++s) {
+      bonds_now_.emplace_back(view.block(slots[s]).values, bond);
+    }
+    links_now_.push_back(bond);
+    Mix(&links_now_.back(), std::hash<const void*>()(view.ids[At(r)]));
     const bool all_old = std::all_of(slots, slots + residual.num_slots, [&](int b) {
       return std::binary_search(states_.begin(), states_.end(), view.block(b).values);
     });
     has_new_link |= all_old && !std::binary_search(links_.begin(), links_.end(), links_now_.back());
   }
   std::sort(links_now_.begin(), links_now_.end());
+  std::sort(bonds_now_.begin(), bonds_now_.end());
   const bool any_gone =
-      !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end());
+      !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end()) ||
+      AnyLostAll(bonds_, bonds_now_);
   states_.swap(states_now_);
   links_.swap(links_now_);
+  bonds_.swap(bonds_now_);
   return any_gone && has_new_link;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include <ceres/problem.h>
@@ -20,7 +21,9 @@ bool IsOfWindowSize(const ceres::Problem& problem);
 ///
 /// A window has slid if, since the last look, a state was removed and a residual block has come
 /// that touches states which were there before and nothing else, as a prior does. A state is a
-/// block with more than four tangent unknowns, or any block where none has more.
+/// block with more than four tangent unknowns, or any block where none has more. Another state may
+/// have its memory, as where a window's states lie in an array: one counts as removed also where
+/// none is left of the residual blocks between it and other states.
 class WindowWatch {
  public:
   /// Solves in a row without a slide after which a problem of a window's size counts as one that
@@ -39,8 +42,11 @@ class WindowWatch {
   std::vector<const double*> states_;
   // of residual blocks that touch states only: hashes of what they are
   std::vector<std::size_t> links_;
+  // each of these with each of its states
+  std::vector<std::pair<const double*, std::size_t>> bonds_;
   std::vector<const double*> states_now_;
   std::vector<std::size_t> links_now_;
+  std::vector<std::pair<const double*, std::size_t>> bonds_now_;
   int num_quiet_ = 0;
   bool slides_ = false;
   bool begun_ = false;
