@@ -61,6 +61,12 @@ DampedSquares ActiveVariables::FindDampedSquares(double mu, double lambda) const
   return sums;
 }
 
+void ActiveVariables::Stretch(std::int32_t landmark, double t) {
+  const IncrementalSchur::Landmark& stretched = schur_.landmarks()[landmark];
+  double* const begin = step(stretched.quad);
+  std::for_each(begin, begin + stretched.size, [t](double& entry) { entry *= t; });
+}
+
 void ActiveVariables::LeaveOut(std::int32_t landmark) {
   landmarks_.Remove(landmark);
   std::fill_n(step(schur_.landmarks()[landmark].quad), schur_.landmarks()[landmark].size, 0.0);

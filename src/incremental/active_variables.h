@@ -67,6 +67,8 @@ class ActiveVariables {
   /// What damping takes part with, if that of the frames is μ, and that of landmarks which are
   /// eliminated now λ.
   DampedSquares FindDampedSquares(double mu, double lambda) const;
+  /// The landmark's step becomes t times itself.
+  void Stretch(std::int32_t landmark, double t);
   /// The landmark stays where it is after all.
   void LeaveOut(std::int32_t landmark);
   /// Nothing moves.

@@ -52,10 +52,9 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepO
   // because steps are short.
   const bool claims =
       options_.batch_share > 0.0 && (blurred || (SeesEnough() && (series || nothing)));
-  // Where nothing comes after the claim, a step that is worth it is tried first: near a saddle, or
-  // where the cost is less curved than its model, it gains more than it has promised.
-  tries_claim_ = claims && end_ == BatchEnd::kToTheEnd && !blurred &&
-                 promise > tuning_.no_gain_share * Tolerance(cost);
+  // A step that is worth it is tried first: near a saddle, or where the cost is less curved than
+  // its model, it gains more than it has promised.
+  tries_claim_ = claims && !blurred && promise > tuning_.no_gain_share * Tolerance(cost);
   num_refusing_ = origin.num_refusing;
   settled_ = claims && !tries_claim_;
   if (hold_.on) {

@@ -12,6 +12,7 @@ void EarlierFactor::Begin(bool alone) {
 }
 
 void EarlierFactor::End(bool converged) {
+  left_ = HUGE_VAL;
   if (converged) {
     left_ = context_.summary->remaining_decrease;
     left_at_cost_ = context_.system.cost();

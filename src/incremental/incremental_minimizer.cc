@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/stopwatch.h"
 
@@ -29,6 +30,11 @@ Tuning::Stop StopRulesFor(const IncrementalSystem& system, const IncrementalOpti
     rules.factor_growth = HUGE_VAL;  // nothing of the model is asked to be borne out by steps
   }
   return rules;
+}
+
+// Of a step that was tried (StepAttempts): whether it has a cost.
+bool IsEvaluated(const UpdateIteration& row) {
+  return row.cost_change > -std::numeric_limits<double>::max();
 }
 
 }  // namespace
@@ -152,13 +158,6 @@ Status IncrementalMinimizer::FactorizeAnew() {
   return linearized.ok() ? frame_solve_.FactorizeAnew() : linearized;
 }
 
-bool IncrementalMinimizer::IsLittleLeft(double landmark_gain) {
-  const double remaining = context_.summary->remaining_decrease;
-  // Whoever judges refusals later wants to know what was left at the floor.
-  context_.control.Sees(remaining);
-  return context_.IsLittleLeft(remaining, landmark_gain);
-}
-
 // A claim of convergence is made as early as possible: from what is known without a factorization,
 // then from R with one but without the step, at last from the step. Each goes to ClaimConvergence,
 // which may send the loop on.
@@ -214,8 +213,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     solved = frame_solve_.Factorize();
     sees_left = solved.ok() && frame_solve_.SeesLeft(landmark_gain);
   }
-  if (sees_left && IsLittleLeft(landmark_gain)) {
-    return Verdict::kConverged;
+  double& remaining = context_.summary->remaining_decrease;
+  // Not by the factor of before, which was asked, and saw more than it may leave.
+  if (sees_left && earlier != EarlierFactor::Verdict::kStep) {
+    context_.control.Sees(remaining);
+    if (context_.IsLittleLeft(remaining, landmark_gain)) {
+      return Verdict::kConverged;
+    }
   }
   // With kStep the factor of before gives the step, and `solved` is still OK.
   solved = solved.ok() ? frame_solve_.Solve() : solved;
@@ -227,9 +231,13 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     return Verdict::kFailed;
   }
   if (!sees_left) {
-    context_.summary->remaining_decrease = frame_solve_.step().AddGain(landmark_gain);
+    remaining = frame_solve_.step().AddGain(landmark_gain);
     // Of a system that was not solved to the end all there is to gain is not known.
-    if (IsLittleLeft(landmark_gain) && frame_solve_.step().work().converged) {
+    const bool is_known = frame_solve_.step().work().converged;
+    if (is_known) {
+      context_.control.Sees(remaining);
+    }
+    if (context_.IsLittleLeft(remaining, landmark_gain) && is_known) {
       return Verdict::kConverged;
     }
   }
@@ -250,10 +258,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   TrialStep& step = context_.system.step();
   step.Reject();
   // Where fresh Jacobians promise so little, and not even that is kept, or the cost does not change
-  // at all, there is nothing to be had by more damping.
+  // at all, there is nothing to be had by more damping. A step that could not be evaluated tells
+  // nothing.
   const bool in_vain =
       !refreshed && !context_.control.IsDampedHard() && frame_solve_.step().work().converged &&
-      !step.is_cut_off() &&
+      !step.is_cut_off() && IsEvaluated(context_.row()) &&
       context_.stop.IsVain(remaining, context_.row().cost_change, context_.system.cost());
   // The same trust rule as for a claim: aged Jacobians may be why nothing is promised.
   if (!in_vain || context_.relinearization.RefreshAged(context_.Tolerance())) {
@@ -272,7 +281,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // anew, then landmarks, which are eliminated anew.
   context_.row().refreshed =
       context_.relinearization.RefreshAged(context_.stop.ErrorAllowed(context_.system.cost()));
-  if (context_.row().refreshed || context_.control.RelaxOnce()) {
+  if (context_.row().refreshed || context_.control.RelaxOnce(context_.Tolerance())) {
     return Verdict::kGoOn;
   }
   if (!context_.control.IsDampedHard()) {
@@ -373,7 +382,7 @@ void IncrementalMinimizer::SelectActive(double remaining) {
 // the factor of S from before it may be asked. A shortened step, or one that bounds cut off,
 // promised something else than what was seen left, so it tells nothing of the series.
 void IncrementalMinimizer::NoteStep(double gain_ratio) {
-  context_.control.Accept(gain_ratio, context_.row().shortened);
+  context_.control.Accept(gain_ratio, context_.row().cost_change, context_.row().shortened);
   const bool shortened = context_.row().shortened || context_.system.step().is_cut_off();
   // The norm of the rest is a pass over all frames.
   if (context_.options.parameter_tolerance > 0.0) {
@@ -404,7 +413,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::Retreat(bool refreshed) {
   }
   // Where S had no factor there was no step, and what is left is that of another damping.
   const bool tried = row.step == UpdateStep::kFrames;
-  // it could not be evaluated
+  // it could not be evaluated, or promised nothing
   const bool blindly = tried && !(row.model_cost_change > 0.0);
   StepControl& control = context_.control;
   const bool may_go_on =

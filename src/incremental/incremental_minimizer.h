@@ -32,7 +32,13 @@ class IncrementalMinimizer {
            static_cast<std::int64_t>(context_.active.Bytes() + new_frames_.Bytes());
   }
   /// For the next Minimize; who solves the reduced system stays.
-  void SetOptions(const IncrementalOptions& options) { context_.options = options; }
+  /// `claims_hold`: what was claimed by the options of before holds by these.
+  void SetOptions(const IncrementalOptions& options, bool claims_hold) {
+    context_.options = options;
+    if (!claims_hold) {
+      earlier_factor_.End(/*converged=*/false);
+    }
+  }
 
   /// Minimizes until what is left undone is below the tolerance, or a limit, `stop` or the trace's
   /// observer says so. On failure the system is incomplete. `mostly_new`: far from the minimum,
@@ -61,7 +67,6 @@ class IncrementalMinimizer {
   void NoteDampedSquares();
   double Negligible() const;
   void SelectActive(double remaining);
-  bool IsLittleLeft(double landmark_gain);
   void NoteStep(double gain_ratio);
   Verdict Retreat(bool refreshed);
 

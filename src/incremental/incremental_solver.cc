@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <new>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -61,6 +63,21 @@ bool OnlyAdds(const GraphEdit& edit, const std::vector<internal::IncrementalFami
          edit.pins().empty() && edit.bounds().empty();
 }
 
+// Whether what has converged by these options has by the others, too: tolerances may be looser, and
+// what else a claim rests on is the same.
+bool IsAsStrict(const IncrementalOptions& these, const IncrementalOptions& others) {
+  const auto rests_on = [](const IncrementalOptions& o) {
+    return std::make_tuple(o.min_relative_decrease, o.min_damping, o.claim_damping_share,
+                           o.max_damping, o.batch_share, o.batch_strategy, o.damping,
+                           o.relinearization, o.relinearization_share, o.relinearization_step,
+                           o.max_landmark_refinements);
+  };
+  return these.function_tolerance <= others.function_tolerance &&
+         these.gradient_tolerance <= others.gradient_tolerance &&
+         these.parameter_tolerance <= others.parameter_tolerance &&
+         these.fixed_cost >= others.fixed_cost && rests_on(these) == rests_on(others);
+}
+
 }  // namespace
 
 // The graph's state follows the values held now.
@@ -110,11 +127,8 @@ void IncrementalSolver::Impl::Restart() {
 }
 
 void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
-  // What has converged by stricter options has by looser ones.
-  converged_ = converged_ && options.function_tolerance >= options_.function_tolerance &&
-               options.gradient_tolerance >= options_.gradient_tolerance &&
-               options.parameter_tolerance >= options_.parameter_tolerance &&
-               options.fixed_cost <= options_.fixed_cost;
+  const bool claims_hold = IsAsStrict(options_, options);
+  converged_ = converged_ && claims_hold;
   IncrementalOptions taken = options;
   // Threads and the reduced solver belong to what was built by the constructor.
   taken.num_threads = options_.num_threads;
@@ -123,7 +137,7 @@ void IncrementalSolver::Impl::SetOptions(const IncrementalOptions& options) {
   options_ = std::move(taken);
   valid_ = options_.Validate();
   if (live != nullptr) {
-    minimizer_->SetOptions(options_);
+    minimizer_->SetOptions(options_, claims_hold);
   }
 }
 
@@ -205,17 +219,6 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   return outcome.finished;
 }
 
-// From the values an Update with an observer began with, as if nothing had ever been computed for
-// them.
-// start_state_ has the values of all variables; what was cached belongs to others.
-void IncrementalSolver::Impl::PutBackStart() {
-  graph.mutable_state() = start_state_;
-  undamped_ = nullptr;
-  live.reset();
-  edited_ = true;
-  in_batch_ = false;
-}
-
 void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
   Clear(summary);
   internal::UpdateListeners listeners(options_, observer);
@@ -224,7 +227,7 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     summary->message = valid_.message;
     return;
   }
-  // Without an edit since, the same Update would find the same: it has one row and no work.
+  // Without an edit since, the same Update would find the same.
   if (converged_) {
     changed_rows_.clear();
     summary->termination = Termination::kConvergence;
@@ -242,12 +245,10 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
     if (summary->termination == Termination::kFailure && live != nullptr) {
       Restart();
     } else if (summary->termination == Termination::kUserFailure) {
-      cost_ = summary->initial_cost;
-      PutBackStart();
+      Abandon(summary->initial_cost, &trace);
     }
-    // There is no factor to take covariances from.
-    edited_ = summary->termination == Termination::kFailure ||
-              summary->termination == Termination::kUserFailure;
+    // there is no factor to take covariances from
+    edited_ = !summary->IsSolutionUsable();
     summary->bytes = live != nullptr ? live->Bytes() + minimizer_->Bytes() : 0;
   }
   stop = false;  // it was for this Update, whatever came of it
@@ -257,26 +258,42 @@ void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* obs
   summary->seconds = internal::NowInSeconds() - trace.start_seconds();
 }
 
-// What an observer throws passes through, and leaves the values and the cost of before.
+// What the user's code throws passes through. With an observer the values and the cost are those
+// of before; else those of the last step that was taken, for which no copy is needed.
 void IncrementalSolver::Impl::MinimizeOrPutBack(UpdateTrace* trace) {
-  if (!trace->observed()) {
-    Minimize(trace);
-    return;
-  }
-  // The copy to be put back, which only an Update that someone looks on needs.
-  TakeValues();
-  start_state_ = graph.state();
   const double start_cost = cost_;
+  if (trace->observed()) {
+    TakeValues();
+    start_state_ = graph.state();
+  }
   try {
     Minimize(trace);
+  } catch (const std::bad_alloc&) {
+    Abandon(start_cost, trace);
+    trace->summary().termination = Termination::kFailure;
+    trace->summary().message = "Out of memory.";
   } catch (...) {
-    shown_state_ = nullptr;
-    stop = false;
-    held_back_ = false;
-    cost_ = start_cost;
-    PutBackStart();
+    Abandon(start_cost, trace);
     throw;
   }
+}
+
+// As if nothing had ever been computed for the values that stay, which no batch solver has touched.
+void IncrementalSolver::Impl::Abandon(double start_cost, UpdateTrace* trace) {
+  shown_state_ = nullptr;
+  stop = held_back_ = false;
+  if (trace->observed()) {
+    cost_ = start_cost;
+    graph.mutable_state() = start_state_;
+  } else {
+    TakeValues();
+    const auto& rows = trace->summary().iterations;
+    cost_ = !rows.empty() && rows.back().step != UpdateStep::kBatch ? rows.back().cost : cost_;
+  }
+  undamped_ = nullptr;
+  live.reset();
+  edited_ = true;
+  in_batch_ = false;
 }
 
 void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
@@ -288,8 +305,7 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
                                      : graph.num_factors();
   begun_ = true;
   const bool batch_only = options_.batch_share == 0.0;
-  // A share of factors, not a count: the batch solver wins when most of the system would be
-  // replaced.
+  // The batch solver wins when most of the system would be replaced.
   const bool batch = (batch_only || num_new > options_.batch_share * graph.num_factors()) &&
                      internal::TakesBatchPhase(graph);
   bool finished = false;

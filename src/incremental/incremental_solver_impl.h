@@ -51,7 +51,7 @@ class IncrementalSolver::Impl {
   void Restart();
   void Minimize(internal::UpdateTrace* trace);
   bool SolveInBatch(internal::UpdateTrace* trace);
-  void PutBackStart();
+  void Abandon(double start_cost, internal::UpdateTrace* trace);
   Status PrepareAnew(bool factorize);
 
   IncrementalOptions options_;

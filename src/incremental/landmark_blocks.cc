@@ -1,6 +1,9 @@
 #include "incremental/landmark_blocks.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <new>
 
 #include "linear/small_cholesky.h"
 
@@ -210,6 +213,11 @@ std::int32_t LandmarkBlocks::AllocateY(std::int32_t quads) {
     const std::int32_t offset = free_y_[quads].back();
     free_y_[quads].pop_back();
     return offset;
+  }
+  // Targets are twice the offset (PointFactors): Y beyond 32 GiB is as good as no memory.
+  constexpr std::size_t kMostQuads = std::numeric_limits<std::int32_t>::max() / 2;
+  if (Y_.size() / kQuad + static_cast<std::size_t>(quads) > kMostQuads) {
+    throw std::bad_alloc();
   }
   // Y may move by this: nobody holds pointers into it from one call to the next.
   const auto offset = static_cast<std::int32_t>(Y_.size() / kQuad);

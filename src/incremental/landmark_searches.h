@@ -23,6 +23,8 @@ class LandmarkSearches {
   double stretch(std::int32_t landmark) const { return searches_[landmark].stretch; }
   /// Landmarks step together.
   void BeginPass() { left_ = promised_ = 0.0; }
+  /// Of a pass that was given up.
+  void EndUnknown() { left_ = HUGE_VAL; }
   /// What they have left to gain, by the curvatures seen along their steps.
   double left() const { return left_; }
   /// What the models of all of them have promised.

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <new>
 #include <vector>
 
 #include "incremental/padded_vectors.h"
@@ -24,9 +27,14 @@ class SchurSums {
   RowChanges& changes() { return changes_; }
   const RowChanges& changes() const { return changes_; }
 
-  /// Quad offset of a block of S, which is added if it is not there; row ≥ column.
+  /// Quad offset of a block of S, which is added if it is not there; row ≥ column. S beyond 64 GiB
+  /// has none, and is as good as no memory.
   std::int32_t BlockOf(std::int32_t row, std::int32_t column) {
-    return static_cast<std::int32_t>(S_.FindOrAdd(row, column) / kQuad);
+    const std::ptrdiff_t quad = S_.FindOrAdd(row, column) / kQuad;
+    if (quad > std::numeric_limits<std::int32_t>::max()) {
+      throw std::bad_alloc();
+    }
+    return static_cast<std::int32_t>(quad);
   }
 
   /// S gains, or with the sign -1 loses, A_r A_cᵀ at blocks[…], row by row of the lower triangle;

@@ -33,7 +33,7 @@ void StepControl::AdaptRadius(double gain_ratio, double norm) {
 
 // A step that was cut again and again without doing well asks for another direction, which damping
 // gives; so the radius goes and μ grows, to be taken back in part by the line below.
-void StepControl::Accept(double gain_ratio, bool shortened) {
+void StepControl::Accept(double gain_ratio, double gain, bool shortened) {
   num_shortened_ = shortened ? num_shortened_ + 1 : 0;
   if (num_shortened_ >= tuning_.max_shortened_in_row && !IsGood(gain_ratio)) {
     radius_ = HUGE_VAL;
@@ -44,6 +44,7 @@ void StepControl::Accept(double gain_ratio, bool shortened) {
   mu_ = std::max(floor_, mu_ * std::max(1.0 / 3.0, 1.0 - std::pow(2.0 * gain_ratio - 1.0, 3)));
   nu_ = 2.0;
   lowered_ = false;
+  gained_since_floor_ += gain;
   // Evidence from refusals is void once a step was taken at the floor.
   const bool hard = IsDampedHard();
   relaxed_ = relaxed_ && hard;
@@ -62,8 +63,9 @@ bool StepControl::Refuse(double remaining, bool blindly) {
   return mu_ <= max_damping_;
 }
 
-bool StepControl::RelaxOnce() {
-  if (!IsDampedHard() || relaxed_) {
+// What was seen at the floor, and refused there, was of another point once so much has been gained.
+bool StepControl::RelaxOnce(double tolerance) {
+  if (!IsDampedHard() || (relaxed_ && gained_since_floor_ <= tolerance)) {
     return false;
   }
   relaxed_ = true;

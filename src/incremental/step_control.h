@@ -26,7 +26,10 @@ class StepControl {
 
   /// With the damping there is now the model sees this much left.
   void Sees(double remaining) {
-    remaining_at_floor_ = IsDampedHard() ? remaining_at_floor_ : remaining;
+    if (!IsDampedHard()) {
+      remaining_at_floor_ = remaining;
+      gained_since_floor_ = 0.0;
+    }
   }
 
   /// A step of this length was accepted: the radius follows its gain ratio.
@@ -37,15 +40,17 @@ class StepControl {
   /// The damping takes over.
   void GiveUpRadius() { radius_ = HUGE_VAL; }
 
-  /// Nielsen's rule: μ falls to a third at best. `shortened`: by the radius.
-  void Accept(double gain_ratio, bool shortened);
+  /// A step was taken: Nielsen's rule, by which μ falls to a third at best. `shortened`: by the
+  /// radius.
+  void Accept(double gain_ratio, double gain, bool shortened);
   /// μ grows. `blindly`: a cost function refused to evaluate the step. False if it may not grow
   /// further.
   bool Refuse(double remaining, bool blindly);
 
-  /// Before success the damping goes to its floor, once only while no step is taken there: where
-  /// steps are refused it grows again. True if it was lowered.
-  bool RelaxOnce();
+  /// Before success the damping goes to its floor, once only while no step is taken there and those
+  /// taken with more have gained no more than the tolerance together: where steps are refused it
+  /// grows again. True if it was lowered.
+  bool RelaxOnce(double tolerance);
   /// That has been done, steps were refused, and a claim rests on JudgeRefusals.
   bool RefusalsDecide() const { return relaxed_ && IsDampedHard(); }
   /// DampedSquares::like_frames of a step that is taken, or looked at.
@@ -77,6 +82,7 @@ class StepControl {
   double damped_square_ = HUGE_VAL;       // of the step noted last, in this Update
   bool lowered_ = false;                  // below the floor, since a step was taken
   double remaining_at_floor_ = HUGE_VAL;  // what was left when μ was last at its floor
+  double gained_since_floor_ = 0.0;
   // when a step was last refused; infinite: not since one was taken at the floor
   double remaining_when_refused_ = HUGE_VAL;
   double refused_mu_;             // of that step

@@ -4,6 +4,22 @@
 #include <cmath>
 
 namespace inceres::internal {
+namespace {
+
+// Landmarks of one pass, at most, whose steps cannot be evaluated: each costs another evaluation.
+constexpr int kMostRefusals = 16;
+
+// A sum that is not finite: of the factor that makes it so, or of all of them.
+EvaluationFailure WithoutCost(const IncrementalFamily& family,
+                              const std::vector<std::int32_t>& touched) {
+  const auto culprit = std::find_if(touched.begin(), touched.end(), [&family](std::int32_t i) {
+    return !std::isfinite(family.weighed().CandidateCost(i));
+  });
+  return {culprit != touched.end() ? *culprit : touched.front(),
+          "its cost is not finite, or its loss gives it no weight"};
+}
+
+}  // namespace
 
 // A step under trial, with all that follows from it, and with nothing changed until it is accepted.
 // Candidates have their own values, factors their own residuals and q, and what the step does to
@@ -84,8 +100,7 @@ void TrialStep::Move(const Variable& moved) {
   const double* step = active_.step(moved.quad);
   double* candidate = variables_.candidate(moved.id);
   if (!MoveVariable(graph_, moved.id, variables_.current(moved.id), step, candidate)) {
-    // A manifold whose ⊞ fails leaves no candidate.
-    candidate[0] = std::nan("");  // the factors will refuse it
+    candidate[0] = std::nan("");  // where ⊞ fails there is none: the factors will refuse it
   }
   bounds_.Land(moved.id, step);
 }
@@ -174,13 +189,17 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   *predicted_decrease = 0.0;
   for (IncrementalFamily& family : families_) {
     const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
+    EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
+    const double family_change = failure.failed() ? 0.0 : family.weighed().CandidateChange(touched);
+    if (!std::isfinite(family_change)) {
+      failure = WithoutCost(family, touched);
+    }
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_.DescribeFailure(family.id(), failure,
                                                   family.candidate_parameters(failure.factor)));
     }
-    *change += family.weighed().CandidateChange(touched);
+    *change += family_change;
     *predicted_decrease += family.TryStep(touched, active_.step().data(), schur_.padded_change());
   }
   return Status::Ok();
@@ -262,50 +281,47 @@ void TrialStep::End() {
 // The step is t U_invᵀ z. What a landmark's last step has shown of its cost is kept as the stretch
 // t of its next one, until its values are set or another landmark takes its number.
 
-// The step that Visit has found, t times; longer, it may leave bounds that it was within.
-void TrialStep::Stretch(std::int32_t landmark) {
-  const IncrementalSchur::Landmark& l = schur_.landmarks()[landmark];
-  double* step = active_.step(l.quad);
-  for (int k = 0; k < l.size; ++k) {
-    step[k] *= searches_.stretch(landmark);
-  }
-  CutOff(l);
-}
-
-bool TrialStep::EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
-  searches_.BeginPass();
-  for (const std::int32_t landmark : landmarks) {
-    Visit(landmark);
-    Stretch(landmark);
-    Move(schur_.landmarks()[landmark]);
-    Touch(schur_.landmarks()[landmark].factors);
-    // Summed below over the landmark's factors.
-    searches_.Begin(landmark);
-  }
+// Families in turn; the landmark whose factor could not be evaluated, or -1.
+std::int32_t TrialStep::EvaluateLandmarks(int* num_evaluated) {
+  // Summed below over the landmark's factors.
+  active_.landmarks().ForEach([this](std::int32_t l) { searches_.Begin(l); });
   for (IncrementalFamily& family : families_) {
     std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    // Ascending, as evaluation and sums want them. No frame moves, so these are all factors of the
-    // landmarks and no others.
+    // Ascending, as sums want them. No frame moves: all factors of the landmarks, and no others.
     touched_[family.id()].CopyTo(&touched);
     *num_evaluated += static_cast<int>(touched.size());
-    // One refusal takes back the whole pass.
-    if (family.EvaluateCandidate(touched, executor_).failed()) {
-      return false;
+    const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
+    if (failure.failed()) {
+      return schur_.structure().LandmarkOfFactor({family.id(), failure.factor});
     }
     family.PredictDecrease(touched, active_.step().data());
     for (const std::int32_t i : touched) {
-      double slope = 0.0;
-      double curvature = 0.0;
+      double slope = 0.0, curvature = 0.0;
       family.weighed().Slope(i, &slope, &curvature);
       // −qᵀJδ is the decrease that the gradient promises along this step.
       searches_.Add(schur_.structure().LandmarkOfFactor({family.id(), i}),
                     family.weighed().CandidateCost(i) - family.weighed().Cost(i), slope);
     }
   }
-  return true;
+  return -1;
 }
 
-// As if it had never been visited.
+// A landmark whose step cannot be evaluated stays, as if it had not been asked, and the others are
+// evaluated without it; its next step is as long as the model says. False if there are more of
+// those than are worth it: then nobody knows what the landmarks have left.
+bool TrialStep::EvaluateUnrefused(int* num_evaluated) {
+  for (int refusals = 0; refusals <= kMostRefusals; ++refusals) {
+    const std::int32_t l = EvaluateLandmarks(num_evaluated);
+    if (l < 0) {
+      return true;
+    }
+    searches_.Forget(l);
+    LeaveOut(l);
+  }
+  searches_.EndUnknown();
+  return false;
+}
+
 void TrialStep::LeaveOut(std::int32_t landmark) {
   variables_.Reject(schur_.landmarks()[landmark].id);
   active_.LeaveOut(landmark);
@@ -315,28 +331,34 @@ void TrialStep::LeaveOut(std::int32_t landmark) {
   }
 }
 
-// The embedded point iteration of ICE-BA: with the frames held, landmarks share no factor, so each
-// is judged by its own.
+// The embedded point iteration of ICE-BA. With the frames held, landmarks share no factor.
 bool TrialStep::TryLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated) {
   *num_evaluated = 0;
-  if (!EvaluateLandmarks(landmarks, num_evaluated)) {
+  searches_.BeginPass();
+  for (const std::int32_t landmark : landmarks) {
+    Visit(landmark);
+    active_.Stretch(landmark, searches_.stretch(landmark));
+    // Longer, it may leave bounds that it was within.
+    CutOff(schur_.landmarks()[landmark]);
+    Move(schur_.landmarks()[landmark]);
+    Touch(schur_.landmarks()[landmark].factors);
+  }
+  if (!EvaluateUnrefused(num_evaluated)) {
     Reject();
     return false;
   }
   for (const std::int32_t landmark : landmarks) {
-    if (!searches_.End(landmark)) {
+    if (Visited(landmark) && !searches_.End(landmark)) {
       LeaveOut(landmark);
     }
   }
-  // No step: nothing was written to the right-hand sides yet.
   if (active_.landmarks().empty()) {
-    End();
+    End();  // nothing was written to the right-hand sides yet
     return false;
   }
   // The lists again, of those that are left, and the frames whose b follows.
   NameTouched();
   for (IncrementalFamily& family : families_) {
-    // What accepting does to the right-hand sides; costs were compared above.
     family.TryStep(touched_lists_[family.id()], active_.step().data(), schur_.padded_change());
   }
   return true;

@@ -122,8 +122,8 @@ class TrialStep {
   void TouchAll();
   void ReachFromFrame(std::int32_t frame);
   void DropChanges();
-  void Stretch(std::int32_t landmark);
-  bool EvaluateLandmarks(const std::vector<std::int32_t>& landmarks, int* num_evaluated);
+  std::int32_t EvaluateLandmarks(int* num_evaluated);
+  bool EvaluateUnrefused(int* num_evaluated);
   void LeaveOut(std::int32_t landmark);
 
   const FactorGraph& graph_;

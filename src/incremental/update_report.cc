@@ -24,11 +24,11 @@ std::string UpdateProgressHeading() {
 std::string ProgressRow(const UpdateIteration& row) {
   // The blank flag leaves room for a sign, so that columns stay where they are.
   return Formatted(
-      "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8d   % 3.2e   % 3.2e",
+      "% 4d  %-9s%c% 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e  % 6d % 8lld   % 3.2e   % 3.2e",
       row.iteration, ToString(row.step), row.step_is_successful ? ' ' : '-', row.cost,
       row.cost_change, row.gradient_max_norm, row.step_norm, row.relative_decrease, row.damping,
-      row.num_moved_frames, row.num_relinearized_factors, row.iteration_time_in_seconds,
-      row.cumulative_time_in_seconds);
+      row.num_moved_frames, static_cast<long long>(row.num_relinearized_factors),
+      row.iteration_time_in_seconds, row.cumulative_time_in_seconds);
 }
 
 namespace {
@@ -70,9 +70,9 @@ std::string Seconds(const UpdateSummary& summary) {
 std::string UpdateSummary::BriefReport() const {
   return Formatted(
       "inceres Update: Iterations: %d (%d batch), Initial cost: %e, Final cost: %e, "
-      "Moved frames: %d, Relinearized factors: %d, %.3f ms, Termination: %s",
+      "Moved frames: %d, Relinearized factors: %lld, %.3f ms, Termination: %s",
       num_iterations, num_batch_iterations, initial_cost, final_cost, num_moved_frames,
-      num_relinearized_factors, 1e3 * seconds, ToString(termination));
+      static_cast<long long>(num_relinearized_factors), 1e3 * seconds, ToString(termination));
 }
 
 std::string UpdateSummary::FullReport() const {

@@ -29,7 +29,7 @@ class UpdateTrace {
   struct Counts {
     int moved_frames = 0;
     int visited_landmarks = 0;
-    int relinearized_factors = 0;
+    std::int64_t relinearized_factors = 0;
     std::int64_t evaluated_factors = 0;
     double solve_seconds = 0.0;
   };

@@ -83,20 +83,27 @@ EvaluationFailure IncrementalFamily::Linearize(const std::vector<std::int32_t>& 
   return factors_.ForRuns(factors, executor, [this](int begin, int end) {
     const EvaluationFailure failure = factors_.Linearize(begin, end);
     for (int i = begin; i < end && !failure.failed(); ++i) {
-      Weigh(i);
+      if (!Weigh(i)) {
+        return EvaluationFailure{i, kLossWithoutWeight};
+      }
     }
     return failure;
   });
 }
 
 // √w (I − α n nᵀ) J, unless that is J itself, as without a loss or within Huber's bend. f stays as
-// it was evaluated, for q and costs are made of it.
-void IncrementalFamily::Weigh(int factor) {
+// it was evaluated, for q and costs are made of it. False if there is no such J: in S it would stay
+// for good, since what is not finite cannot be taken out of a sum.
+bool IncrementalFamily::Weigh(int factor) {
   const RobustScale scale = weighed_.Weigh(factors_, factor);
+  if (!scale.is_finite()) {
+    return false;
+  }
   if (!scale.is_one()) {
     scale.Apply(residual(factor), residual_size(), num_slots(), slots(), factor,
                 factors_.tangent_offsets.data() + factors_.Entry(factor));
   }
+  return true;
 }
 
 // Jδ of each factor stays by its place: Accept moves f̂ by it, f̂ := f̂ + Jδ.

@@ -111,7 +111,7 @@ class IncrementalFamily {
   void ScaleJacobian(int factor, double scale);
   double TakeBackWeight(int factor);
   void Grow(int num_places);
-  void Weigh(int factor);
+  bool Weigh(int factor);
 
   Linearization factors_;
   const Kernels* kernels_;

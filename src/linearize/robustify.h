@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "inceres/problem/losses.h"
 #include "simd/kernels.h"
@@ -39,6 +40,8 @@ struct LossValue {
 
   double cost() const { return 0.5 * rho[0]; }
   double weight() const { return rho[1]; }
+  /// Whether ρ' can weigh a factor: not below zero, and finite.
+  bool HasWeight() const { return rho[1] >= 0.0 && rho[1] <= std::numeric_limits<double>::max(); }
   /// Whether the factor is that of a least-squares problem with ρ'' taken where it is positive: not
   /// where ρ'' > 0 and ρ' is not, on which Ceres aborts.
   bool HasRoot() const { return !(s > 0.0 && rho[2] > 0.0) || rho[1] > 0.0; }
@@ -50,6 +53,10 @@ struct LossValue {
 /// Why a factor cannot be linearized whose loss has none of LossValue::HasRoot.
 inline constexpr char kLossWithoutRoot[] =
     "its loss has a second derivative above zero and a first one that is not";
+
+/// Why one cannot whose ρ' is no weight.
+inline constexpr char kLossWithoutWeight[] =
+    "its loss has a first derivative below zero, or one that is not finite";
 
 /// Which second-order terms of losses the Jacobians take.
 enum class LossCurvature {

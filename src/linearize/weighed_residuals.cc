@@ -1,6 +1,7 @@
 #include "linearize/weighed_residuals.h"
 
 #include <cmath>
+#include <limits>
 
 #include "inceres/problem/constant_size.h"
 
@@ -57,7 +58,9 @@ void WeighedResiduals::WeighCandidatesSized(Size size, const Linearization& fact
   for (int i = begin; i < end; ++i, f += size, q += size) {
     const LossValue value(has_losses ? graph.loss(factors.id, i) : nullptr, f, size);
     State& state = states_[i];
-    state.candidate_cost = value.cost();
+    // Without a weight there is no Jacobian at the candidate: it is refused as one without a cost.
+    state.candidate_cost =
+        value.HasWeight() ? value.cost() : std::numeric_limits<double>::quiet_NaN();
     state.candidate_w = value.weight();
     const double scale = value.weight() * state.inverse_sqrt_w;
     for (int r = 0; r < size; ++r) {

@@ -30,15 +30,17 @@ UpdateSummary Numbered() {
     *field = real++;
   }
   int count = 1000;
+  int relinearized = 0;
   for (int* field :
        {&s.num_iterations, &s.num_batch_iterations, &s.num_unsuccessful_steps,
-        &s.num_shortened_steps, &s.num_relinearized_factors, &s.num_reweighed_factors,
-        &s.num_recentered_factors, &s.num_eliminated_landmarks, &s.num_updated_landmarks,
-        &s.num_factored_rows, &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations,
-        &s.num_landmark_refinements, &s.num_visited_landmarks, &s.num_moved_frames, &s.num_rebuilds,
-        &s.num_drifted_frames, &s.num_undetermined_landmarks}) {
+        &s.num_shortened_steps, &relinearized, &s.num_reweighed_factors, &s.num_recentered_factors,
+        &s.num_eliminated_landmarks, &s.num_updated_landmarks, &s.num_factored_rows,
+        &s.num_reorderings, &s.num_solved_rows, &s.num_pcg_iterations, &s.num_landmark_refinements,
+        &s.num_visited_landmarks, &s.num_moved_frames, &s.num_rebuilds, &s.num_drifted_frames,
+        &s.num_undetermined_landmarks}) {
     *field = count++;
   }
+  s.num_relinearized_factors = relinearized;
   s.batch_stages.elimination = 77.5;
   s.num_evaluated_factors = 5000000001;
   s.bytes = 5000000002;
@@ -55,9 +57,10 @@ UpdateSummary Numbered() {
   }
   count = 2000;
   for (int* field : {&row.iteration, &row.num_moved_frames, &row.num_visited_landmarks,
-                     &row.num_relinearized_factors, &row.linear_solver_iterations}) {
+                     &relinearized, &row.linear_solver_iterations}) {
     *field = count++;
   }
+  row.num_relinearized_factors = relinearized;
   row.num_evaluated_factors = 5000000003;
   return s;
 }

@@ -51,7 +51,7 @@ struct Kinds {
 };
 
 void ExpectSumsOf(const UpdateSummary& summary, int num_factors, Kinds* kinds) {
-  int num_relinearized = 0;
+  std::int64_t num_relinearized = 0;
   std::int64_t num_evaluated = 0;
   int num_moved = 0;
   int num_batch = 0;

@@ -49,10 +49,10 @@ struct INCERES_EXPORT UpdateIteration {
   double damping = 0.0;        ///< μ after it; 0 of the batch solver's Dog-Leg
   /// of the trust region after it: infinite unless a step was shortened; Ceres's of kBatch
   double trust_region_radius = 0.0;
-  int num_moved_frames = 0;                ///< frames of the active set
-  int num_visited_landmarks = 0;           ///< leaves back-substituted
-  int num_relinearized_factors = 0;        ///< evaluated with Jacobians
-  std::int64_t num_evaluated_factors = 0;  ///< evaluated for their cost
+  int num_moved_frames = 0;                   ///< frames of the active set
+  int num_visited_landmarks = 0;              ///< leaves back-substituted
+  std::int64_t num_relinearized_factors = 0;  ///< evaluated with Jacobians
+  std::int64_t num_evaluated_factors = 0;     ///< evaluated for their cost
   /// of PCG; 1 if a direct solver solved, 0 if there was nothing to solve
   int linear_solver_iterations = 0;
   double iteration_time_in_seconds = 0.0;    ///< of this iteration
@@ -80,11 +80,11 @@ struct INCERES_EXPORT UpdateSummary {
   /// below its tolerance, steps that were refused or stagnate.
   double remaining_decrease = 0.0;
 
-  int num_iterations = 0;            ///< solves of the reduced system
-  int num_batch_iterations = 0;      ///< of them by the batch solver
-  int num_unsuccessful_steps = 0;    ///< given up, not tried again shorter
-  int num_shortened_steps = 0;       ///< tried again along the dog-leg path
-  int num_relinearized_factors = 0;  ///< evaluated with Jacobians
+  int num_iterations = 0;                     ///< solves of the reduced system
+  int num_batch_iterations = 0;               ///< of them by the batch solver
+  int num_unsuccessful_steps = 0;             ///< given up, not tried again shorter
+  int num_shortened_steps = 0;                ///< tried again along the dog-leg path
+  std::int64_t num_relinearized_factors = 0;  ///< evaluated with Jacobians
   /// that have another loss and took its weight without being evaluated, but for the loss
   int num_reweighed_factors = 0;
   /// whose expansion point moved between iterations, FactorFamily::Recenter
