@@ -80,7 +80,7 @@ bool BatchObserver::IsLast(const IterationSummary& iteration) {
   settled_ = HasJustSettled(iteration);
   // A claim that was tried holds if its model did.
   if (!settled_ && tries_claim_ &&
-      std::fabs(iteration.relative_decrease - 1.0) <= 1.0 - tuning_.kept_promise) {
+      KeepsPromise(iteration.cost_change, iteration.model_cost_change)) {
     settled_ = true;
     rest_ = std::max(rest - iteration.cost_change, 0.0);
   }

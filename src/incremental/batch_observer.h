@@ -75,12 +75,12 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   /// rule means to say, by which the last step would have changed the cost by so little. Where the
   /// step does not keep even that, the cost is less curved than the model, or more.
   bool PromisesNothing(double cost_change) const {
-    const double missed = std::fabs(cost_change - last_promise_);
-    return promises_nothing_ && (last_promise_ <= tuning_.no_gain_share * Tolerance(cost_) ||
-                                 missed <= (1.0 - tuning_.kept_promise) * last_promise_);
+    return promises_nothing_ && IsBorneOut(cost_change);
   }
   /// The same of the directions that its damping lets it see.
-  bool promises_little() const { return last_promise_ <= Tolerance(cost_); }
+  bool PromisesLittle(double cost_change) const {
+    return last_promise_ <= Tolerance(cost_) && IsBorneOut(cost_change);
+  }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
   /// What the last step and those to come promise, where they are not taken; -1: it is not known.
@@ -94,6 +94,16 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
   double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
+  // Along a direction that is less curved than the model, or a saddle, a step gains more; of what was
+  // promised no more than that can have been there.
+  bool KeepsPromise(double gain, double promise) const {
+    return std::fabs(gain - promise) <= tuning_.trial_error * promise;
+  }
+  // By a last step that was not taken, and would have changed the cost by so much.
+  bool IsBorneOut(double cost_change) const {
+    return last_promise_ <= tuning_.no_gain_share * Tolerance(cost_) ||
+           KeepsPromise(cost_change, last_promise_);
+  }
   bool IsByMarquardt() const {
     return options_.batch_strategy == TrustRegionStrategyKind::kMarquardt;
   }

@@ -128,6 +128,7 @@ std::vector<NamedThreshold> NamedThresholds(Tuning* tuning) {
   real("batch.fast_ratio", &tuning->batch.fast_ratio);
   real("batch.good_model", &tuning->batch.good_model);
   real("batch.kept_promise", &tuning->batch.kept_promise);
+  real("batch.trial_error", &tuning->batch.trial_error);
   real("batch.steady_factor", &tuning->batch.steady_factor);
   real("batch.near_gain", &tuning->batch.near_gain);
   real("batch.seeing_radius", &tuning->batch.seeing_radius);
