@@ -83,8 +83,8 @@ class Map {
 };
 
 void Print(const std::string& what, const Map& map, const inceres::UpdateSummary& update) {
-  std::printf("%-12s %8d %11d %8d %10d %10.1f\n", what.c_str(), map.num_factors(),
-              update.num_relinearized_factors, update.num_moved_frames,
+  std::printf("%-12s %8d %11lld %8d %10d %10.1f\n", what.c_str(), map.num_factors(),
+              static_cast<long long>(update.num_relinearized_factors), update.num_moved_frames,
               update.num_visited_landmarks, update.final_cost);
 }
 

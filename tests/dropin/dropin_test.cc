@@ -230,6 +230,16 @@ TEST_P(EveryWay, ComparesAndLogsUnnoticed) {
 INSTANTIATE_TEST_SUITE_P(Dropin, EveryWay, ::testing::ValuesIn(kWays),
                          [](const auto& way) { return way.param; });
 
+// Loaded for itself alone the plugin is not the only one that may call Ceres.
+TEST(Dropin, BoundsSetByWhoeverDoesNotFindItAreHonored) {
+  const ProgramRun stock = AsPlugin(INCERES_PLAIN_PLUGIN, "bound_behind");
+  const ProgramRun ours = AsPlugin(INCERES_LINKED_PLUGIN, "bound_behind");
+  ASSERT_EQ(ours.exit_code, 0) << ours.err;
+  EXPECT_EQ(NumSolved(ours), 1) << ours.err;
+  ExpectSameOutput(stock.out, ours.out, 1e-9);
+  EXPECT_NE(WithoutTimes(ours.out), WithoutTimes(Bare("free").out)) << "no bound was set";
+}
+
 // Ours says what is open; stock counts columns.
 TEST(Dropin, CovariancesAreOurs) {
   EXPECT_EQ(CountOf(Preloaded("open_covariance").err, "inceres: no covariance: "), 1);

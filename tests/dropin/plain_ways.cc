@@ -251,13 +251,39 @@ void OpenCovariance() {
   std::printf("%d\n", covariance.Compute(std::vector<const double*>{blocks}, &problem) ? 1 : 0);
 }
 
+// By a function of Ceres's own, as a module calls it that does not find anybody in front of Ceres.
+void SetBound(ceres::Problem* problem, double* values, const char* symbol, double bound) {
+  void* const ceres = dlopen(INCERES_CERES_SONAME, RTLD_LAZY | RTLD_NOLOAD);
+  const auto set = reinterpret_cast<void (*)(ceres::Problem*, double*, int, double)>(
+      ceres != nullptr ? dlsym(ceres, symbol) : nullptr);
+  if (set != nullptr) {
+    set(problem, values, 1, bound);
+  }
+}
+
+void BoundBehind() {
+  Curve curve;
+  ceres::Problem problem;
+  curve.AddTo(&problem);
+  SetBound(&problem, curve.x.data(), "_ZN5ceres7Problem22SetParameterLowerBoundEPdid", -0.01);
+  SetBound(&problem, curve.x.data(), "_ZN5ceres7Problem22SetParameterUpperBoundEPdid", 0.01);
+  SolveAndPrint(plain::CurveOptions(), &problem, curve.x);
+}
+
 constexpr std::pair<const char*, void (*)()> kWays[] = {
-    {"covariance", Covariances}, {"open_covariance", OpenCovariance},
-    {"free", FreeFunction},      {"member", Member},
-    {"virtual", Virtual},        {"c_api", CApi},
-    {"derived", Derived},        {"evaluation_callback", EvaluationCallback},
-    {"moved", MovedProblem},     {"living", Living},
-    {"line_search", LineSearch}, {"large", LargeProblem},
+    {"covariance", Covariances},
+    {"open_covariance", OpenCovariance},
+    {"bound_behind", BoundBehind},
+    {"free", FreeFunction},
+    {"member", Member},
+    {"virtual", Virtual},
+    {"c_api", CApi},
+    {"derived", Derived},
+    {"evaluation_callback", EvaluationCallback},
+    {"moved", MovedProblem},
+    {"living", Living},
+    {"line_search", LineSearch},
+    {"large", LargeProblem},
 };
 
 }  // namespace

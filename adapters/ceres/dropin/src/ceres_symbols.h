@@ -120,7 +120,8 @@ struct NextCeres {
   /// unread.
   bool is_ours = false;
   /// Whether the whole process calls the drop-in first. Where it is linked into a program, shared
-  /// libraries of that may call Ceres directly.
+  /// libraries of that may call Ceres directly; where a module that is linked to it was loaded
+  /// RTLD_LOCAL, everybody else does. Then every Problem is looked through at every solve.
   bool sees_all_calls = false;
 };
 

@@ -96,7 +96,7 @@ void SolveIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solve
   SolveReport report;
   if (known->num_solves > 0 && borrowed.mine()) {
     CeresSession& session = SessionOf(mode, known);
-    asked.problem_unedited = !known->edited;
+    asked.problem_unedited = Next().sees_all_calls && !known->edited;
     known->edited = false;
     session.Solve(options, problem, summary, asked, &report);
   } else {

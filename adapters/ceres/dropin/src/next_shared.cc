@@ -87,6 +87,28 @@ std::string Mismatch(const void* solve) {
   return "";
 }
 
+// Whether whoever looks for a function of Ceres finds it here, as where this library was preloaded or
+// the program is linked to it: not where a module that is linked to it was loaded for itself alone
+// (RTLD_LOCAL), for others then find Ceres's own.
+bool IsFoundFirst() {
+  void* const program = dlopen(nullptr, RTLD_LAZY);
+  if (program == nullptr) {
+    return false;
+  }
+  const void* const here = LibraryOf(reinterpret_cast<const void*>(&Next)).base;
+  bool any = false;
+  bool all = true;
+#define INCERES_LOOK_FOR(name, symbol, ...)                                 \
+  if (const void* const found = dlsym(program, symbol); found != nullptr) { \
+    any = true;                                                             \
+    all = all && LibraryOf(found).base == here;                             \
+  }
+  INCERES_CERES_SYMBOLS(INCERES_LOOK_FOR)
+#undef INCERES_LOOK_FOR
+  dlclose(program);
+  return any && all;
+}
+
 NextCeres FindNext() {
   NextCeres next;
 #define INCERES_FIND_NEXT(name, symbol, ...) \
@@ -94,7 +116,8 @@ NextCeres FindNext() {
   INCERES_CERES_SYMBOLS(INCERES_FIND_NEXT)
 #undef INCERES_FIND_NEXT
   const std::string found = Mismatch(reinterpret_cast<const void*>(next.SolverSolve));
-  next.is_ours = next.sees_all_calls = found.empty();
+  next.is_ours = found.empty();
+  next.sees_all_calls = next.is_ours && IsFoundFirst();
   if (!next.is_ours) {
     LOG(WARNING) << "inceres: the drop-in is for " << Release() << " (" << kSoname << ") and found "
                  << found << "; it stands aside, and that Ceres solves everything.";
