@@ -94,10 +94,13 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   void NoteIteration(const IterationSummary& iteration);
   void WaitAfterRefusal(const IterationSummary& iteration);
   double Tolerance(double cost) const { return ToleranceAt(cost, options_); }
-  // Along a direction that is less curved than the model, or a saddle, a step gains more; of what was
-  // promised no more than that can have been there.
+  // Along a direction that is less curved than the model, or a saddle, a step gains more; of what
+  // was promised no more than that can have been there. Where another solver goes on little is lost
+  // by doubt.
   bool KeepsPromise(double gain, double promise) const {
-    return std::fabs(gain - promise) <= tuning_.trial_error * promise;
+    const double error =
+        end_ == BatchEnd::kToTheEnd ? 1.0 - tuning_.kept_promise : tuning_.trial_error;
+    return std::fabs(gain - promise) <= error * promise;
   }
   // By a last step that was not taken, and would have changed the cost by so much.
   bool IsBorneOut(double cost_change) const {

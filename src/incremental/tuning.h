@@ -155,7 +155,8 @@ struct Tuning {
     /// steps not taken.
     double good_model = 0.5;
     double kept_promise = 0.75;
-    /// Of the promise of a step that a claim is tried by: its gain may differ by so much.
+    /// Of the promise of a step that a claim is tried by, where another solver goes on: its gain
+    /// may differ by so much.
     double trial_error = 0.1;
     /// What the model promises has to fall by more than this factor from one step to the next.
     double steady_factor = 0.5;

@@ -87,9 +87,9 @@ std::string Mismatch(const void* solve) {
   return "";
 }
 
-// Whether whoever looks for a function of Ceres finds it here, as where this library was preloaded or
-// the program is linked to it: not where a module that is linked to it was loaded for itself alone
-// (RTLD_LOCAL), for others then find Ceres's own.
+// Whether whoever looks for a function of Ceres finds it here, as where this library was preloaded
+// or the program is linked to it: not where a module that is linked to it was loaded for itself
+// alone (RTLD_LOCAL), for others then find Ceres's own.
 bool IsFoundFirst() {
   void* const program = dlopen(nullptr, RTLD_LAZY);
   if (program == nullptr) {
