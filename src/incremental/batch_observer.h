@@ -77,9 +77,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool PromisesNothing(double cost_change) const {
     return promises_nothing_ && IsBorneOut(cost_change);
   }
-  /// The same of the directions that its damping lets it see.
+  /// The same of the directions that its damping lets it see. 0: there was no such step.
   bool PromisesLittle(double cost_change) const {
-    return last_promise_ <= Tolerance(cost_) && IsBorneOut(cost_change);
+    return last_promise_ <= Tolerance(cost_) && (cost_change == 0.0 || IsBorneOut(cost_change));
   }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }

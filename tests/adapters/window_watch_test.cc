@@ -106,6 +106,26 @@ TEST(WindowWatch, AWindowThatSlidesInPlaceStaysExact) {
   }
 }
 
+// The newest state's only residual block is another one each time.
+TEST(WindowWatch, AReplacedResidualBlockIsNoSlide) {
+  ceres::Problem problem;
+  std::vector<std::vector<double>> states(120, std::vector<double>(6));
+  ceres::ResidualBlockId last = nullptr;
+  for (std::size_t k = 0; k + 1 < states.size(); ++k) {
+    last = problem.AddResidualBlock(new Nothing<6, 6>, nullptr, states[k].data(),
+                                    states[k + 1].data());
+  }
+  WindowWatch watch;
+  ProblemView view;
+  for (int solve = 0; solve < 3; ++solve) {
+    Introspect(problem, &view);
+    EXPECT_FALSE(watch.WantsExact(view)) << solve;
+    problem.RemoveResidualBlock(last);
+    last = problem.AddResidualBlock(new Nothing<6, 6>, nullptr, states[118].data(),
+                                    states[119].data());
+  }
+}
+
 // Of the same cost functions each time: nothing has slid.
 TEST(WindowWatch, AProblemThatIsBuiltAnewAndGrowsIsNotAWindowThatSlides) {
   std::vector<std::unique_ptr<Nothing<6, 6>>> between;

@@ -33,13 +33,13 @@ std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
 }
 
 // Whether a state is gone, though another may have its address: it had bonds, and none is there any
-// more. Both ascend.
+// more. One alone may have been replaced, as the odometry of the newest state. Both ascend.
 template <typename Bonds>
 bool AnyLostAll(const Bonds& before, const Bonds& now) {
   for (auto state = before.begin(); state != before.end();) {
     const auto end = std::find_if(state, before.end(),
                                   [state](const auto& bond) { return bond.first != state->first; });
-    if (std::none_of(state, end, [&now](const auto& bond) {
+    if (end - state > 1 && std::none_of(state, end, [&now](const auto& bond) {
           return std::binary_search(now.begin(), now.end(), bond);
         })) {
       return true;

@@ -23,7 +23,7 @@ bool IsOfWindowSize(const ceres::Problem& problem);
 /// that touches states which were there before and nothing else, as a prior does. A state is a
 /// block with more than four tangent unknowns, or any block where none has more. Another state may
 /// have its memory, as where a window's states lie in an array: one counts as removed also where
-/// none is left of the residual blocks between it and other states.
+/// it had several residual blocks with states alone, and none of them is left.
 class WindowWatch {
  public:
   /// Solves in a row without a slide after which a problem of a window's size counts as one that
