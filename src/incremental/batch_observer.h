@@ -74,9 +74,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   /// Whether the model, which sees all directions, promises next to nothing: that is what Ceres's
   /// rule means to say, by which the last step would have changed the cost by so little. Where the
   /// step does not keep even that, the cost is less curved than the model, or more.
-  bool PromisesNothing(double cost_change) const {
-    return promises_nothing_ && IsBorneOut(cost_change);
-  }
+  bool PromisesNothing(double change) const { return promises_nothing_ && IsBorneOut(change); }
   /// The same of the directions that its damping lets it see. 0: there was no such step.
   bool PromisesLittle(double cost_change) const {
     return last_promise_ <= Tolerance(cost_) && (cost_change == 0.0 || IsBorneOut(cost_change));
@@ -98,8 +96,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // was promised no more than that can have been there. Where another solver goes on little is lost
   // by doubt.
   bool KeepsPromise(double gain, double promise) const {
-    const double error =
-        end_ == BatchEnd::kToTheEnd ? 1.0 - tuning_.kept_promise : tuning_.trial_error;
+    const bool is_last = end_ == BatchEnd::kToTheEnd;
+    const double error = is_last ? 1.0 - tuning_.kept_promise : tuning_.trial_error;
     return std::fabs(gain - promise) <= error * promise;
   }
   // By a last step that was not taken, and would have changed the cost by so much.

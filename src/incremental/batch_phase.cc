@@ -201,8 +201,8 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
   // Without iterations nothing can move, which is a minimum.
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
-  const bool settled = observer.PromisesLittle(solved.discarded_cost_change) &&
-                       HasSettled(solved, options, tuning);
+  const bool settled =
+      observer.PromisesLittle(solved.discarded_cost_change) && HasSettled(solved, options, tuning);
   return {solved.termination, !held_back && settled, held_back,
           observer.PromisesNothing(solved.discarded_cost_change) || no_gradient};
 }
