@@ -114,7 +114,8 @@ class INCERES_EXPORT IncrementalSolver {
                                      const MarginalizationOptions& options);
 
   /// Other options from the next Update on, but for num_threads, reduced_solver and its factory,
-  /// which stay what they were.
+  /// which stay what they were. After a tolerance that is stricter, or another value of what
+  /// convergence rests on, the next Update looks again, though nothing else has changed.
   void SetOptions(const IncrementalOptions& options);
 
   /// Minimizes from the current state. A failure names its factor or variable and keeps the last
@@ -124,7 +125,9 @@ class INCERES_EXPORT IncrementalSolver {
   /// The same into the memory of an earlier summary: in a steady state nothing is allocated.
   /// `observer`, which may be null, sees every iteration and may end the Update; with one an Update
   /// costs a pass over all variables more, and one an iteration. After its kAbort the values are
-  /// those of before the Update, and the next one works as after a failure.
+  /// those of before the Update, and the next one works as after a failure. What factors, losses
+  /// or manifolds throw passes through: the values are then those of before, or without an observer
+  /// those of the last step, and cost() is that of the last iteration that was completed.
   void Update(UpdateSummary* summary, UpdateObserver* observer = nullptr);
 
   /// From any thread: the Update that runs now, or else the next one, ends at its next iteration
