@@ -92,7 +92,7 @@ class Cone final : public Loss {
   }
 };
 
-bool Line(int /*factor*/, const double* const* p, double* f, double** J) {
+bool Identity(int /*factor*/, const double* const* p, double* f, double** J) {
   f[0] = p[0][0];
   if (J != nullptr && J[0] != nullptr) {
     J[0][0] = 1.0;
@@ -101,7 +101,7 @@ bool Line(int /*factor*/, const double* const* p, double* f, double** J) {
 }
 
 TEST(Evidence, ALossWithoutAWeightIsNamedAndLeavesNothingBehind) {
-  OneVariable one(WithoutBatch(1e-8), 1, 0.0, std::make_shared<Cone>(), Line);
+  OneVariable one(WithoutBatch(1e-8), 1, 0.0, std::make_shared<Cone>(), Identity);
   GraphEdit edit(one.solver.graph());
   const auto measured = one.solver.AddFamily(
       std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
@@ -138,7 +138,7 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
       rho[2] = 0.0;
     }
   };
-  OneVariable one(WithoutBatch(1e-8), 1, 4.0, std::make_shared<Hole>(), Line);
+  OneVariable one(WithoutBatch(1e-8), 1, 4.0, std::make_shared<Hole>(), Identity);
   const UpdateSummary summary = one.solver.Update();
   EXPECT_NE(summary.termination, Termination::kFailure) << summary.message;
   EXPECT_NE(summary.failed_step.find("weight"), std::string::npos) << summary.failed_step;
@@ -150,7 +150,7 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
 // What was converged by looser options has not by these.
 TEST(Evidence, StricterOptionsAskAgain) {
   IncrementalOptions loose = WithoutBatch(1e-6);
-  OneVariable one(loose, 1, 1.0, nullptr, Line);
+  OneVariable one(loose, 1, 1.0, nullptr, Identity);
   ASSERT_EQ(one.solver.Update().termination, Termination::kConvergence);
   const auto says_nothing_changed = [&one] {
     return one.solver.Update().message.find("Nothing has changed") != std::string::npos;
