@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 namespace inceres::internal {
 namespace {
@@ -9,14 +10,18 @@ namespace {
 // Landmarks of one pass, at most, whose steps cannot be evaluated: each costs another evaluation.
 constexpr int kMostRefusals = 16;
 
-// A sum that is not finite: of the factor that makes it so, or of all of them.
-EvaluationFailure WithoutCost(const IncrementalFamily& family,
-                              const std::vector<std::int32_t>& touched) {
+// Why the costs of a family's candidates have no sum.
+std::string WithoutSum(const FactorGraph& graph, const IncrementalFamily& family,
+                       const std::vector<std::int32_t>& touched) {
   const auto culprit = std::find_if(touched.begin(), touched.end(), [&family](std::int32_t i) {
     return !std::isfinite(family.weighed().CandidateCost(i));
   });
-  return {culprit != touched.end() ? *culprit : touched.front(),
-          "its cost is not finite, or its loss gives it no weight"};
+  return culprit == touched.end()
+             ? "the sum of all costs is not finite"
+             : graph.DescribeFailure(
+                   family.id(),
+                   {*culprit, "its cost is not finite, or its loss gives it no weight"},
+                   family.candidate_parameters(*culprit));
 }
 
 }  // namespace
@@ -189,15 +194,15 @@ Status TrialStep::Evaluate(double* change, double* predicted_decrease) {
   *predicted_decrease = 0.0;
   for (IncrementalFamily& family : families_) {
     const std::vector<std::int32_t>& touched = touched_lists_[family.id()];
-    EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
-    const double family_change = failure.failed() ? 0.0 : family.weighed().CandidateChange(touched);
-    if (!std::isfinite(family_change)) {
-      failure = WithoutCost(family, touched);
-    }
+    const EvaluationFailure failure = family.EvaluateCandidate(touched, executor_);
     if (failure.failed()) {
       return Status::Error(StatusCode::kEvaluationFailed,
                            graph_.DescribeFailure(family.id(), failure,
                                                   family.candidate_parameters(failure.factor)));
+    }
+    const double family_change = family.weighed().CandidateChange(touched);
+    if (!std::isfinite(family_change)) {
+      return Status::Error(StatusCode::kEvaluationFailed, WithoutSum(graph_, family, touched));
     }
     *change += family_change;
     *predicted_decrease += family.TryStep(touched, active_.step().data(), schur_.padded_change());

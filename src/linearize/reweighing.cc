@@ -54,11 +54,11 @@ double IncrementalFamily::TakeBackWeight(int factor) {
 bool IncrementalFamily::Reweigh(int factor) {
   const double* f = residual(factor);
   const LossValue value(loss(factor), f, residual_size());
-  const double sqrt_w = std::sqrt(value.weight());
-  // The root of a negative weight is NaN. Nothing has been written so far.
-  if (!std::isfinite(sqrt_w) || !std::isfinite(value.cost())) {
+  // Nothing has been written so far.
+  if (!value.HasWeight() || !std::isfinite(value.cost())) {
     return false;
   }
+  const double sqrt_w = std::sqrt(value.weight());
   double scale = TakeBackWeight(factor);
   // Parked first, as it is without any weight; then the slots become next to zero, so that the
   // factor drops out of H and η.

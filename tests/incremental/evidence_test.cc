@@ -8,13 +8,13 @@
 #include <new>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "inceres/problem/losses.h"
 #include "inceres/solver/incremental_solver.h"
+#include "incremental/incremental_function.h"
 #include "incremental/step_control.h"
 #include "support/test_families.h"
 
@@ -22,25 +22,7 @@ namespace inceres {
 namespace {
 
 using test::FunctionFamily;
-
-// One variable of one, and a factor of so many residuals.
-struct OneVariable {
-  OneVariable(const IncrementalOptions& options, int num_residuals, double start,
-              const std::shared_ptr<const Loss>& loss, FunctionFamily::Function function)
-      : solver(options) {
-    family = solver.AddFamily(std::make_shared<FunctionFamily>(
-        num_residuals, std::vector<FactorFamily::Slot>{{1, 1}}, std::move(function)));
-    GraphEdit edit(solver.graph());
-    x = edit.AddVariable(&start, 1, Role::kFrame);
-    factor = edit.AddFactor(family, 0, {x}, loss);
-    EXPECT_TRUE(solver.Apply(edit).ok());
-  }
-
-  IncrementalSolver solver;
-  FamilyHandle<FunctionFamily> family;
-  VariableId x = -1;
-  FactorId factor;
-};
+using test::IncrementalFunction;
 
 IncrementalOptions WithoutBatch(double function_tolerance) {
   IncrementalOptions options;
@@ -74,7 +56,8 @@ TEST(Evidence, AStepThatCannotBeEvaluatedProvesNothing) {
   };
   IncrementalOptions options = WithoutBatch(1e-4);
   options.initial_damping = options.min_damping;
-  OneVariable one(options, 3, 0.0, std::make_shared<HuberLoss>(1e6), function);
+  IncrementalFunction one(options, function, 3, 0.0, std::make_shared<HuberLoss>(1e6));
+  ASSERT_TRUE(one.applied);
   const UpdateSummary summary = one.solver.Update();
   EXPECT_NEAR(*one.solver.Values(one.x), 1.0, 1e-3);
   EXPECT_EQ(summary.termination, Termination::kNoConvergence) << summary.FullReport();
@@ -101,7 +84,8 @@ bool Identity(int /*factor*/, const double* const* p, double* f, double** J) {
 }
 
 TEST(Evidence, ALossWithoutAWeightIsNamedAndLeavesNothingBehind) {
-  OneVariable one(WithoutBatch(1e-8), 1, 0.0, std::make_shared<Cone>(), Identity);
+  IncrementalFunction one(WithoutBatch(1e-8), Identity, 1, 0.0, std::make_shared<Cone>());
+  ASSERT_TRUE(one.applied);
   GraphEdit edit(one.solver.graph());
   const auto measured = one.solver.AddFamily(
       std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
@@ -138,7 +122,8 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
       rho[2] = 0.0;
     }
   };
-  OneVariable one(WithoutBatch(1e-8), 1, 4.0, std::make_shared<Hole>(), Identity);
+  IncrementalFunction one(WithoutBatch(1e-8), Identity, 1, 4.0, std::make_shared<Hole>());
+  ASSERT_TRUE(one.applied);
   const UpdateSummary summary = one.solver.Update();
   EXPECT_NE(summary.termination, Termination::kFailure) << summary.message;
   EXPECT_NE(summary.failed_step.find("weight"), std::string::npos) << summary.failed_step;
@@ -150,7 +135,8 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
 // What was converged by looser options has not by these.
 TEST(Evidence, StricterOptionsAskAgain) {
   IncrementalOptions loose = WithoutBatch(1e-6);
-  OneVariable one(loose, 1, 1.0, nullptr, Identity);
+  IncrementalFunction one(loose, Identity);
+  ASSERT_TRUE(one.applied);
   ASSERT_EQ(one.solver.Update().termination, Termination::kConvergence);
   const auto says_nothing_changed = [&one] {
     return one.solver.Update().message.find("Nothing has changed") != std::string::npos;

@@ -10,21 +10,23 @@
 namespace inceres::test {
 
 /// A living problem of one variable of one, which is 1 to begin with, and one factor, whose
-/// residual the function gives.
+/// residuals the function gives.
 struct IncrementalFunction {
-  IncrementalFunction(const IncrementalOptions& options, FunctionFamily::Function function)
+  IncrementalFunction(const IncrementalOptions& options, FunctionFamily::Function function,
+                      int num_residuals = 1, double start = 1.0,
+                      const std::shared_ptr<const Loss>& loss = nullptr)
       : solver(options) {
     const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}}, std::move(function)));
+        num_residuals, std::vector<FactorFamily::Slot>{{1, 1}}, std::move(function)));
     GraphEdit edit(solver.graph());
-    const double start = 1.0;
     x = edit.AddVariable(&start, 1, Role::kFrame);
-    edit.AddFactor(family, 0, {x});
+    factor = edit.AddFactor(family, 0, {x}, loss);
     applied = solver.Apply(edit).ok();
   }
 
   IncrementalSolver solver;
   VariableId x = -1;
+  FactorId factor;
   bool applied = false;
 };
 

@@ -38,10 +38,10 @@ struct SolveInput {
   /// The last iteration of the part of this solve that another solver did, where there is one: it
   /// is this one's start.
   std::optional<int> last_iteration = std::nullopt;
-  /// Where that part has led to elsewhere than the user's memory is to show while this one works:
-  /// put back once the values are read. null: the memory is as it is to be.
+  /// What the user's memory is to show while this solver works, where that part has left other
+  /// values there: put back once these are read. Null: what it shows.
   const StartValues* shown = nullptr;
-  /// That part has found it; none: it is to be evaluated.
+  /// The cost of the fixed residual blocks, if that part has evaluated it.
   std::optional<double> fixed_cost = std::nullopt;
   /// ChoosePlan's; null in a session, and where there is nothing to solve for
   std::shared_ptr<const GraphPlan> plan = nullptr;

@@ -132,11 +132,9 @@ bool SolveIncrementally(const SolveInput& input, const IncrementalOptions& core,
                         SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = core.num_threads;
-  FixedCost fixed;
-  fixed.cost = input.fixed_cost.value_or(0.0);
-  if (!input.fixed_cost.has_value()) {
-    fixed = EvaluateFixedCost(input.view, /*callback=*/nullptr);
-  }
+  const FixedCost fixed = input.fixed_cost.has_value()
+                              ? FixedCost{*input.fixed_cost, ""}
+                              : EvaluateFixedCost(input.view, /*callback=*/nullptr);
   summary->fixed_cost = fixed.cost;
   bool solved = fixed.error.empty();
   if (!solved) {

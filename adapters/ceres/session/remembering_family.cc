@@ -83,14 +83,14 @@ void RememberingFamily::Remember(int i, const double* const* parameters) {
   memory_[At(i)] = proves ? Memory::kProof : Memory::kNone;
   std::copy(residual_.begin(), residual_.end(), Residual(i));
   if (proves && !HasValues(i, parameters)) {
-    Prove(i, *at(i), parameters);
+    MoveProof(i, *at(i), parameters);
   }
 }
 
 // What is there recognized is evaluated here, and that is recorded from then on, unless it would
 // prove nothing. False if it cannot be evaluated.
-bool RememberingFamily::Prove(int i, const ceres::CostFunction& cost,
-                              const double* const* parameters) {
+bool RememberingFamily::MoveProof(int i, const ceres::CostFunction& cost,
+                                  const double* const* parameters) {
   const bool evaluates = EvaluateCostOnlyAt(cost, parameters) && IsFinite();
   memory_[At(i)] = evaluates ? memory_[At(i)] : Memory::kNone;
   if (evaluates && !SaysNothing(residual_.data())) {
@@ -118,7 +118,7 @@ bool RememberingFamily::Recognize(int i, const ceres::CostFunction* cost,
                                   const double* const* parameters) {
   return remembers_ && memory_[At(i)] == Memory::kProof && EvaluateCostOnly(*cost, Values(i)) &&
          std::memcmp(residual_.data(), Residual(i), residual_.size() * sizeof(double)) == 0 &&
-         (HasValues(i, parameters) || Prove(i, *cost, parameters));
+         (HasValues(i, parameters) || MoveProof(i, *cost, parameters));
 }
 
 // The result is in residual_.

@@ -54,7 +54,7 @@ class RememberingFamily final : public CeresCostFamily {
   void CopyValues(const double* const* parameters, double* values) const;
   bool HasValues(int i, const double* const* parameters) const;
   bool EvaluateCostOnly(const ceres::CostFunction& cost, const double* values);
-  bool Prove(int i, const ceres::CostFunction& cost, const double* const* parameters);
+  bool MoveProof(int i, const ceres::CostFunction& cost, const double* const* parameters);
   bool EvaluateCostOnlyAt(const ceres::CostFunction& cost, const double* const* parameters);
   bool SaysNothing(const double* residual) const;
   bool IsFinite() const;

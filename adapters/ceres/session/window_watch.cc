@@ -33,14 +33,16 @@ std::size_t HashOf(const ProblemView& view, const ResidualBlockView& residual) {
 }
 
 // Whether a state is gone, though another may have its address: it had bonds, and none is there any
-// more. One alone may have been replaced, as the odometry of the newest state. Both ascend.
+// more. One alone may have been replaced, as the odometry of the newest state. Sorts both.
 template <typename Bonds>
-bool AnyLostAll(const Bonds& before, const Bonds& now) {
-  for (auto state = before.begin(); state != before.end();) {
-    const auto end = std::find_if(state, before.end(),
+bool AnyLostAll(Bonds* before, Bonds* now) {
+  std::sort(before->begin(), before->end());
+  std::sort(now->begin(), now->end());
+  for (auto state = before->begin(); state != before->end();) {
+    const auto end = std::find_if(state, before->end(),
                                   [state](const auto& bond) { return bond.first != state->first; });
-    if (end - state > 1 && std::none_of(state, end, [&now](const auto& bond) {
-          return std::binary_search(now.begin(), now.end(), bond);
+    if (end - state > 1 && std::none_of(state, end, [now](const auto& bond) {
+          return std::binary_search(now->begin(), now->end(), bond);
         })) {
       return true;
     }
@@ -116,14 +118,14 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
     has_new_link |= all_old && !std::binary_search(links_.begin(), links_.end(), links_now_.back());
   }
   std::sort(links_now_.begin(), links_now_.end());
-  std::sort(bonds_now_.begin(), bonds_now_.end());
-  const bool any_gone =
-      !std::includes(states_now_.begin(), states_now_.end(), states_.begin(), states_.end()) ||
-      AnyLostAll(bonds_, bonds_now_);
+  // Bonds are put in order where they decide alone: nothing new between old states is no slide.
+  const bool has_slid = has_new_link && (!std::includes(states_now_.begin(), states_now_.end(),
+                                                        states_.begin(), states_.end()) ||
+                                         AnyLostAll(&bonds_, &bonds_now_));
   states_.swap(states_now_);
   links_.swap(links_now_);
   bonds_.swap(bonds_now_);
-  return any_gone && has_new_link;
+  return has_slid;
 }
 
 }  // namespace inceres::internal

@@ -38,7 +38,7 @@ class WindowWatch {
  private:
   bool HasSlid(const ProblemView& view, bool any_large);
 
-  // Of the last look, ascending.
+  // Of the last look, ascending but for bonds_.
   std::vector<const double*> states_;
   // of residual blocks that touch states only: hashes of what they are
   std::vector<std::size_t> links_;
