@@ -281,6 +281,20 @@ TEST_F(Edit, AnAbandonedEditLeavesNothingToTripOver) {
   EXPECT_EQ(graph_.num_factors(), 7);
 }
 
+// Nor does a factor that is added the plain way get that measurement, or the one behind it.
+TEST_F(Edit, PlainFactorsHaveTheirOwnMeasurementsAfterARefusedEdit) {
+  GraphEdit refused(graph_);
+  refused.AddFactor(views_, 1000, {0, 2});
+  refused.AddFactor(views_, 1001, {0, 999});
+  ASSERT_FALSE(graph_.Apply(refused).ok());
+  ASSERT_EQ(graph_.NumFactors(views_), 6);
+  for (const int note : {7, 8, 9}) {
+    const int index = graph_.AddFactor(views_, note, {0, 2});
+    EXPECT_EQ(views_->notes[static_cast<std::size_t>(index)], note);
+  }
+  EXPECT_TRUE(graph_.Validate().ok());
+}
+
 // Variables and factors added the plain way, even in the wrong order, are known to later edits.
 TEST_F(Edit, PlainAdditionsJoinTheListsOfFactors) {
   GraphEdit edit(graph_);

@@ -4,6 +4,8 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "inceres/export.h"
@@ -52,6 +54,26 @@ class INCERES_EXPORT EditStateOwner {
 };
 
 class GraphRestorer;
+
+template <typename Family, typename = void>
+struct CanPlace : std::false_type {};
+template <typename Family>
+struct CanPlace<Family, std::void_t<decltype(std::declval<Family&>().Place(
+                            0, std::declval<const typename Family::Measurement&>()))>>
+    : std::true_type {};
+
+/// Gives the family's factor at `index`, its next one, its measurement: where an edit that was
+/// refused has left one there, in that one's place.
+template <typename Family>
+void AddMeasurement(Family* family, int index, const typename Family::Measurement& measurement) {
+  if constexpr (CanPlace<Family>::value) {
+    if (family->size() > index) {
+      family->Place(index, measurement);
+      return;
+    }
+  }
+  family->Add(measurement);
+}
 
 }  // namespace internal
 
@@ -111,7 +133,9 @@ class INCERES_EXPORT FactorGraph {
   /// Adds the measurement to the family and connects it: graph.AddFactor(reprojections, {x, y},
   /// {camera, point}, loss). Returns the factor's index in the family; −1, and adds no measurement,
   /// if the handle is not of a family of this graph or `variables` not one for each of its slots.
-  /// (A family of your own needs a Measurement and Add(measurement), which appends.)
+  /// (A family of your own needs a Measurement and Add(measurement), which appends; and, if it
+  /// serves edits, too, Place(index, measurement), for an edit that was refused or given up has
+  /// left its measurement in the family.)
   template <typename Family>
   int AddFactor(const FamilyHandle<Family>& handle, const typename Family::Measurement& measurement,
                 const std::vector<VariableId>& variables,
@@ -119,8 +143,8 @@ class INCERES_EXPORT FactorGraph {
     if (!CanAddFactor(handle.id, handle.family.get(), variables)) {
       return -1;
     }
-    handle->Add(measurement);
     const FamilyId id = handle.id;
+    internal::AddMeasurement(handle.family.get(), NumFactors(id), measurement);
     return Connect(id, variables.data(), std::move(loss));
   }
 
