@@ -31,16 +31,14 @@ constexpr double kLeastGain = 1e-6;
 
 }  // namespace
 
-// The weights of the residuals now; how many of them have changed.
-int Graduation::SetWeights(bool last) {
-  int num_changed = 0;
+// Of the residuals now.
+std::vector<double> Graduation::WeightsNow(bool last) const {
+  std::vector<double> weights;
   for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
     const double ratio = problem_.Ratio(k);
-    const double weight = last ? schedule_.LastWeight(ratio) : schedule_.Weight(ratio);
-    num_changed += weight != problem_.weight(k) ? 1 : 0;
-    problem_.SetWeight(k, weight);
+    weights.push_back(last ? schedule_.LastWeight(ratio) : schedule_.Weight(ratio));
   }
-  return num_changed;
+  return weights;
 }
 
 // From the convex cost to the last one. False if a solve has failed.
@@ -51,8 +49,8 @@ bool Graduation::Graduate() {
   }
   std::vector<bool> left_out_before;
   while (HasRoundsLeft(1)) {
-    SetWeights(/*last=*/false);
-    const std::vector<double> weights = problem_.Weights();
+    const std::vector<double> weights = WeightsNow(/*last=*/false);
+    problem_.SetWeights(weights);
     // Truncated least squares has no last μ: it ends when no weight lies between 0 and 1.
     // Geman–McClure ends at μ = 1, with weights that Settle sets.
     const bool decided = std::all_of(weights.begin(), weights.end(),
@@ -80,15 +78,21 @@ bool Graduation::Graduate() {
 
 // Until the weights agree with what they lead to.
 // Each round sets the weights by the errors of the solve before. It ends when none changes; the
-// first round solves in any case, to the end and not for a few steps.
+// first round solves in any case, to the end and not for a few steps. Weights that nothing will be
+// solved with are not set: state, cost and weights are always those of one problem.
 bool Graduation::Settle() {
   GncSummary& summary = problem_.summary();
-  for (int i = 0; i < kMaxLastRounds; ++i) {
-    const bool any = SetWeights(/*last=*/true) > 0;
-    if (i > 0 && (!any || !HasRoundsLeft(1))) {
-      summary.termination = any ? Termination::kNoConvergence : Termination::kConvergence;
+  summary.termination = Termination::kNoConvergence;
+  for (int i = 0; i <= kMaxLastRounds; ++i) {
+    const std::vector<double> weights = WeightsNow(/*last=*/true);
+    if (i > 0 && weights == problem_.Weights()) {
+      summary.termination = Termination::kConvergence;
       break;
     }
+    if (i > 0 && (i == kMaxLastRounds || !HasRoundsLeft(1))) {
+      break;
+    }
+    problem_.SetWeights(weights);
     if (!SolveWeighted(/*last=*/true)) {
       return false;
     }
@@ -107,10 +111,12 @@ bool Graduation::TryWith(double limit) {
   GncSummary& summary = problem_.summary();
   // To take back all but the work if the trial gains nothing.
   const GncSummary told = summary;
+  std::vector<double> weights;
   for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
     // Those that were inliers before stay so: their ratio is at most 1.
-    problem_.SetWeight(k, problem_.Ratio(k) <= limit ? 1.0 : 0.0);
+    weights.push_back(problem_.Ratio(k) <= limit ? 1.0 : 0.0);
   }
+  problem_.SetWeights(weights);
   // Costs with different weights compare by what truncated least squares minimizes, in which who is
   // left out costs its threshold.
   if (SolveWeighted(/*last=*/true) && Settle() &&
@@ -154,9 +160,7 @@ void Graduation::LookAgain(double farthest) {
 
 // All weights 1: the least-squares solution, whose errors say where the graduation begins.
 bool Graduation::SolveToTheEnd() {
-  for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
-    problem_.SetWeight(k, 1.0);
-  }
+  problem_.SetWeights(std::vector<double>(problem_.num_suspects(), 1.0));
   // With other thresholds this is the second time: the first solve is before a graduation again.
   schedule_ = GncSchedule(options_.kernel, options_.step);
   if (!SolveWeighted(/*last=*/false) || !Graduate() || !Settle()) {

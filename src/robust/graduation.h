@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include "inceres/solver/gnc.h"
 #include "robust/gnc_schedule.h"
@@ -35,7 +36,7 @@ class Graduation {
            rounds_before_ + static_cast<std::size_t>(options_.max_rounds);
   }
   bool Graduate();
-  int SetWeights(bool last);
+  std::vector<double> WeightsNow(bool last) const;
   bool SolveWeighted(bool last) { return problem_.Solve(last, schedule_.mu()); }
   bool TryWith(double limit);
 

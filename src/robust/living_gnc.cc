@@ -396,14 +396,14 @@ void LivingGnc::Impl::Update(GncSummary* summary) {
     if (status.ok()) {
       LetWaitOrForesee(/*first=*/i == 0, &num_waiting);
       changes = Reweigh(/*first=*/i == 0, &num_open);
-      status = changes ? ApplyWeights(weights_) : status;
+      // Weights that nothing will be solved with are not applied: verdicts tell those of the state.
+      status = changes && i < options_.max_rounds ? ApplyWeights(weights_) : status;
     }
     if (!status.ok()) {
       summary->termination = Termination::kFailure;
       summary->message = status.message;
       return;
     }
-    // At the limit weights have been applied for which nothing is solved any more.
     const bool settled = i > 0 && !changes && num_open == 0 && !is_cut_;
     if (settled || i >= options_.max_rounds) {
       summary->termination = settled ? Termination::kConvergence : Termination::kNoConvergence;

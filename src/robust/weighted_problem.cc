@@ -1,6 +1,7 @@
 #include "robust/weighted_problem.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "robust/squared_errors.h"
 
@@ -50,6 +51,12 @@ bool WeightedProblem::Fail(const Status& status) {
   return status.ok();
 }
 
+void WeightedProblem::SetWeights(const std::vector<double>& weights) {
+  for (std::size_t k = 0; k < weights_.size(); ++k) {
+    weights_[k]->weight = weights[k];
+  }
+}
+
 bool WeightedProblem::Measure() {
   return Fail(SquaredErrors(
       graph_, suspects_, [this](VariableId id) { return graph_.Values(id); }, &squared_errors_));
@@ -72,9 +79,13 @@ bool WeightedProblem::Solve(bool last, double mu) {
     options.max_num_iterations = std::min(options.max_num_iterations, options_.iterations_a_round);
   }
   // Weight zero makes the Jacobian of a factor zero. Finding that costs something at each
-  // linearization.
-  options.dynamic_sparsity = options.dynamic_sparsity ||
-                             round.num_none > kSparseShare * static_cast<double>(weights_.size());
+  // linearization. Linear models that eliminate, iterate or drop Jacobians do without.
+  SolverOptions sparse = options;
+  sparse.dynamic_sparsity = true;
+  if (round.num_none > kSparseShare * static_cast<double>(weights_.size()) &&
+      sparse.Validate().ok()) {
+    options = std::move(sparse);
+  }
   const Summary solved = solver_.Solve(options, &graph_);
   if (!solved.IsSolutionUsable()) {
     summary_.termination = solved.termination;

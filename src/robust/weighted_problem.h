@@ -26,7 +26,7 @@ class WeightedProblem {
   FamilyId FamilyOf(std::size_t k) const { return suspects_[k].family; }
   int ResidualSize(FamilyId family) const { return graph_.family(family).residual_size(); }
   double weight(std::size_t k) const { return weights_[k]->weight; }
-  void SetWeight(std::size_t k, double weight) { weights_[k]->weight = weight; }
+  void SetWeights(const std::vector<double>& weights);
   std::vector<double> Weights() const;
   std::vector<double>& thresholds() { return thresholds_; }
   const std::vector<double>& thresholds() const { return thresholds_; }

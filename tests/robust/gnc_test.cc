@@ -182,6 +182,43 @@ TEST(Gnc, StopsAtMaxRounds) {
   EXPECT_EQ(summary.verdicts.size(), world.suspects.size());
 }
 
+// Wherever the rounds end, weights, cost and state are those of one problem.
+TEST(Gnc, AtTheLimitItsLossesAreThoseItWasSolvedWith) {
+  for (int max_rounds = 1; max_rounds < 12; ++max_rounds) {
+    GncWorld world(PoseGraphWorld(2, 120, 40, 20, 0.02, 3));
+    GncOptions options = world.Options();
+    options.max_rounds = max_rounds;
+    const GncSummary summary = SolveGnc(options, world.suspects, &world.graph);
+    ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    SolverOptions look;
+    look.max_num_iterations = 0;
+    EXPECT_NEAR(Solve(look, &world.graph).initial_cost, summary.final_cost,
+                1e-9 * summary.final_cost)
+        << max_rounds;
+  }
+}
+
+// Most suspects are left out, and nothing that the user asked for is refused for that.
+TEST(Gnc, GoesWithEveryLinearModel) {
+  for (const LinearModelKind model :
+       {LinearModelKind::kAutomatic, LinearModelKind::kPlain, LinearModelKind::kDenseQr,
+        LinearModelKind::kIterativePlain}) {
+    for (const bool recompute : {false, true}) {
+      GncWorld world(PoseGraphWorld(2, 60, 20, 20, 0.02, 3));
+      GncOptions options = world.Options();
+      options.solver.linear_model = model;
+      options.solver.strategy = TrustRegionStrategyKind::kLevenbergMarquardt;
+      options.solver.recompute_jacobians = recompute;
+      if (!options.solver.Validate().ok()) {
+        continue;
+      }
+      const GncSummary summary = SolveGnc(options, world.suspects, &world.graph);
+      EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+      EXPECT_GT(summary.num_outliers, 10);
+    }
+  }
+}
+
 TEST(Gnc, OfConstantsTakesNoIterations) {
   GncWorld world(PoseGraphWorld(2, 60, 20, 5, 0.02, 1));
   for (const VariableId pose : world.ids.poses) {

@@ -58,7 +58,8 @@ struct INCERES_EXPORT GncOptions {
   /// > 1: the control parameter μ grows (truncated least squares) or falls (Geman–McClure) by this
   /// factor from one weighted problem to the next
   double step = 1.4;
-  /// weighted problems at most, ≥ 1; with estimate_scale: at most for each scale
+  /// weighted problems at most, ≥ 1, but that one with the last weights is solved in any case; with
+  /// estimate_scale: at most for each scale
   int max_rounds = 100;
   /// ≥ 1: steps of one weighted problem, but for the last one, which has solver.max_num_iterations;
   /// of LivingGnc while weights are on the way
@@ -66,7 +67,8 @@ struct INCERES_EXPORT GncOptions {
   /// Batch, if set: gives every weighted problem its start. Where the factors allow for a global
   /// solver or a relaxation (of a pose graph: ChordalStart, io/pose_graph_start.h), a graduation
   /// that begins each problem from it does not stay in the basin where the first, convex problem
-  /// has led it. An error ends the solve. Not set: from where the one before has ended.
+  /// has led it. An error ends the solve; in a second look at what was left out, that look alone.
+  /// Not set: from where the one before has ended.
   GncStart start;
   /// Batch: of every weighted problem. Ignored by LivingGnc, whose solver has its own.
   SolverOptions solver;
