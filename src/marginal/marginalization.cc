@@ -79,6 +79,7 @@ class Marginalizer {
       CollectFactors();
       CollectKept();
     }
+    then(&Marginalizer::CheckConstants);
     then(&Marginalizer::CheckLandmarks);
     then(&Marginalizer::CheckRemoval);
     then(&Marginalizer::ComputePrior);
@@ -179,6 +180,24 @@ class Marginalizer {
                  [&](VariableId id) { return neighbors.erase(id) > 0; });
     kept.insert(kept.end(), neighbors.begin(), neighbors.end());
     std::for_each(kept.begin(), kept.end(), [this](VariableId id) { system_.AddKept(id); });
+  }
+
+  // A constant need not have the degrees of freedom of its slots, until it is to have columns.
+  Status CheckConstants() {
+    for (const FactorId& factor : factors_) {
+      const FactorFamily& family = graph_.family(factor.family);
+      for (int s = 0; s < family.num_slots(); ++s) {
+        const VariableId id = graph_.Variables(factor.family, factor.index)[s];
+        if (graph_.IsConstant(id) && HasColumns(id) &&
+            graph_.TangentSize(id) != family.slot(s).tangent_size) {
+          return Refuse(id, "is a constant with " + std::to_string(graph_.TangentSize(id)) +
+                                " degrees of freedom in a slot for " +
+                                std::to_string(family.slot(s).tangent_size) +
+                                ": the prior cannot keep it (keep_constants)");
+        }
+      }
+    }
+    return Status::Ok();
   }
 
   // The prior becomes a factor, and a factor may touch one landmark that is not constant: the block

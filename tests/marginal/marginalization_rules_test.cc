@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/solver/marginalization.h"
+#include "marginal/linear_world.h"
 #include "support/random_graph.h"
 
 namespace inceres::test {
@@ -68,6 +69,29 @@ TEST_F(Rules, TheOldestFrameTakesItsLandmarksAlong) {
   ASSERT_TRUE(summary.status.ok()) << summary.status.message;
   EXPECT_EQ(summary.kept, (Ids{frames_[1], frames_[2], frames_[3]}));
   EXPECT_TRUE(graph().HasVariable(constant_));
+}
+
+// Such a constant is fine where nothing is asked by it.
+TEST_F(Rules, AKeptConstantHasTheDegreesOfFreedomOfItsSlots) {
+  FactorGraph graph;
+  const auto ties = graph.AddFamily(
+      std::make_shared<LinearFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}}));
+  const double up[3] = {0.0, 0.0, 1.0};
+  const VariableId frame = graph.AddVariable(up, 3, Role::kFrame);
+  const VariableId constant =
+      graph.AddVariable(up, 3, Role::kFrame, std::make_shared<SphereManifold>(3));
+  graph.SetConstant(constant, true);
+  graph.AddFactor(ties, {Eigen::MatrixXd::Identity(3, 6), Eigen::MatrixXd::Zero(3, 1)},
+                  {frame, constant});
+  MarginalizationRequest request;
+  request.marginalized = {frame};
+  MarginalizationOptions options;
+  options.keep_constants = true;
+  const MarginalizationSummary refused = Marginalize(request, options, &graph);
+  EXPECT_EQ(refused.status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(refused.offenders, Ids{constant});
+  options.keep_constants = false;
+  EXPECT_TRUE(Marginalize(request, options, &graph).status.ok());
 }
 
 TEST_F(Rules, TheSecondNewestFrameLeavesItsViewsBehind) {

@@ -33,7 +33,8 @@ struct INCERES_EXPORT MarginalizationOptions {
   double rank_tolerance = 1e-12;
   /// Constants among the neighbors are exactly known to a prior, which says nothing about them if
   /// they are set free later. If kept, their columns are part of it (as VINS keeps its extrinsics);
-  /// borrowed constants never are.
+  /// borrowed constants never are. One whose degrees of freedom are not those of its slots is
+  /// refused.
   bool keep_constants = false;
   /// Pins the variables that the prior keeps to where they are linearized now
   /// (FactorGraph::PinLinearization), but for those pinned before.
