@@ -58,7 +58,9 @@ class LinearChain {
       graph_.AddVariable(zero.data(), size, Role::kFrame);
     }
     // Takes away the gauge: without it, every common motion would be a solution too.
-    graph_.SetConstant(0, true);
+    if (poses.NumVertices() > 0) {
+      graph_.SetConstant(0, true);
+    }
     const FamilyId id = graph_.AddFamily(family_).id;
     family_->Resize(static_cast<int>(poses.edges.size()));
     for (const PoseGraphEdge& edge : poses.edges) {

@@ -36,6 +36,15 @@ double LargestTurn(const PoseGraph& a, const PoseGraph& b) {
   return largest;
 }
 
+TEST(ChordalStart, OfNothingIsRefused) {
+  for (const int dimension : {2, 3}) {
+    PoseGraph nothing;
+    nothing.dimension = dimension;
+    const Status status = StartByChordalRelaxation(&nothing);
+    EXPECT_EQ(status.message, "chordal start: the graph has no vertices");
+  }
+}
+
 TEST(ChordalStart, IsExactWithoutNoise) {
   for (const int dimension : {2, 3}) {
     const PoseGraphWorld world(dimension, 100, 25, 0, 0.0, 1);
