@@ -106,6 +106,7 @@ void IncrementalSolver::Impl::Restart() {
   TakeValues();
   // It is a factor of the old system's S.
   undamped_ = nullptr;
+  weakest_.is_known = false;
   live = std::make_unique<IncrementalSystem>(graph, options_.num_threads, tuning_);
   minimizer_ = std::make_unique<IncrementalMinimizer>(options_, tuning_, live.get());
   // Variables first, since factors look their rows up; then families in their order, so that rows
@@ -325,6 +326,12 @@ void IncrementalSolver::Impl::Minimize(UpdateTrace* trace) {
     // A batch phase has brought the values near the minimum, however new the factors are.
     minimizer_->Minimize(!batch && num_new > tuning_.rebuild.mostly_new * graph.num_factors(), stop,
                          trace);
+    // A system that is made now asks nobody for Jacobians by its constants, which may be what
+    // failed.
+    if (trace->summary().termination == Termination::kFailure && live->HasHeldVariables()) {
+      Restart();
+      minimizer_->Minimize(/*mostly_new=*/false, stop, trace);
+    }
     // No row was written: not even the start has a cost.
     const bool failed_at_once = trace->summary().termination == Termination::kFailure &&
                                 trace->summary().iterations.size() == rows_before;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -129,6 +130,12 @@ class IncrementalSystem {
   /// many landmarks' right-hand sides followed.
   int AcceptValues();
 
+  /// Whether a variable has become constant since it came: its factors still have Jacobians for it.
+  bool HasHeldVariables() const {
+    const auto is_held = [](const auto& block) { return block.id >= 0 && block.held; };
+    return std::any_of(schur_.frames().begin(), schur_.frames().end(), is_held) ||
+           std::any_of(schur_.landmarks().begin(), schur_.landmarks().end(), is_held);
+  }
   /// Whether nothing is left for Relinearize to follow.
   bool IsUpToDate() const { return dirty_.IsEmpty(); }
   int NumDirtyFactors() const { return dirty_.NumFactors(); }

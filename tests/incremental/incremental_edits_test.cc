@@ -1,11 +1,16 @@
 // What edits do to the minimum: the same as to a problem that was built that way.
 
+#include <cmath>
+#include <memory>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "incremental/incremental_bundle.h"
+#include "support/test_families.h"
 
 namespace inceres {
 namespace {
@@ -205,6 +210,68 @@ TEST(IncrementalEdits, ThousandsOfConstantsToggleWithoutAnEvaluation) {
   }
   bundle.Apply();
   ExpectBatchMinimum(&bundle);
+}
+
+// As for a batch solver, that of a constant is asked of nobody: held where its Jacobian is infinite,
+// or where its factor has none to give, it fails no Update.
+TEST(IncrementalEdits, NoJacobianByAConstantIsNeeded) {
+  for (const Role role : {Role::kFrame, Role::kLandmark}) {
+    for (const bool gives : {true, false}) {
+      // √y + x at y = 0.
+      const auto function = [gives](int, const double* const* p, double* f, double** J) {
+        f[0] = std::sqrt(p[1][0]) + p[0][0] - 3.0;
+        if (J != nullptr && J[0] != nullptr) {
+          J[0][0] = 1.0;
+        }
+        if (J != nullptr && J[1] != nullptr) {
+          J[1][0] = 0.5 / std::sqrt(p[1][0]);
+          return gives || p[1][0] > 0.0;
+        }
+        return true;
+      };
+      IncrementalSolver solver(Tight());
+      const auto sum = solver.AddFamily(std::make_shared<test::FunctionFamily>(
+          1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function));
+      const auto at_four = solver.AddFamily(std::make_shared<test::FunctionFamily>(
+          1, std::vector<FactorFamily::Slot>{{1, 1}},
+          [](int, const double* const* p, double* f, double** J) {
+            f[0] = p[0][0] - 4.0;
+            if (J != nullptr && J[0] != nullptr) {
+              J[0][0] = 1.0;
+            }
+            return true;
+          }));
+      const double start = 1.0, zero = 0.0;
+      GraphEdit edit(solver.graph());
+      const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
+      const VariableId y = edit.AddVariable(&start, 1, role);
+      edit.AddFactor(sum, 0, {x, y});
+      edit.AddFactor(at_four, 0, {y});
+      ASSERT_TRUE(solver.Apply(edit).ok());
+      ASSERT_EQ(solver.Update().termination, Termination::kConvergence);
+      ASSERT_NEAR(*solver.Values(x), 1.0, 1e-4);
+
+      GraphEdit hold(solver.graph());
+      hold.SetConstant(y, true);
+      hold.SetValues(y, &zero);
+      ASSERT_TRUE(solver.Apply(hold).ok());
+      const UpdateSummary held = solver.Update();
+      EXPECT_EQ(held.termination, Termination::kConvergence) << held.message;
+      EXPECT_NEAR(*solver.Values(x), 3.0, 1e-4);
+      EXPECT_NEAR(held.final_cost, 8.0, 1e-6);
+
+      // Free again it has no place in S, and gets one; its Jacobian is infinite for everybody.
+      GraphEdit free(solver.graph());
+      free.SetConstant(y, false);
+      ASSERT_TRUE(solver.Apply(free).ok());
+      EXPECT_EQ(solver.Update().termination, Termination::kFailure);
+      GraphEdit back(solver.graph());
+      back.SetValues(y, &start);
+      ASSERT_TRUE(solver.Apply(back).ok());
+      EXPECT_EQ(solver.Update().termination, Termination::kConvergence);
+      EXPECT_NEAR(*solver.Values(y), 4.0, 1e-4);
+    }
+  }
 }
 
 // An edit that is refused does not change a bit of what comes after.
