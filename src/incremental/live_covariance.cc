@@ -103,10 +103,10 @@ Status CheckHeld(const LiveSource& source, double open) {
 }
 
 Status CheckGauge(const LiveSource& source, const Inverse& inverse) {
-  const IncrementalSchur& schur = source.system.schur();
-  const Status found = IsStillKnown(*source.weakest, schur, inverse.mu)
+  const IncrementalSystem& system = source.system;
+  const Status found = IsStillKnown(*source.weakest, system, inverse.mu, inverse.open)
                            ? Status::Ok()
-                           : FindWeakest(schur, inverse.factor, inverse.mu, source.weakest);
+                           : FindWeakest(system, inverse.factor, inverse.mu, source.weakest);
   return found.ok() ? CheckHeld(source, inverse.open) : found;
 }
 
@@ -230,7 +230,7 @@ Status Undamped(const LiveSource& source, const std::vector<VariableId>& ids,
   const IncrementalSchur& schur = source.system.schur();
   undamped.NoteChanges(&source.system.schur());
   const int row = ids.size() == 1 ? source.system.FrameOf(ids[0]) : -1;
-  const bool knows_weakest = IsStillKnown(*source.weakest, schur, /*mu=*/0.0);
+  const bool knows_weakest = IsStillKnown(*source.weakest, source.system, /*mu=*/0.0, kNoCurvature);
   if (row >= 0 && knows_weakest && undamped.KnowsMarginalOf(row)) {
     *joint = undamped.marginal();
     const Status held = CheckHeld(source, kNoCurvature);

@@ -59,6 +59,32 @@ void MakeProbe(const IncrementalSchur& schur, Eigen::VectorXd* D, Eigen::VectorX
   }
 }
 
+void KeepWeights(const IncrementalSystem& system, WeakestDirection* weakest) {
+  weakest->inverse_sqrt_w.assign(system.families().size(), {});
+  for (const IncrementalFamily& family : system.families()) {
+    std::vector<double>& roots = weakest->inverse_sqrt_w[static_cast<std::size_t>(family.id())];
+    for (int i = 0; system.graph().HasLosses(family.id()) && i < family.num_places(); ++i) {
+      roots.push_back(family.weighed().linearized(i) ? family.weighed().inverse_sqrt_w(i) : 0.0);
+    }
+  }
+}
+
+// Of factors that were there: w now over w then, where that was weight to speak of.
+double LeastWeightKept(const IncrementalSystem& system, const WeakestDirection& weakest) {
+  double least = 1.0;
+  for (std::size_t family = 0; family < weakest.inverse_sqrt_w.size(); ++family) {
+    const WeighedResiduals& weighed = system.families()[family].weighed();
+    const std::vector<double>& roots = weakest.inverse_sqrt_w[family];
+    for (std::size_t i = 0; i < roots.size(); ++i) {
+      if (roots[i] > 0.0 && weighed.linearized(static_cast<int>(i))) {
+        const double now = weighed.inverse_sqrt_w(static_cast<int>(i));
+        least = std::min(least, now > 0.0 ? std::pow(roots[i] / now, 2) : 0.0);
+      }
+    }
+  }
+  return least;
+}
+
 // By row and id: a row that was given to another frame since counts as new.
 void SeeAll(const IncrementalSchur& schur, WeakestDirection* weakest) {
   weakest->seen.resize(schur.frames().size());
@@ -197,12 +223,17 @@ VariableId LargestShare(const IncrementalSchur& schur, const Eigen::VectorXd& sq
 
 // Without landmarks no damping is hidden in S, and what is new need not be looked at by itself.
 // With them a graph must not have got more new frames than a dense matrix is for, and μ must not
-// have fallen: what a larger μ was found with may have been μ's doing.
-bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur, double mu) {
+// have fallen: what a larger μ was found with may have been μ's doing. A loss that takes a factor's
+// weight takes as much of H as removing it does, and S keeps at least the least share of it.
+bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSystem& system, double mu,
+                  double open) {
+  const IncrementalSchur& schur = system.schur();
   const int num_frames = schur.structure().num_frames();
   return weakest.is_known && num_frames <= kGrowth * weakest.num_frames &&
          (schur.structure().num_landmarks() == 0 ||
-          (num_frames <= weakest.num_seen + kMostNewFrames && weakest.mu <= mu));
+          (num_frames <= weakest.num_seen + kMostNewFrames && weakest.mu <= mu)) &&
+         (weakest.eigenvalue <= open ||
+          LeastWeightKept(system, weakest) * weakest.eigenvalue > open);
 }
 
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
@@ -212,8 +243,9 @@ bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur
 // landmarks' damping has more than a tenth of what holds the direction it takes more iterations,
 // for the gauge and others beside it are then alike. But for rounding θ − μ is never below the
 // eigenvalue, so a direction that is found to be weak is one.
-Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
+Status FindWeakest(const IncrementalSystem& system, const LiveFactor& factor, double mu,
                    WeakestDirection* weakest) {
+  const IncrementalSchur& schur = system.schur();
   Eigen::VectorXd D = Eigen::VectorXd::Zero(schur.size());
   Eigen::VectorXd x = D, y = D;
   MakeProbe(schur, &D, &x);
@@ -242,6 +274,7 @@ Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, doub
   weakest->variable = LargestShare(schur, x.cwiseAbs2().cwiseProduct(D));
   weakest->num_frames = schur.structure().num_frames();
   SeeAll(schur, weakest);
+  KeepWeights(system, weakest);
   const Status status = FindDampingShare(schur, factor, mu, D, x, &weakest->damping_share);
   weakest->is_known = status.ok();
   return status;

@@ -4,6 +4,7 @@
 
 #include "inceres/status.h"
 #include "incremental/incremental_schur.h"
+#include "incremental/incremental_system.h"
 #include "linear/live_factor.h"
 
 namespace inceres::internal {
@@ -20,14 +21,19 @@ struct WeakestDirection {
   bool is_known = false;         // and nothing was taken out of the graph since
   std::vector<VariableId> seen;  // by row: frames that were there then, or were looked at since
   int num_seen = 0;
+  // by family and place, where there are losses: 1/√w of the linearizations it was looked for with
+  std::vector<std::vector<double>> inverse_sqrt_w;
 };
 
 /// Whether it need not be looked for: what has come since is little, and FindFreeNewFrame looks
-/// at it. With a factor of S + μD: one with more hides what landmarks' damping does.
-bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSchur& schur, double mu);
+/// at it; and losses have not taken so much weight that another direction may have less than
+/// `open`. With a factor of S + μD: one with more hides what landmarks' damping does. Cost: a look
+/// at the weight of each factor of a family with losses.
+bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSystem& system, double mu,
+                  double open);
 
 /// By inverse iteration with a factor of S + μD. Errors are the factor's.
-Status FindWeakest(const IncrementalSchur& schur, const LiveFactor& factor, double mu,
+Status FindWeakest(const IncrementalSystem& system, const LiveFactor& factor, double mu,
                    WeakestDirection* weakest);
 
 /// Whether more than `open` holds it, and mostly not the landmarks' damping.

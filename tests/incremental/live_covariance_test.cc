@@ -5,10 +5,12 @@
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include "inceres/problem/losses.h"
 #include "inceres/solver/covariance.h"
 #include "incremental/incremental_bundle.h"
 #include "marginal/linear_world.h"
 #include "support/dense_oracle.h"
+#include "support/test_families.h"
 #include "support/values_held.h"
 
 namespace inceres::test {
@@ -418,6 +420,51 @@ TEST(LiveCovariance, AnIslandThatComesLaterIsFree) {
   chain.ExpectKnown(frames.back());
   chain.ExpectKnown(chain.Add(1, frames.back()).back());
   chain.ExpectFree(chain.Add(2).back());
+}
+
+// Nothing is taken out of the graph, and what held it has lost its weight all the same: a new
+// factor has pulled it to where its loss counts it as an outlier, and there says nothing itself.
+TEST(LiveCovariance, ALossThatTakesAllWeightFreesTheGauge) {
+  IncrementalOptions options = Fresh();
+  options.min_damping = options.initial_damping = 1e-8;  // rounding is less than 1e-4 of that
+  IncrementalSolver solver(options);
+  using Slots = std::vector<FactorFamily::Slot>;
+  const auto priors = solver.AddFamily(std::make_shared<LinearFamily>(1, Slots{{1, 1}}));
+  const auto ties = solver.AddFamily(std::make_shared<LinearFamily>(1, Slots{{1, 1}, {1, 1}}));
+  const auto pulls = solver.AddFamily(std::make_shared<FunctionFamily>(
+      1, Slots{{1, 1}}, [](int, const double* const* p, double* f, double** J) {
+        const bool pulls_here = p[0][0] < 3.0;
+        f[0] = pulls_here ? 10.0 * (3.5 - p[0][0]) : 0.0;
+        if (J != nullptr && J[0] != nullptr) {
+          J[0][0] = pulls_here ? -10.0 : 0.0;
+        }
+        return true;
+      }));
+  MatrixXd difference(1, 2);
+  difference << -1.0, 1.0;
+  const double zero = 0.0;
+  GraphEdit edit(solver.graph());
+  std::vector<VariableId> path;
+  for (int i = 0; i < 20; ++i) {
+    path.push_back(edit.AddVariable(&zero, 1, Role::kFrame));
+    if (i > 0) {
+      edit.AddFactor(ties, {difference, MatrixXd::Zero(1, 1)}, {path[i - 1], path[i]});
+    }
+  }
+  edit.AddFactor(priors, {MatrixXd::Identity(1, 1), MatrixXd::Zero(1, 1)}, {path[0]},
+                 std::make_shared<TukeyLoss>(1.0));
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  solver.Update();
+  LiveCovariance covariance;
+  ASSERT_TRUE(solver.MarginalCovariance(path.back(), AsFactored(), &covariance).ok());
+
+  GraphEdit pull(solver.graph());
+  pull.AddFactor(pulls, 0, {path[0]});
+  ASSERT_TRUE(solver.Apply(pull).ok());
+  ASSERT_NE(solver.Update().termination, Termination::kFailure);
+  ASSERT_GT(*solver.Values(path[0]), 3.0);
+  EXPECT_EQ(solver.MarginalCovariance(path.back(), AsFactored(), &covariance).code,
+            StatusCode::kSingular);
 }
 
 // A path that grows by a pose an Update, with a loop now and then.
