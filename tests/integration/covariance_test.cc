@@ -162,23 +162,34 @@ TEST(CovarianceOfACeresProblem, AFreeGaugeIsFalseInBothAndNamed) {
   EXPECT_FALSE(ours.GetCovarianceBlock(pairs[0].first, pairs[0].first, block));
 }
 
-TEST(CovarianceOfACeresProblem, ABlockNobodyTouchesDoesNotMatterUnlessAskedFor) {
+// As a constant: its covariances are zeros, asked for or not.
+TEST(CovarianceOfACeresProblem, ABlockNobodyTouchesIsKnown) {
   const std::unique_ptr<Instance> instance = MakeCurveFit(tools::LossSpec());
   const double* x = instance->x.data();
-  double lonely = 1.0;
-  instance->problem->AddParameterBlock(&lonely, 1);
-  ceres::Covariance stock{ceres::Covariance::Options()};
-  ASSERT_TRUE(stock.Compute(Pairs{{x, x}}, instance->problem.get()));
-  Covariance ours{ceres::Covariance::Options()};
-  ASSERT_TRUE(ours.Compute(Pairs{{x, x}}, instance->problem.get()));
-  EXPECT_FALSE(ours.report().used_stock);
-  double expected = 0.0, actual = 1.0;
-  ASSERT_TRUE(stock.GetCovarianceBlock(x, x, &expected));
-  ASSERT_TRUE(ours.GetCovarianceBlock(x, x, &actual));
-  EXPECT_NEAR(actual, expected, 1e-9 * expected);
-  ours.Compute(Pairs{{&lonely, &lonely}}, instance->problem.get());
-  EXPECT_TRUE(ours.report().used_stock);
-  EXPECT_EQ(ours.report().message, "no residual block touches a parameter block");
+  double lonely[2] = {1.0, 2.0};
+  instance->problem->AddParameterBlock(lonely, 2);
+  const auto expect_alike = [&](auto& stock, auto& ours) {
+    for (const auto& [a, b] : Pairs{{x, x}, {x, lonely}, {lonely, x}, {lonely, lonely}}) {
+      std::array<double, 4> expected{}, actual = {7.0, 7.0, 7.0, 7.0};
+      ASSERT_TRUE(stock.GetCovarianceBlock(a, b, expected.data()));
+      ASSERT_TRUE(ours.GetCovarianceBlock(a, b, actual.data()));
+      for (int k = 0; k < (a == x ? 1 : 2) * (b == x ? 1 : 2); ++k) {
+        EXPECT_NEAR(actual[k], expected[k], 1e-9 * expected[0]);
+      }
+    }
+  };
+  for (const auto algorithm : {ceres::SPARSE_QR, ceres::DENSE_SVD}) {
+    for (const Pairs& pairs : {Pairs{{x, x}}, Pairs{{x, x}, {lonely, lonely}, {x, lonely}}}) {
+      ceres::Covariance::Options options;
+      options.algorithm_type = algorithm;
+      ceres::Covariance stock(options);
+      ASSERT_TRUE(stock.Compute(pairs, instance->problem.get()));
+      Covariance ours(options);
+      ASSERT_TRUE(ours.Compute(pairs, instance->problem.get()));
+      EXPECT_FALSE(ours.report().used_stock);
+      ASSERT_NO_FATAL_FAILURE(expect_alike(stock, ours));
+    }
+  }
 }
 
 // Two parameters of a curve, and a residual block that ties a pair of variables by their sum: one
@@ -239,17 +250,24 @@ TEST(CovarianceOfACeresProblem, DenseSvdIsOursAsStocks) {
   }
 }
 
-TEST(CovarianceOfACeresProblem, DenseSvdOfALonelyBlockIsStocks) {
+// It has no columns, and so no share in the rank.
+TEST(CovarianceOfACeresProblem, DenseSvdBesideALonelyBlockIsAsWithout) {
   OpenSum open(0.5);
   double lonely = 1.0;
   open.problem.AddParameterBlock(&lonely, 1);
   ceres::Covariance::Options options;
   options.algorithm_type = ceres::DENSE_SVD;
   options.null_space_rank = -1;
+  const Pairs pairs = {{&open.y, &open.y}};
+  ceres::Covariance stock(options);
+  ASSERT_TRUE(stock.Compute(pairs, &open.problem));
   Covariance ours(options);
-  ASSERT_TRUE(ours.Compute(Pairs{{&open.y, &open.y}}, &open.problem));
-  EXPECT_TRUE(ours.report().used_stock);
-  EXPECT_NE(ours.report().message.find("DENSE_SVD"), std::string::npos);
+  ASSERT_TRUE(ours.Compute(pairs, &open.problem));
+  EXPECT_FALSE(ours.report().used_stock);
+  double expected = 0.0, actual = 1.0;
+  ASSERT_TRUE(stock.GetCovarianceBlock(&open.y, &open.y, &expected));
+  ASSERT_TRUE(ours.GetCovarianceBlock(&open.y, &open.y, &actual));
+  EXPECT_NEAR(actual, expected, 1e-9 * expected);
 }
 
 struct CountingCallback : ceres::EvaluationCallback {

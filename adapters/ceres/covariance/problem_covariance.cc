@@ -26,9 +26,9 @@ using ConstRowMajor = Eigen::Map<const RowMajor>;
 constexpr double kTrustedInflation = 1e8;
 constexpr double kHopelessInflation = 1e12;
 
-// Nothing is known of it.
-bool IsLonely(const ParameterBlockView& block) {
-  return !block.constant && block.degree == 0;
+// Its covariances are zeros, as in Ceres: nothing moves it, or no residual block touches it.
+bool IsKnown(const ParameterBlockView& block) {
+  return block.constant || block.degree == 0;
 }
 
 std::string NameOf(const ProblemView& view, int block) {
@@ -68,7 +68,7 @@ GraphCovariance::Pairs MovingPairs(
   GraphCovariance::Pairs moving;
   for (const auto& pair : pairs) {
     const int a = view.index.Find(pair.first), b = view.index.Find(pair.second);
-    if (!view.block(a).constant && !view.block(b).constant) {
+    if (!IsKnown(view.block(a)) && !IsKnown(view.block(b))) {
       moving.emplace_back(variables[At(a)], variables[At(b)]);
     }
   }
@@ -124,8 +124,7 @@ ProblemCovariance::Outcome ProblemCovariance::Fail(std::string why) {
   return Outcome::kFailed;
 }
 
-// What Ceres ends the process for, and a variable block without a residual block, which has no
-// variance.
+// What Ceres ends the process for.
 std::string ProblemCovariance::FindMisuse(const ProblemView& view, const Pairs& pairs) {
   std::set<std::pair<const double*, const double*>> seen;
   for (const auto& pair : pairs) {
@@ -133,24 +132,16 @@ std::string ProblemCovariance::FindMisuse(const ProblemView& view, const Pairs& 
       return "a pair of parameter blocks is there twice";
     }
     for (const double* values : {pair.first, pair.second}) {
-      const int block = view.index.Find(values);
-      if (block < 0) {
+      if (view.index.Find(values) < 0) {
         return "a parameter block is not the problem's";
-      }
-      if (IsLonely(view.block(block))) {
-        return "no residual block touches a parameter block";
       }
     }
   }
   return "";
 }
 
-// Columns of zeros, which lower the rank of what stock looks at, and options that are out of range.
-std::string ProblemCovariance::FindRankRule(const ProblemView& view,
-                                            const ceres::Covariance::Options& options) {
-  if (std::any_of(view.blocks.begin(), view.blocks.end(), IsLonely)) {
-    return "DENSE_SVD, and no residual block touches a parameter block";
-  }
+// Options that are out of range.
+std::string ProblemCovariance::FindRankRule(const ceres::Covariance::Options& options) {
   const double smallest = options.min_reciprocal_condition_number;
   return options.null_space_rank >= -1 && smallest >= 0.0 && smallest < 1.0
              ? ""
@@ -160,12 +151,12 @@ std::string ProblemCovariance::FindRankRule(const ProblemView& view,
 void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pairs) {
   blocks_.reserve(view.blocks.size());
   for (const ParameterBlockView& block : view.blocks) {
-    blocks_.push_back({block.values, block.ambient_size, block.tangent_size, block.constant});
+    blocks_.push_back({block.values, block.ambient_size, block.tangent_size, IsKnown(block)});
   }
   for (const auto& pair : pairs) {
     for (const double* values : {pair.first, pair.second}) {
       const ParameterBlockView& block = view.block(view.index.Find(values));
-      if (block.manifold == nullptr || block.constant) {
+      if (block.manifold == nullptr || IsKnown(block)) {
         continue;
       }
       const auto [kept, is_new] = plus_jacobians_.try_emplace(values);
@@ -192,7 +183,7 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
   }
   std::string misuse = FindMisuse(view, pairs);
   if (misuse.empty() && options.algorithm_type == ceres::DENSE_SVD) {
-    misuse = FindRankRule(view, options);
+    misuse = FindRankRule(options);
   }
   if (!misuse.empty()) {
     return Decline(misuse);

@@ -45,12 +45,11 @@ class ProblemCovariance {
     const double* values = nullptr;
     int ambient_size = 0;
     int tangent_size = 0;
-    bool constant = false;
+    bool constant = false;  ///< or no residual block touches it
   };
 
   static std::string FindMisuse(const ProblemView& view, const Pairs& pairs);
-  static std::string FindRankRule(const ProblemView& view,
-                                  const ceres::Covariance::Options& options);
+  static std::string FindRankRule(const ceres::Covariance::Options& options);
   void RememberBlocks(const ProblemView& view, const Pairs& pairs);
   Outcome Decline(std::string why);
   Outcome Fail(std::string why);
