@@ -14,7 +14,7 @@ bool CovarianceRegistry::Compute(const ceres::Covariance* covariance,
   if (entry == nullptr) {
     return false;
   }
-  entry->ours.reset();
+  Forget(covariance);
   auto ours = std::make_unique<ProblemCovariance>();
   const ProblemCovariance::Outcome outcome =
       ours->Compute(entry->options, pairs, problem, callback);
@@ -26,7 +26,25 @@ bool CovarianceRegistry::Compute(const ceres::Covariance* covariance,
   if (*computed) {
     entry->ours = std::move(ours);
   }
+  entry->has_failed = !*computed;
   return true;
+}
+
+void CovarianceRegistry::Forget(const ceres::Covariance* covariance) {
+  if (KnownCovariance* const entry = Find(covariance)) {
+    entry->ours.reset();
+    entry->has_failed = false;
+  }
+}
+
+// In Ceres's words. Its own object may have computed before, and would give that out.
+const ProblemCovariance* CovarianceRegistry::Computed(const ceres::Covariance* covariance) const {
+  const KnownCovariance* const known = Find(covariance);
+  if (known == nullptr) {
+    return nullptr;
+  }
+  CHECK(!known->has_failed) << "Covariance is asked for when Covariance::Compute returned false.";
+  return known->ours.get();
 }
 
 CovarianceRegistry& TheCovariances() {

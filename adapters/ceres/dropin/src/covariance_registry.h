@@ -17,6 +17,7 @@ struct KnownCovariance {
 
   ceres::Covariance::Options options;
   std::unique_ptr<ProblemCovariance> ours;
+  bool has_failed = false;  // the last Compute, which was ours
 };
 
 /// The living ceres::Covariance objects of a process. Threads: any, on different objects.
@@ -27,12 +28,12 @@ class CovarianceRegistry : public LivingObjects<ceres::Covariance, KnownCovarian
   bool Compute(const ceres::Covariance* covariance, const ProblemCovariance::Pairs& pairs,
                const ceres::Problem& problem, ceres::EvaluationCallback* callback, bool* computed);
 
-  /// What Compute has computed; null if it was stock, or nothing was. After a failure too: stock's
-  /// object, which then is asked, says what it says before its Compute.
-  const ProblemCovariance* Computed(const ceres::Covariance* covariance) const {
-    const KnownCovariance* known = Find(covariance);
-    return known == nullptr ? nullptr : known->ours.get();
-  }
+  /// What was computed before is out of date: the next is stock's.
+  void Forget(const ceres::Covariance* covariance);
+
+  /// What Compute has computed; null if it was stock, or nothing was. After a Compute that has
+  /// failed it ends the process, as Ceres does.
+  const ProblemCovariance* Computed(const ceres::Covariance* covariance) const;
 };
 
 /// The process's only one. It is never destroyed: static objects may outlive everything.

@@ -93,10 +93,13 @@ bool ComputeInsteadOfCeres(const ceres::Covariance* covariance,
     return false;
   }
   const KnownProblem* known = TheRegistry().Find(problem);
-  return TheCovariances().Compute(
-      covariance, pairs, *problem,
-      EvaluationCallbackOf(*problem, known != nullptr ? known->evaluation_callback : nullptr),
-      computed);
+  if (known == nullptr) {  // so it may have an evaluation callback
+    TheCovariances().Forget(covariance);
+    return false;
+  }
+  return TheCovariances().Compute(covariance, pairs, *problem,
+                                  EvaluationCallbackOf(*problem, known->evaluation_callback),
+                                  computed);
 }
 
 }  // namespace
