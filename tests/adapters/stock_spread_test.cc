@@ -252,6 +252,19 @@ struct OrderedBundle {
   std::shared_ptr<ceres::ParameterBlockOrdering> ordering;
 };
 
+// Stock takes blocks that are constant out of the orderings it is given, and writes its dumps.
+TEST(StockSpread, AQuietSolveLeavesTheCallersOrderingsAndFilesAlone) {
+  const OrderedBundle bundle(/*ordered=*/true);
+  Options options;
+  options.linear_solver_ordering = options.inner_iteration_ordering = bundle.ordering;
+  options.trust_region_minimizer_iterations_to_dump = {0, 1};
+  const Options quiet = internal::QuietOptions(options);
+  EXPECT_NE(quiet.linear_solver_ordering, bundle.ordering);
+  EXPECT_NE(quiet.inner_iteration_ordering, bundle.ordering);
+  EXPECT_EQ(quiet.inner_iteration_ordering->NumElements(), bundle.ordering->NumElements());
+  EXPECT_THAT(quiet.trust_region_minimizer_iterations_to_dump, IsEmpty());
+}
+
 // Whatever was asked for, with an ordering or without: the others solve the same problem.
 TEST(StockSpread, OtherLinearSolversComeToTheSameEnd) {
   for (const auto type :

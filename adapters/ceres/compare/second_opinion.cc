@@ -116,9 +116,11 @@ Options QuietOptions(const Options& options) {
   quiet.callbacks.clear();
   quiet.minimizer_progress_to_stdout = false;
   quiet.logging_type = ceres::SILENT;
-  if (options.linear_solver_ordering != nullptr) {
-    quiet.linear_solver_ordering =
-        std::make_shared<ceres::ParameterBlockOrdering>(*options.linear_solver_ordering);
+  quiet.trust_region_minimizer_iterations_to_dump.clear();
+  for (auto* ordering : {&quiet.linear_solver_ordering, &quiet.inner_iteration_ordering}) {
+    if (*ordering != nullptr) {
+      *ordering = std::make_shared<ceres::ParameterBlockOrdering>(**ordering);
+    }
   }
   return quiet;
 }
