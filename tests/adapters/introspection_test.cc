@@ -1,7 +1,10 @@
 #include "adapters/ceres/read/introspection.h"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
+#include <string>
+#include <thread>
 #include <tuple>
 #include <vector>
 
@@ -74,6 +77,62 @@ TEST(Introspection, HasAllOfManyBlocksByAddress) {
       EXPECT_EQ(view.blocks[b].degree > 0, expected[b] != &values.back());
     }
   }
+}
+
+// It notes when two threads ask it at a time.
+class AskedByOne final : public manifolds::Manifold {
+ public:
+  explicit AskedByOne(int tangent_size) : tangent_size_(tangent_size) {}
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override {
+    together_ = together_ || num_asking_.fetch_add(1) > 0;
+    for (int i = 0; i < 100; ++i) {
+      std::this_thread::yield();
+    }
+    --num_asking_;
+    return tangent_size_;
+  }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    *x_plus_delta = *x + *delta;
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    *jacobian = 1.0;
+    return true;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+  bool together() const { return together_; }
+
+ private:
+  const int tangent_size_;
+  mutable std::atomic<int> num_asking_{0};
+  mutable std::atomic<bool> together_{false};
+};
+
+TEST(Introspection, AsksManifoldsByOneThread) {
+  const AskedByOne one(1);
+  std::vector<double> values(5000);
+  ceres::Problem::Options options;
+  manifolds::Borrow(&options);
+  ceres::Problem problem(options);
+  for (double& value : values) {
+    problem.AddResidualBlock(new ShapeOnlyCost(1, {1}), nullptr, &value);
+    manifolds::Set(&problem, &value, const_cast<AskedByOne*>(&one));
+  }
+  ProblemView view;
+  Introspect(problem, &view, /*num_threads=*/2);
+  EXPECT_FALSE(one.together());
+  EXPECT_EQ(view.reduced.num_parameter_blocks, 5000);
+}
+
+// Ceres can solve it; we leave it to Ceres.
+TEST(Introspection, MoreDegreesOfFreedomThanValuesAreADefect) {
+  double value = 0.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(new ShapeOnlyCost(1, {1}), nullptr, &value);
+  manifolds::Set(&problem, &value, new AskedByOne(2));
+  EXPECT_NE(Introspect(problem).defect.find("more degrees of freedom"), std::string::npos);
 }
 
 TEST(Introspection, SeesLocalParameterizations) {

@@ -50,7 +50,7 @@ void AppendBounds(const std::vector<double>& bounds, std::size_t begin, std::siz
 
 // Looks every block up in Ceres's map once for each of its properties and twice for each of its
 // parameters: most of what it takes to read a problem of many points. Manifolds are asked by one
-// thread, as Ceres asks them.
+// thread, as Ceres asks them, also for whether their blocks are constant.
 void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int num_threads,
                   bool may_have_bounds, ProblemView* view) {
   constexpr std::size_t kBlocksPerTask = 1024;
@@ -75,6 +75,10 @@ void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int n
     }
     if (block.manifold != nullptr) {
       block.tangent_size = TangentSizeOf(*block.manifold);
+      block.constant = problem.IsParameterBlockConstant(block.values);
+      if (block.tangent_size > block.ambient_size) {
+        SetDefect(view, Describe(block) + " has a manifold of more degrees of freedom than values");
+      }
       LookUpBounds(problem, may_have_bounds, &view->bounds, &block);
     }
   }

@@ -143,7 +143,8 @@ struct ProblemView {
 /// Ceres (two per bound).
 ProblemView Introspect(const ceres::Problem& problem);
 /// The same into the memory of an earlier view. With several threads they call Ceres's getters, and
-/// the sizes of cost functions and manifolds, at the same time; the view is the same. Without
+/// the sizes of cost functions, at the same time, those of manifolds one after the other; the view
+/// is the same. Without
 /// may_have_bounds no block has any.
 void Introspect(const ceres::Problem& problem, ProblemView* view, int num_threads = 1,
                 bool may_have_bounds = true);

@@ -65,7 +65,8 @@ void LookUpBlock(const ceres::Problem& problem, ParameterBlockView* block) {
   }
   block->manifold = ManifoldOf(problem, block->values);
   block->tangent_size = block->ambient_size;
-  block->constant = problem.IsParameterBlockConstant(block->values);
+  // It would ask a manifold for its degrees of freedom, and threads read here.
+  block->constant = block->manifold == nullptr && problem.IsParameterBlockConstant(block->values);
 }
 
 // Part by part: what a part's residual blocks touch is small enough for the nearest caches. All
