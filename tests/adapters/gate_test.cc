@@ -197,6 +197,20 @@ TEST(Gate, OrderingThatLacksABlock) {
   ExpectHandedOver(adjust, "variable parameter blocks");
 }
 
+// Where there is nothing to eliminate, but a factor to order.
+TEST(Gate, OrderingOfASubsetThatLacksABlock) {
+  const auto adjust = [](TestProblem* t, Options* o) {
+    o->linear_solver_type = ceres::CGNR;
+    o->preconditioner_type = ceres::SUBSET;
+    std::vector<ceres::ResidualBlockId> blocks;
+    t->problem.GetResidualBlocks(&blocks);
+    o->residual_blocks_for_subset_preconditioner = {blocks.begin(), blocks.end()};
+    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    o->linear_solver_ordering->AddElementToGroup(t->blocks[0].data(), 0);
+  };
+  ExpectHandedOver(adjust, "variable parameter blocks");
+}
+
 TEST(Gate, FirstGroupThatIsNotIndependent) {
   const auto adjust = [](TestProblem* t, Options* o) {
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();

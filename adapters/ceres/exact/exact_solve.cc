@@ -82,9 +82,11 @@ void WriteDescent(const InnerDescent& descent, ceres::Solver::Summary* summary) 
 }
 
 std::vector<VariableId> VariablesOf(const std::vector<int>& blocks, const GraphPlan& plan) {
+  std::vector<int> sorted = blocks;
+  std::sort(sorted.begin(), sorted.end());
   std::vector<VariableId> variables;
-  for (std::size_t id = 0; !blocks.empty() && id < plan.blocks.size(); ++id) {
-    if (std::find(blocks.begin(), blocks.end(), plan.blocks[id]) != blocks.end()) {
+  for (std::size_t id = 0; !sorted.empty() && id < plan.blocks.size(); ++id) {
+    if (std::binary_search(sorted.begin(), sorted.end(), plan.blocks[id])) {
       variables.push_back(static_cast<VariableId>(id));
     }
   }

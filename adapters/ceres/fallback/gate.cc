@@ -5,9 +5,11 @@
 namespace inceres::internal {
 namespace {
 
-std::string OrderingObstacle(const ProblemView& view, const OrderingView& ordering,
-                             ceres::LinearSolverType type) {
-  if (!ordering.given || !(IsSchurType(type) || type == ceres::SPARSE_NORMAL_CHOLESKY)) {
+std::string OrderingObstacle(const ceres::Solver::Options& options, const ProblemView& view,
+                             const OrderingView& ordering, ceres::LinearSolverType type) {
+  const bool has_cholesky = type == ceres::SPARSE_NORMAL_CHOLESKY ||
+                            (type == ceres::CGNR && options.preconditioner_type == ceres::SUBSET);
+  if (!ordering.given || !(IsSchurType(type) || has_cholesky)) {
     return "";
   }
   if (ordering.has_unknown) {
@@ -44,7 +46,7 @@ std::string CommonObstacle(const ceres::Solver::Options& options, const ProblemV
   if (!obstacle.empty() || view.reduced.num_parameter_blocks == 0) {
     return obstacle;  // with nothing to solve for, ordering and linear solver do not matter
   }
-  return OrderingObstacle(view, ordering, EffectiveLinearSolver(options, ordering));
+  return OrderingObstacle(options, view, ordering, EffectiveLinearSolver(options, ordering));
 }
 
 // The Jacobian, and with the damping rows what is made of it.
