@@ -43,10 +43,11 @@ struct INCERES_EXPORT SlidingWindowOptions {
   /// The frame before the newest is a keyframe if the newest one shows fewer than so many known
   /// tracks, or if it moved at least so far from the one before it, as the mean over common tracks
   /// in the plane z = 1. Otherwise it leaves, not the oldest one: its views are dropped, and the
-  /// IMU's measurements before and after it become one. ≥ 0; 0 makes every frame a keyframe.
-  /// Source: VINS-Mono (Qin, Li & Shen 2018, section V.A).
+  /// IMU's measurements before and after it become one. ≥ 0; with 0 the tracks do not
+  /// count. Source: VINS-Mono (Qin, Li & Shen 2018, section V.A).
   int min_tracked = 20;
-  double min_parallax = 10.0 / 460.0;  ///< in the plane z = 1; see min_tracked
+  /// in the plane z = 1; see min_tracked; 0 makes every frame a keyframe
+  double min_parallax = 10.0 / 460.0;
   /// Seconds that a measurement of the IMU may span before the frame stays whatever it sees; > 0. A
   /// body that stands still would otherwise gather samples for ever.
   double max_imu_seconds = 2.0;

@@ -118,7 +118,10 @@ struct INCERES_EXPORT Summary {
   /// cost: which factor or variable, and why. Empty if there was none.
   std::string failed_step;
   double initial_cost = -1.0;  ///< -1 if the start could not be evaluated
-  double final_cost = -1.0;    ///< of the state returned; −1 if there was no evaluation
+  /// The lowest that was seen, as Ceres has it; −1 if there was no evaluation. That of the state
+  /// returned, unless a candidate was refused that cost less, but not by min_relative_decrease of
+  /// what its model promised.
+  double final_cost = -1.0;
   /// of residual blocks of a ceres::Problem that cannot move, for which no graph has a factor: part
   /// of all costs
   double fixed_cost = 0.0;
