@@ -248,6 +248,15 @@ TEST(Dropin, CovariancesAreOurs) {
             0);
 }
 
+TEST(Dropin, ACovarianceThatFailedIsNotTheOneBefore) {
+  for (const ProgramRun& run :
+       {Bare("covariance_after_failure"), Preloaded("covariance_after_failure")}) {
+    EXPECT_NE(run.exit_code, 0);
+    EXPECT_EQ(run.out, "1\n1\n0\n");
+    EXPECT_EQ(CountOf(run.err, "Covariance::Compute returned false"), 1) << run.err;
+  }
+}
+
 TEST(Dropin, IncrementalEndsWhereStockEnds) {
   const ProgramRun ours =
       Preloaded("living", "INCERES_MODE=incremental INCERES_WINDOWS=incremental");

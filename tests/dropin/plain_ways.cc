@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -251,6 +252,30 @@ void OpenCovariance() {
   std::printf("%d\n", covariance.Compute(std::vector<const double*>{blocks}, &problem) ? 1 : 0);
 }
 
+// One object computes twice: for a problem that is left to Ceres, as a value that is not finite has
+// it, and in vain. Asked then it ends the process.
+void CovarianceAfterFailure() {
+  double blocks[6] = {1.0, 2.0, 2.0, 1.0, 2.0, 4.0};
+  double nowhere = std::numeric_limits<double>::infinity();
+  ceres::Problem closed, open;
+  for (ceres::Problem* const problem : {&closed, &open}) {
+    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<Mixed, 4, 3, 2, 1>(new Mixed),
+                              nullptr, blocks, blocks + 3, blocks + 5);
+  }
+  closed.SetParameterBlockConstant(blocks + 3);
+  closed.SetParameterBlockConstant(blocks + 5);
+  closed.AddParameterBlock(&nowhere, 1);
+  ceres::Covariance covariance{ceres::Covariance::Options()};
+  const std::vector<const double*> wanted = {blocks};
+  double values[9] = {};
+  for (ceres::Problem* const problem : {&closed, &open}) {
+    std::printf("%d\n", covariance.Compute(wanted, problem) ? 1 : 0);
+    std::fflush(stdout);
+    std::printf("%d\n", covariance.GetCovarianceBlock(blocks, blocks, values) ? 1 : 0);
+    std::fflush(stdout);
+  }
+}
+
 // By a function of Ceres's own, as a module calls it that does not find anybody in front of Ceres.
 void SetBound(ceres::Problem* problem, double* values, const char* symbol, double bound) {
   void* const ceres = dlopen(INCERES_CERES_SONAME, RTLD_LAZY | RTLD_NOLOAD);
@@ -273,6 +298,7 @@ void BoundBehind() {
 constexpr std::pair<const char*, void (*)()> kWays[] = {
     {"covariance", Covariances},
     {"open_covariance", OpenCovariance},
+    {"covariance_after_failure", CovarianceAfterFailure},
     {"bound_behind", BoundBehind},
     {"free", FreeFunction},
     {"member", Member},
