@@ -9,6 +9,24 @@ namespace inceres {
 // of S, which an Update may not have left: then it is made here, by the same parts that an Update
 // uses. Snapshots are the one thing that other threads may read, and go through LatestValue.
 
+namespace {
+
+// The lower triangle without its diagonal, by rows of S; a free row has the id -1.
+ReducedStructure PatternOf(const internal::IncrementalSchur& schur) {
+  ReducedStructure structure;
+  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
+    structure.frames.push_back(schur.frames()[row].id);
+    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
+      if (entry.column != row) {
+        structure.blocks.push_back({row, entry.column});
+      }
+    }
+  }
+  return structure;
+}
+
+}  // namespace
+
 void IncrementalSolver::Impl::PublishSnapshot(Termination termination) {
   if (!options_.publish_snapshots) {
     return;
@@ -91,21 +109,12 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
 }
 
 ReducedStructure IncrementalSolver::Impl::Structure() {
-  // The lower triangle without its diagonal, by rows of S; a free row has the id -1.
-  ReducedStructure structure;
   if (!valid_.ok()) {
-    return structure;
+    return {};
   }
   Form();
   const internal::IncrementalSchur& schur = live->schur();
-  for (int row = 0; row < static_cast<int>(schur.frames().size()); ++row) {
-    structure.frames.push_back(schur.frames()[row].id);
-    for (const internal::SymmetricBlockRows::Entry& entry : schur.S().row(row)) {
-      if (entry.column != row) {
-        structure.blocks.push_back({row, entry.column});
-      }
-    }
-  }
+  ReducedStructure structure = PatternOf(schur);
   const internal::FrameStep& frames = minimizer_->frame_step();
   if (frames.solver() != nullptr && frames.HasFactorOf(schur)) {
     for (const int row : internal::EliminationOrderOf(*frames.solver(), schur.S())) {

@@ -212,8 +212,8 @@ TEST(IncrementalEdits, ThousandsOfConstantsToggleWithoutAnEvaluation) {
   ExpectBatchMinimum(&bundle);
 }
 
-// As for a batch solver, that of a constant is asked of nobody: held where its Jacobian is infinite,
-// or where its factor has none to give, it fails no Update.
+// As for a batch solver, that of a constant is asked of nobody: where its Jacobian is infinite, or
+// its factor has none to give, no Update fails.
 TEST(IncrementalEdits, NoJacobianByAConstantIsNeeded) {
   for (const Role role : {Role::kFrame, Role::kLandmark}) {
     for (const bool gives : {true, false}) {
