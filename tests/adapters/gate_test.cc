@@ -2,40 +2,36 @@
 // error with nothing touched.
 #include "adapters/ceres/fallback/gate.h"
 
+#include <algorithm>
 #include <limits>
+#include <string>
 #include <vector>
 
-#include <glog/logging.h>
 #include <gtest/gtest.h>
 
+#include "adapters/captured_log.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {
 namespace {
 
 using testing::Adjust;
+using testing::CapturedLog;
 using testing::MakeBundle;
 using testing::ShapeOnlyCost;
 using testing::TargetCost;
 using testing::TestProblem;
 using Options = ceres::Solver::Options;
 
-// Counts the lines that tell of a fallback.
-class FallbackLines : public google::LogSink {
- public:
-  FallbackLines() { google::AddLogSink(this); }
-  ~FallbackLines() override { google::RemoveLogSink(this); }
-  void send(google::LogSeverity, const char*, const char*, int, const tm*, const char* message,
-            std::size_t length) override {
-    const std::string text(message, length);
-    if (text.rfind("inceres: handed to stock Ceres: ", 0) == 0) {
-      ++count;
-      last = text;
-    }
-  }
-  int count = 0;
-  std::string last;
-};
+// The lines that tell of a fallback.
+std::vector<std::string> Fallbacks(const CapturedLog& log) {
+  std::vector<std::string> lines = log.messages();
+  const auto tells = [](const std::string& line) {
+    return line.rfind("inceres: handed to stock Ceres: ", 0) == 0;
+  };
+  lines.erase(std::stable_partition(lines.begin(), lines.end(), tells), lines.end());
+  return lines;
+}
 
 std::unique_ptr<TestProblem> MakeProblem() {
   return MakeBundle(3, 20, true);
@@ -58,7 +54,7 @@ void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
   SolveOptions asked;
   SolveReport report;
   asked.strict = true;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_NE(summary.message.find(reason), std::string::npos) << summary.message;
@@ -67,7 +63,7 @@ void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
   EXPECT_EQ(summary.initial_cost, -1.0);
   EXPECT_TRUE(summary.iterations.empty());
   EXPECT_EQ(num_calls, 0);
-  EXPECT_EQ(lines.count, 0);
+  EXPECT_TRUE(Fallbacks(log).empty());
   for (std::size_t b = 0; b < before.size(); ++b) {
     for (std::size_t k = 0; k < before[b].size(); ++k) {
       EXPECT_TRUE(before[b][k] == test->blocks[b][k] || std::isnan(before[b][k]));
@@ -87,12 +83,13 @@ void ExpectStockSolves(const Adjust& adjust, const std::string& reason) {
   ceres::Solver::Summary stock, ours;
   ceres::Solve(stock_options, &stock_problem->problem, &stock);
   SolveReport report;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(our_options, &our_problem->problem, &ours, {}, &report);
   EXPECT_TRUE(report.used_stock);
   EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
-  EXPECT_EQ(lines.count, 1);
-  EXPECT_NE(lines.last.find(reason), std::string::npos) << lines.last;
+  const std::vector<std::string> lines = Fallbacks(log);
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_NE(lines[0].find(reason), std::string::npos) << lines[0];
   EXPECT_EQ(ours.termination_type, stock.termination_type);
   EXPECT_EQ(ours.final_cost, stock.final_cost);
   EXPECT_EQ(ours.iterations.size(), stock.iterations.size());
@@ -278,10 +275,10 @@ TEST(Gate, StockOnRequestIsNoFallback) {
   SolveReport report;
   asked.mode = SolveMode::kStock;
   asked.strict = true;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(Options(), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.used_stock);
-  EXPECT_EQ(lines.count, 0);
+  EXPECT_TRUE(Fallbacks(log).empty());
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
 }
 
@@ -290,9 +287,9 @@ TEST(Gate, WithoutAReportStockStillSolvesAndTheLogSaysSo) {
   Options options;
   options.minimizer_type = ceres::LINE_SEARCH;
   ceres::Solver::Summary summary;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(options, &test->problem, &summary);
-  EXPECT_EQ(lines.count, 1);
+  EXPECT_EQ(Fallbacks(log).size(), 1u);
   EXPECT_EQ(summary.minimizer_type, ceres::LINE_SEARCH);
 }
 

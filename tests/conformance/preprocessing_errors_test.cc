@@ -186,14 +186,9 @@ TEST(Preprocessing51, ordering_with_a_foreign_pointer) {
                 true);
 }
 
-class NoPreparation : public ceres::EvaluationCallback {
- public:
-  void PrepareForEvaluation(bool, bool) override {}
-};
-
 // With a Schur type stock Ceres 2.1 crashes here.
 TEST(Preprocessing51, inner_iterations_and_evaluation_callback) {
-  NoPreparation preparation;
+  lambdas::Preparation preparation([](bool, bool) {});
   ceres::Problem::Options problem_options;
   problem_options.evaluation_callback = &preparation;
   World world(problem_options);
