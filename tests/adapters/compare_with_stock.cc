@@ -52,6 +52,8 @@ void ExpectSameTrace(const Summary& a, const Summary& b, double tolerance) {
   }
 }
 
+}  // namespace
+
 void ExpectSameCounts(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.num_successful_steps, b.num_successful_steps);
   EXPECT_EQ(a.num_unsuccessful_steps, b.num_unsuccessful_steps);
@@ -73,6 +75,8 @@ void ExpectSameCounts(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.num_threads_given, b.num_threads_given);
   EXPECT_EQ(a.num_threads_used, b.num_threads_used);
 }
+
+namespace {
 
 void ExpectSameChoices(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.minimizer_type, b.minimizer_type);

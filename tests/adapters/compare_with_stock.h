@@ -27,6 +27,9 @@ BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options
 /// Elimination order and Schur structure only if `same_elimination`.
 void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination);
 
+/// All that is counted in them.
+void ExpectSameCounts(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b);
+
 /// The parameters both ended with.
 void ExpectSameParameters(const BothSolved& both, double tolerance);
 

@@ -5,38 +5,13 @@
 #include <ceres/rotation.h>
 #include <ceres/version.h>
 
+#include "support/classic_functors.h"
+
 namespace inceres::testing {
 namespace {
 
-struct PowellTerm {
-  int which;
-  template <typename T>
-  bool operator()(const T* a, const T* b, T* residual) const {
-    switch (which) {
-      case 0:
-        residual[0] = a[0] + 10.0 * b[0];
-        break;
-      case 1:
-        residual[0] = std::sqrt(5.0) * (a[0] - b[0]);
-        break;
-      case 2:
-        residual[0] = (a[0] - 2.0 * b[0]) * (a[0] - 2.0 * b[0]);
-        break;
-      default:
-        residual[0] = std::sqrt(10.0) * (a[0] - b[0]) * (a[0] - b[0]);
-    }
-    return true;
-  }
-};
-
-struct ExponentialTerm {
-  double x, y;
-  template <typename T>
-  bool operator()(const T* m, const T* c, T* residual) const {
-    residual[0] = y - exp(m[0] * x + c[0]);
-    return true;
-  }
-};
+using test::ExponentialTerm;
+using test::PowellTerm;
 
 struct Reprojection {
   double u, v;
@@ -182,11 +157,14 @@ TargetCost::TargetCost(const std::vector<double>& target, const Function& hook)
 
 std::unique_ptr<TestProblem> MakePowell() {
   auto test = std::make_unique<TestProblem>();
-  double* x[4] = {test->Add({3.0}), test->Add({-1.0}), test->Add({0.0}), test->Add({1.0})};
-  const int pairs[4][2] = {{0, 1}, {2, 3}, {1, 2}, {0, 3}};
-  for (int k = 0; k < 4; ++k) {
-    auto* cost = new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{k});
-    test->problem.AddResidualBlock(cost, nullptr, x[pairs[k][0]], x[pairs[k][1]]);
+  for (const double start : PowellTerm::kStart) {
+    test->Add({start});
+  }
+  for (int term = 0; term < 4; ++term) {
+    const auto [a, b] = PowellTerm::kVariables[term];
+    auto* cost = new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{term});
+    test->problem.AddResidualBlock(cost, nullptr, test->blocks[static_cast<std::size_t>(a)].data(),
+                                   test->blocks[static_cast<std::size_t>(b)].data());
   }
   return test;
 }
