@@ -300,23 +300,5 @@ TEST(BoundsDetails, InfinitiesAndNanAreNoBounds) {
   ExpectSameParameters(both, 1e-8);
 }
 
-TEST(BoundsDetails, CrossedBoundsAreStocksToExplain) {
-  for (const bool used : {true, false}) {
-    auto test = testing::MakePowell();
-    double* block = used ? test->blocks[1].data() : test->Add({0.0});
-    test->problem.AddParameterBlock(block, 1);
-    test->problem.SetParameterLowerBound(block, 0, 2.0);
-    test->problem.SetParameterUpperBound(block, 0, 2.0);
-    SolveReport report;
-    ceres::Solver::Summary summary;
-    Solve(Options(), &test->problem, &summary, {}, &report);
-    EXPECT_TRUE(report.used_stock);
-    EXPECT_NE(report.fallback_reason.find("lower bound not below its upper bound"),
-              std::string::npos)
-        << report.fallback_reason;
-    EXPECT_NE(summary.message.find("infeasible bound"), std::string::npos) << summary.message;
-  }
-}
-
 }  // namespace
 }  // namespace inceres

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "adapters/test_problems.h"
@@ -29,6 +30,9 @@ void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimi
 
 /// All that is counted in them.
 void ExpectSameCounts(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b);
+
+/// Addresses, which differ from copy to copy, by the order in which they appear.
+std::string WithoutAddresses(const std::string& text);
 
 /// The parameters both ended with.
 void ExpectSameParameters(const BothSolved& both, double tolerance);
