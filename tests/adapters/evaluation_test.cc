@@ -26,29 +26,33 @@ struct Calls {
   int num_jacobian = 0;
 };
 
-enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, kUnwritten };
+// Values are the Jacobian's where it is asked for, but for the last kind.
+enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, k1e302, kUnwritten, kUnwrittenResidual };
 
 // A quadratic with one block that misbehaves in the given cost-only call or the given call with
 // Jacobians (counted from 1; 0: never).
 testing::Recipe Misbehaving(Misbehavior kind, int bad_cost_only, int bad_jacobian) {
   return [=] {
     auto test = std::make_unique<TestProblem>();
-    auto calls = std::make_shared<Calls>();
-    auto hook = [=](double const* const*, double* residuals, double** jacobians) {
-      const bool bad = jacobians == nullptr ? ++calls->num_cost_only == bad_cost_only
-                                            : ++calls->num_jacobian == bad_jacobian;
-      if (!bad) {
-        return true;
+    const auto evaluate = [=, target = std::make_shared<TargetCost>(std::vector{1.0, 2.0, 3.0}),
+                           calls = Calls()](double const* const* x, double* residuals,
+                                            double** jacobians) mutable {
+      const bool bad = jacobians == nullptr ? ++calls.num_cost_only == bad_cost_only
+                                            : ++calls.num_jacobian == bad_jacobian;
+      const bool is_residual = jacobians == nullptr || kind == Misbehavior::kUnwrittenResidual;
+      double* const victim = is_residual ? &residuals[1] : &jacobians[0][1];
+      const double unwritten = *victim;
+      target->Evaluate(x, residuals, jacobians);
+      if (!bad || kind == Misbehavior::kReturnsFalse) {
+        return !bad;
       }
-      double* victim = jacobians != nullptr ? &jacobians[0][1] : &residuals[1];
-      if (kind != Misbehavior::kReturnsFalse) {
-        *victim = kind == Misbehavior::kNaN        ? std::nan("")
-                  : kind == Misbehavior::kInfinity ? INFINITY
-                                                   : 1e302;
-      }
-      return kind != Misbehavior::kReturnsFalse;
+      *victim = kind == Misbehavior::kNaN        ? std::nan("")
+                : kind == Misbehavior::kInfinity ? INFINITY
+                : kind == Misbehavior::k1e302    ? 1e302
+                                                 : unwritten;
+      return true;
     };
-    test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr,
+    test->problem.AddResidualBlock(new lambdas::Cost(3, {3}, evaluate), nullptr,
                                    test->Add({5.0, -4.0, 3.5}));
     return test;
   };
@@ -97,7 +101,9 @@ TEST_P(Misbehaviors, AtTheJacobianOfAnAcceptedPoint) {
 
 INSTANTIATE_TEST_SUITE_P(All, Misbehaviors,
                          ::testing::Values(Misbehavior::kReturnsFalse, Misbehavior::kNaN,
-                                           Misbehavior::kInfinity, Misbehavior::kUnwritten));
+                                           Misbehavior::kInfinity, Misbehavior::k1e302,
+                                           Misbehavior::kUnwritten,
+                                           Misbehavior::kUnwrittenResidual));
 
 TEST(Evaluation, FixedResidualThatFails) {
   const auto recipe = [] {

@@ -172,6 +172,11 @@ Parabola::Parabola() : x(Add({1.0})) {
                            nullptr, x);
 }
 
+NeverValid::NeverValid() : x(Add({0.0})) {
+  problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
+                           nullptr, x);
+}
+
 Rosenbrock::Rosenbrock() : x(Add({-1.2, 1.0})) {
   auto* cost =
       new Cost(2, {2}, [](double const* const* parameters, double* residuals, double** jacobians) {

@@ -94,6 +94,13 @@ struct Rosenbrock : World {
   double* x;
 };
 
+/// r = 1 with a slope whose square underflows: the step from x = 0 exists, its model change is 0, so
+/// no step is valid.
+struct NeverValid : World {
+  NeverValid();
+  double* x;
+};
+
 /// Cameras of size 6 first, then points of size 3, each seen by all cameras (residual size 2), and
 /// a prior on each block.
 struct Bundle : World {
