@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <gtest/gtest.h>
 
@@ -52,6 +53,8 @@ void ExpectSameTrace(const Summary& a, const Summary& b, double tolerance) {
   }
 }
 
+}  // namespace
+
 void ExpectSameCounts(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.num_successful_steps, b.num_successful_steps);
   EXPECT_EQ(a.num_unsuccessful_steps, b.num_unsuccessful_steps);
@@ -73,6 +76,8 @@ void ExpectSameCounts(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.num_threads_given, b.num_threads_given);
   EXPECT_EQ(a.num_threads_used, b.num_threads_used);
 }
+
+namespace {
 
 void ExpectSameChoices(const Summary& a, const Summary& b) {
   EXPECT_EQ(a.minimizer_type, b.minimizer_type);
@@ -121,6 +126,22 @@ void ExpectSameTimesSet(const Summary& a, const Summary& b) {
 }
 
 }  // namespace
+
+std::string WithoutAddresses(const std::string& text) {
+  std::map<std::string, int> seen;
+  std::string result;
+  for (std::size_t at = 0; at < text.size();) {
+    if (text.compare(at, 2, "0x") != 0) {
+      result += text[at++];
+      continue;
+    }
+    const std::size_t end = text.find_first_not_of("0123456789abcdef", at + 2);
+    const auto number = static_cast<int>(seen.size());
+    result += "#" + std::to_string(seen.emplace(text.substr(at, end - at), number).first->second);
+    at = end;
+  }
+  return result;
+}
 
 BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options,
                      const Adjust& adjust) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "adapters/test_problems.h"
@@ -26,6 +27,12 @@ BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options
 /// Every field of the summaries but times; costs and norms of the trace to a relative tolerance.
 /// Elimination order and Schur structure only if `same_elimination`.
 void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination);
+
+/// All that is counted in them.
+void ExpectSameCounts(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b);
+
+/// Addresses, which differ from copy to copy, by the order in which they appear.
+std::string WithoutAddresses(const std::string& text);
 
 /// The parameters both ended with.
 void ExpectSameParameters(const BothSolved& both, double tolerance);

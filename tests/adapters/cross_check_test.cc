@@ -48,17 +48,6 @@ SolveOptions Checked(SolveMode mode = SolveMode::kExact) {
   return asked;
 }
 
-class Counter : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    iterations.push_back(summary.iteration);
-    return summary.iteration == stop_at ? stop_with : ceres::SOLVER_CONTINUE;
-  }
-  int stop_at = -1;
-  ceres::CallbackReturnType stop_with = ceres::SOLVER_CONTINUE;
-  std::vector<int> iterations;
-};
-
 void ExpectSameRun(const CeresSummary& a, const CeresSummary& b) {
   EXPECT_EQ(a.termination_type, b.termination_type);
   EXPECT_EQ(a.message, b.message);
@@ -83,7 +72,7 @@ TEST(CrossCheck, ChangesNothingButTheTimeItTakes) {
       Options options;
       options.linear_solver_type = ceres::DENSE_SCHUR;
       options.minimizer_progress_to_stdout = true;
-      Counter counter;
+      testing::Recorder counter(checked.get());
       CeresSummary expected;
       if (keep == SolvedBy::kOurs) {
         inceres::Solve(Quiet(), &plain->problem, &expected);
@@ -115,14 +104,11 @@ TEST(CrossCheck, ChangesNothingButTheTimeItTakes) {
 }
 
 TEST(CrossCheck, TheTimeInTheCallersCallbacksIsNotOurs) {
-  struct Sleeper : public ceres::IterationCallback {
-    ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      return ceres::SOLVER_CONTINUE;
-    }
-  };
   const auto test = MakePowell();
-  Sleeper sleeper;
+  lambdas::Callback sleeper([](const ceres::IterationSummary&) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return ceres::SOLVER_CONTINUE;
+  });
   Options options = Quiet();
   options.callbacks.push_back(&sleeper);
   SolveOptions asked = Checked();
@@ -242,7 +228,7 @@ TEST(CrossCheck, WhatOursDeclinesIsSolvedOnce) {
   TwoFacedProblem faced(nullptr);
   Options options = Quiet();
   options.minimizer_type = ceres::LINE_SEARCH;
-  Counter counter;
+  testing::Recorder counter(faced.test.get());
   options.callbacks.push_back(&counter);
   SolveOptions asked = Checked();
   SolveReport report;
@@ -262,13 +248,9 @@ TEST(CrossCheck, WhatOursDeclinesIsSolvedOnce) {
 
 // A second solve would call it again.
 TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
-  struct Callback : public ceres::EvaluationCallback {
-    void PrepareForEvaluation(bool, bool) override { ++calls; }
-    int calls = 0;
-  };
-  int calls[2];
+  int calls[2] = {0, 0};
   for (const bool checked : {false, true}) {
-    Callback callback;
+    lambdas::Preparation callback([&](bool, bool) { ++calls[checked ? 1 : 0]; });
     ceres::Problem::Options problem_options;
     problem_options.evaluation_callback = &callback;
     ceres::Problem problem(problem_options);
@@ -281,7 +263,6 @@ TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
     CeresSummary summary;
     inceres::Solve(Quiet(), &problem, &summary, asked, &report);
     EXPECT_FALSE(report.used_stock);
-    calls[checked ? 1 : 0] = callback.calls;
     if (checked) {
       EXPECT_THAT(report.comparison->reason, HasSubstr("evaluation callback"));
     }
@@ -305,9 +286,7 @@ TEST(CrossCheck, ASolveThatTheCallbackEndedStaysOurs) {
        {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
     const auto plain = MakePowell();
     const auto checked = MakePowell();
-    Counter first, second;
-    first.stop_at = second.stop_at = 3;
-    first.stop_with = second.stop_with = end;
+    testing::Recorder first(plain.get(), 3, end), second(checked.get(), 3, end);
     Options options = Quiet();
     CeresSummary expected, summary;
     options.callbacks = {&first};
@@ -321,7 +300,10 @@ TEST(CrossCheck, ASolveThatTheCallbackEndedStaysOurs) {
     EXPECT_TRUE(report.comparison->agrees());
     EXPECT_THAT(report.comparison->reason, HasSubstr("callback"));
     EXPECT_EQ(checked->blocks, plain->blocks);
-    EXPECT_EQ(second.iterations, first.iterations);
+    ASSERT_EQ(second.iterations.size(), first.iterations.size());
+    for (std::size_t k = 0; k < first.iterations.size(); ++k) {
+      EXPECT_EQ(second.iterations[k].iteration, first.iterations[k].iteration);
+    }
     ExpectSameRun(summary, expected);
   }
 }

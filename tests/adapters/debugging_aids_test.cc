@@ -4,7 +4,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -22,29 +21,13 @@ namespace {
 
 using testing::BothSolved;
 using testing::TestProblem;
+using testing::WithoutAddresses;
 
 ceres::Solver::Options OptionsOf(ceres::LinearSolverType type) {
   ceres::Solver::Options options;
   options.linear_solver_type = type;
   options.max_num_iterations = 6;
   return options;
-}
-
-// Addresses, which differ from copy to copy, by the order in which they appear.
-std::string WithoutAddresses(const std::string& text) {
-  std::map<std::string, int> seen;
-  std::string result;
-  for (std::size_t at = 0; at < text.size();) {
-    if (text.compare(at, 2, "0x") != 0) {
-      result += text[at++];
-      continue;
-    }
-    const std::size_t end = text.find_first_not_of("0123456789abcdef", at + 2);
-    const auto number = static_cast<int>(seen.size());
-    result += "#" + std::to_string(seen.emplace(text.substr(at, end - at), number).first->second);
-    at = end;
-  }
-  return result;
 }
 
 // Residual blocks 0 and 2 claim twice their slope; block 1 is right.

@@ -41,30 +41,17 @@ class SharedWork : public ceres::EvaluationCallback {
 };
 
 // Row `row` of the work above; reads no parameter of its own.
-class PreparedCost : public ceres::CostFunction {
- public:
-  PreparedCost(const SharedWork* work, int row, double fail_beyond)
-      : work_(work), row_(row), fail_beyond_(fail_beyond) {
-    set_num_residuals(1);
-    mutable_parameter_block_sizes()->assign(row == 0 ? 2 : 1, 1);
-  }
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    residuals[0] = work_->residuals[row_];
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = work_->slopes[row_];
-    }
-    if (jacobians != nullptr && row_ == 0 && jacobians[1] != nullptr) {
-      jacobians[1][0] = 10.0;
-    }
-    return std::abs(parameters[0][0]) < fail_beyond_;
-  }
-
- private:
-  const SharedWork* work_;
-  std::size_t row_;
-  double fail_beyond_;
-};
+ceres::CostFunction* PreparedCost(const SharedWork* work, std::size_t row, double fail_beyond) {
+  return new lambdas::Formula(1, std::vector<int>(row == 0 ? 2 : 1, 1),
+                              [=](double const* const* x, double* residuals, double** jacobians) {
+                                residuals[0] = work->residuals[row];
+                                jacobians[0][0] = work->slopes[row];
+                                if (row == 0) {
+                                  jacobians[1][0] = 10.0;
+                                }
+                                return std::abs(x[0][0]) < fail_beyond;
+                              });
+}
 
 struct Case {
   bool fixed_block = false;  // one residual block that touches only a constant
@@ -86,8 +73,8 @@ struct Callbacks {
       double* x = test->Add({-1.2});
       double* y = test->Add({1.0});
       double* constant = test->Add({3.0});
-      test->problem.AddResidualBlock(new PreparedCost(work, 0, which.fail_beyond), nullptr, x, y);
-      test->problem.AddResidualBlock(new PreparedCost(work, 1, which.fail_beyond),
+      test->problem.AddResidualBlock(PreparedCost(work, 0, which.fail_beyond), nullptr, x, y);
+      test->problem.AddResidualBlock(PreparedCost(work, 1, which.fail_beyond),
                                      new ceres::CauchyLoss(2.0), x);
       if (which.bounded) {
         test->problem.SetParameterUpperBound(x, 0, 0.5);
@@ -149,24 +136,13 @@ INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks,
                                   (instance.param.bounded ? "Bounded" : "");
                          });
 
-// Ends a solve at an iteration.
-class StopAt : public ceres::IterationCallback {
- public:
-  StopAt(int iteration, ceres::CallbackReturnType with) : iteration_(iteration), with_(with) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    return summary.iteration == iteration_ ? with_ : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  int iteration_;
-  ceres::CallbackReturnType with_;
-};
-
 TEST(EvaluationCallback, MemoryAfterATerminationAndAnAbort) {
   for (const auto with : {ceres::SOLVER_TERMINATE_SUCCESSFULLY, ceres::SOLVER_ABORT}) {
     for (const int at : {0, 1, 4}) {
       Callbacks callbacks;
-      StopAt stop(at, with);
+      lambdas::Callback stop([at = at, with = with](const ceres::IterationSummary& summary) {
+        return summary.iteration == at ? with : ceres::SOLVER_CONTINUE;
+      });
       Options options = Tight();
       options.callbacks.push_back(&stop);
       const BothSolved both = SolveBoth(callbacks.Recipe({}), options);

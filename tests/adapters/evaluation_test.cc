@@ -26,29 +26,33 @@ struct Calls {
   int num_jacobian = 0;
 };
 
-enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, kUnwritten };
+// Values are the Jacobian's where it is asked for, but for the last kind.
+enum class Misbehavior { kReturnsFalse, kNaN, kInfinity, k1e302, kUnwritten, kUnwrittenResidual };
 
 // A quadratic with one block that misbehaves in the given cost-only call or the given call with
 // Jacobians (counted from 1; 0: never).
 testing::Recipe Misbehaving(Misbehavior kind, int bad_cost_only, int bad_jacobian) {
   return [=] {
     auto test = std::make_unique<TestProblem>();
-    auto calls = std::make_shared<Calls>();
-    auto hook = [=](double const* const*, double* residuals, double** jacobians) {
-      const bool bad = jacobians == nullptr ? ++calls->num_cost_only == bad_cost_only
-                                            : ++calls->num_jacobian == bad_jacobian;
-      if (!bad) {
-        return true;
+    const auto evaluate = [=, target = std::make_shared<TargetCost>(std::vector{1.0, 2.0, 3.0}),
+                           calls = Calls()](double const* const* x, double* residuals,
+                                            double** jacobians) mutable {
+      const bool bad = jacobians == nullptr ? ++calls.num_cost_only == bad_cost_only
+                                            : ++calls.num_jacobian == bad_jacobian;
+      const bool is_residual = jacobians == nullptr || kind == Misbehavior::kUnwrittenResidual;
+      double* const victim = is_residual ? &residuals[1] : &jacobians[0][1];
+      const double unwritten = *victim;
+      target->Evaluate(x, residuals, jacobians);
+      if (!bad || kind == Misbehavior::kReturnsFalse) {
+        return !bad;
       }
-      double* victim = jacobians != nullptr ? &jacobians[0][1] : &residuals[1];
-      if (kind != Misbehavior::kReturnsFalse) {
-        *victim = kind == Misbehavior::kNaN        ? std::nan("")
-                  : kind == Misbehavior::kInfinity ? INFINITY
-                                                   : 1e302;
-      }
-      return kind != Misbehavior::kReturnsFalse;
+      *victim = kind == Misbehavior::kNaN        ? std::nan("")
+                : kind == Misbehavior::kInfinity ? INFINITY
+                : kind == Misbehavior::k1e302    ? 1e302
+                                                 : unwritten;
+      return true;
     };
-    test->problem.AddResidualBlock(new TargetCost({1.0, 2.0, 3.0}, hook), nullptr,
+    test->problem.AddResidualBlock(new lambdas::Cost(3, {3}, evaluate), nullptr,
                                    test->Add({5.0, -4.0, 3.5}));
     return test;
   };
@@ -97,7 +101,9 @@ TEST_P(Misbehaviors, AtTheJacobianOfAnAcceptedPoint) {
 
 INSTANTIATE_TEST_SUITE_P(All, Misbehaviors,
                          ::testing::Values(Misbehavior::kReturnsFalse, Misbehavior::kNaN,
-                                           Misbehavior::kInfinity, Misbehavior::kUnwritten));
+                                           Misbehavior::kInfinity, Misbehavior::k1e302,
+                                           Misbehavior::kUnwritten,
+                                           Misbehavior::kUnwrittenResidual));
 
 TEST(Evaluation, FixedResidualThatFails) {
   const auto recipe = [] {
@@ -223,28 +229,21 @@ TEST(Evaluation, PlusJacobianThatFailsIsAFailure) {
 // A wrapper may hand the array on in another order to what it wraps: it is given a fresh one for
 // each residual block.
 TEST(Evaluation, TheArrayOfJacobiansIsTheCostFunctionsToChange) {
-  class Exchanged : public ceres::SizedCostFunction<1, 1, 1> {
-   public:
-    explicit Exchanged(double target) : target_(target) {}
-    bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-      residuals[0] = 3.0 * x[0][0] + x[0][0] * x[1][0] - target_;
-      if (jacobians != nullptr) {
-        jacobians[0][0] = 3.0 + x[1][0];
-        std::swap(jacobians[0], jacobians[1]);
-        jacobians[0][0] = x[0][0];
-      }
-      return true;
-    }
-
-   private:
-    double target_;
-  };
   const auto recipe = [] {
     auto test = std::make_unique<TestProblem>();
     double* x = test->Add({1.0});
     double* y = test->Add({2.0});
     for (const double target : {4.0, 5.0, 7.0}) {
-      test->problem.AddResidualBlock(new Exchanged(target), nullptr, x, y);
+      const auto exchanging = [target](double const* const* v, double* r, double** jacobians) {
+        r[0] = 3.0 * v[0][0] + v[0][0] * v[1][0] - target;
+        if (jacobians != nullptr) {
+          jacobians[0][0] = 3.0 + v[1][0];
+          std::swap(jacobians[0], jacobians[1]);
+          jacobians[0][0] = v[0][0];
+        }
+        return true;
+      };
+      test->problem.AddResidualBlock(new lambdas::Cost(1, {1, 1}, exchanging), nullptr, x, y);
     }
     return test;
   };
@@ -255,35 +254,24 @@ TEST(Evaluation, TheArrayOfJacobiansIsTheCostFunctionsToChange) {
 
 // Pointers a cost function is given.
 TEST(Evaluation, ConstantsGetNullJacobiansAndTheUsersMemory) {
-  class Pair : public ceres::SizedCostFunction<1, 1, 1> {
-   public:
-    Pair(const double* variable, const double* constant, int* num_calls)
-        : variable_(variable), constant_(constant), num_calls_(num_calls) {}
-    bool Evaluate(double const* const* parameters, double* residuals,
-                  double** jacobians) const override {
-      ++*num_calls_;
-      EXPECT_NE(parameters[0], variable_) << "variables are the solver's own copies";
-      EXPECT_EQ(parameters[1], constant_);
-      residuals[0] = parameters[0][0] * parameters[1][0] - 1.0;
-      if (jacobians != nullptr) {
-        EXPECT_NE(jacobians[0], nullptr);
-        EXPECT_EQ(jacobians[1], nullptr);
-        jacobians[0][0] = parameters[1][0];
-      }
-      return true;
-    }
-
-   private:
-    const double* variable_;
-    const double* constant_;
-    int* num_calls_;
-  };
   int num_calls = 0;
   {
     TestProblem test;
     double* x = test.Add({3.0});
     double* c = test.Add({2.0});
-    test.problem.AddResidualBlock(new Pair(x, c, &num_calls), nullptr, x, c);
+    const auto pair = [&, x, c](double const* const* parameters, double* residuals, double** J) {
+      ++num_calls;
+      EXPECT_NE(parameters[0], x) << "variables are the solver's own copies";
+      EXPECT_EQ(parameters[1], c);
+      residuals[0] = parameters[0][0] * parameters[1][0] - 1.0;
+      if (J != nullptr) {
+        EXPECT_NE(J[0], nullptr);
+        EXPECT_EQ(J[1], nullptr);
+        J[0][0] = parameters[1][0];
+      }
+      return true;
+    };
+    test.problem.AddResidualBlock(new lambdas::Cost(1, {1, 1}, pair), nullptr, x, c);
     test.problem.SetParameterBlockConstant(c);
     ceres::Solver::Summary summary;
     inceres::Solve(Options(), &test.problem, &summary);

@@ -26,10 +26,8 @@ using ::testing::SizeIs;
 using Spoil = std::function<bool(double* residuals, double** jacobians)>;
 
 // r = (x0 + 2 y0, x1 + y1, x0 y0), of blocks of two, then spoiled.
-class SpoiledCost : public ceres::SizedCostFunction<3, 2, 2> {
- public:
-  explicit SpoiledCost(Spoil spoil) : spoil_(std::move(spoil)) {}
-  bool Evaluate(double const* const* parameters, double* r, double** J) const override {
+ceres::CostFunction* SpoiledCost(const Spoil* spoil) {
+  return new lambdas::Cost(3, {2, 2}, [=](double const* const* parameters, double* r, double** J) {
     const double* x = parameters[0];
     const double* y = parameters[1];
     r[0] = x[0] + 2.0 * y[0];
@@ -43,10 +41,9 @@ class SpoiledCost : public ceres::SizedCostFunction<3, 2, 2> {
     if (J != nullptr && J[1] != nullptr) {
       std::copy_n(J_y, 6, J[1]);
     }
-    return spoil_ == nullptr || spoil_(r, J);
-  }
-  Spoil spoil_;
-};
+    return *spoil == nullptr || (*spoil)(r, J);
+  });
+}
 
 std::string Address(const void* object) {
   std::ostringstream text;
@@ -55,7 +52,7 @@ std::string Address(const void* object) {
 }
 
 struct SpoiledProblem {
-  explicit SpoiledProblem(Spoil spoil) : cost(new SpoiledCost(std::move(spoil))) {
+  explicit SpoiledProblem(Spoil given) : spoil(std::move(given)), cost(SpoiledCost(&spoil)) {
     problem.AddResidualBlock(new testing::TargetCost({1.0, 1.0}), nullptr, x);
     problem.AddResidualBlock(cost, nullptr, x, y);
   }
@@ -65,7 +62,8 @@ struct SpoiledProblem {
   }
   double x[2] = {1.5, -2.0};
   double y[2] = {0.25, 1e300};
-  SpoiledCost* cost;
+  Spoil spoil;
+  ceres::CostFunction* cost;
   ceres::Problem problem;
 };
 
@@ -105,7 +103,7 @@ void ExpectNamed(const SolveSpoiled& solve) {
   SpoiledProblem problem(nullptr);
   const SpoiledProblem* self = &problem;
   for (const Case& spoiled : Cases(&self)) {
-    problem.cost->spoil_ = spoiled.spoil;
+    problem.spoil = spoiled.spoil;
     const testing::CapturedLog log;
     SolveOptions asked;
     SolveReport report;
@@ -156,20 +154,14 @@ TEST(FailureReport, OfConstantBlocksToo) {
 }
 
 TEST(FailureReport, ManyBlocksOfManyValuesStayReadable) {
-  struct WideCost : public ceres::CostFunction {
-    WideCost() {
-      set_num_residuals(1);
-      mutable_parameter_block_sizes()->assign(30, 50);
-    }
-    bool Evaluate(double const* const*, double*, double**) const override { return false; }
-  };
   std::vector<std::vector<double>> blocks(30, std::vector<double>(50, 0.5));
   std::vector<double*> pointers;
   for (std::vector<double>& block : blocks) {
     pointers.push_back(block.data());
   }
   ceres::Problem problem;
-  problem.AddResidualBlock(new WideCost, nullptr, pointers);
+  problem.AddResidualBlock(new testing::ShapeOnlyCost(1, std::vector<int>(30, 50)), nullptr,
+                           pointers);
   const testing::CapturedLog log;
   SolveReport report;
   ceres::Solver::Summary summary;
@@ -179,26 +171,19 @@ TEST(FailureReport, ManyBlocksOfManyValuesStayReadable) {
 }
 
 // (√x − 10)² cannot be evaluated at x ≤ 0, where the first steps from 900 go.
-class RootCost : public ceres::SizedCostFunction<1, 1> {
- public:
-  bool Evaluate(double const* const* parameters, double* r, double** J) const override {
-    const double x = parameters[0][0];
-    if (x <= 0.0) {
-      return false;
-    }
-    r[0] = std::sqrt(x) - 10.0;
-    if (J != nullptr && J[0] != nullptr) {
-      J[0][0] = 0.5 / std::sqrt(x);
-    }
-    return true;
-  }
-};
+ceres::CostFunction* RootCost() {
+  return new lambdas::Formula(1, {1}, [](double const* const* x, double* r, double** J) {
+    r[0] = std::sqrt(x[0][0]) - 10.0;
+    J[0][0] = 0.5 / std::sqrt(x[0][0]);
+    return x[0][0] > 0.0;
+  });
+}
 
 template <typename SolveRoot>
 std::vector<std::string> LogOfRoot(ceres::LoggingType logging, const SolveRoot& solve) {
   double x = 900.0;
   ceres::Problem problem;
-  problem.AddResidualBlock(new RootCost, nullptr, &x);
+  problem.AddResidualBlock(RootCost(), nullptr, &x);
   const testing::CapturedLog log;
   ceres::Solver::Summary summary;
   solve(Options(logging), &problem, &summary);

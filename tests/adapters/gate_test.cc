@@ -2,43 +2,52 @@
 // error with nothing touched.
 #include "adapters/ceres/fallback/gate.h"
 
+#include <algorithm>
+#include <cstring>
+#include <deque>
 #include <limits>
+#include <string>
 #include <vector>
 
-#include <glog/logging.h>
 #include <gtest/gtest.h>
 
+#include "adapters/captured_log.h"
 #include "adapters/compare_with_stock.h"
 
 namespace inceres {
 namespace {
 
 using testing::Adjust;
+using testing::CapturedLog;
 using testing::MakeBundle;
 using testing::ShapeOnlyCost;
 using testing::TargetCost;
 using testing::TestProblem;
+using testing::WithoutAddresses;
 using Options = ceres::Solver::Options;
+using Blocks = std::deque<std::vector<double>>;
 
-// Counts the lines that tell of a fallback.
-class FallbackLines : public google::LogSink {
- public:
-  FallbackLines() { google::AddLogSink(this); }
-  ~FallbackLines() override { google::RemoveLogSink(this); }
-  void send(google::LogSeverity, const char*, const char*, int, const tm*, const char* message,
-            std::size_t length) override {
-    const std::string text(message, length);
-    if (text.rfind("inceres: handed to stock Ceres: ", 0) == 0) {
-      ++count;
-      last = text;
-    }
-  }
-  int count = 0;
-  std::string last;
-};
+// The lines that tell of a fallback.
+std::vector<std::string> Fallbacks(const CapturedLog& log) {
+  std::vector<std::string> lines = log.messages();
+  const auto tells = [](const std::string& line) {
+    return line.rfind("inceres: handed to stock Ceres: ", 0) == 0;
+  };
+  lines.erase(std::stable_partition(lines.begin(), lines.end(), tells), lines.end());
+  return lines;
+}
 
 std::unique_ptr<TestProblem> MakeProblem() {
   return MakeBundle(3, 20, true);
+}
+
+// NaN is the same as NaN.
+void ExpectSameValues(const Blocks& a, const Blocks& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_EQ(a[i].size(), b[i].size());
+    EXPECT_EQ(std::memcmp(a[i].data(), b[i].data(), a[i].size() * sizeof(double)), 0) << i;
+  }
 }
 
 void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
@@ -58,7 +67,7 @@ void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
   SolveOptions asked;
   SolveReport report;
   asked.strict = true;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_NE(summary.message.find(reason), std::string::npos) << summary.message;
@@ -67,15 +76,12 @@ void ExpectStrictRefuses(const Adjust& adjust, const std::string& reason) {
   EXPECT_EQ(summary.initial_cost, -1.0);
   EXPECT_TRUE(summary.iterations.empty());
   EXPECT_EQ(num_calls, 0);
-  EXPECT_EQ(lines.count, 0);
-  for (std::size_t b = 0; b < before.size(); ++b) {
-    for (std::size_t k = 0; k < before[b].size(); ++k) {
-      EXPECT_TRUE(before[b][k] == test->blocks[b][k] || std::isnan(before[b][k]));
-    }
-  }
+  EXPECT_TRUE(Fallbacks(log).empty());
+  ExpectSameValues(test->blocks, before);
 }
 
-void ExpectStockSolves(const Adjust& adjust, const std::string& reason) {
+// As stock: to the bits of memory, with its message, of which `words` are part, and its log.
+void ExpectStockSolves(const Adjust& adjust, const std::string& reason, const std::string& words) {
   Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   const auto stock_problem = MakeProblem();
@@ -85,35 +91,46 @@ void ExpectStockSolves(const Adjust& adjust, const std::string& reason) {
   adjust(stock_problem.get(), &stock_options);
   adjust(our_problem.get(), &our_options);
   ceres::Solver::Summary stock, ours;
-  ceres::Solve(stock_options, &stock_problem->problem, &stock);
+  std::vector<std::string> logged;
+  {
+    const CapturedLog log(google::GLOG_INFO);
+    ceres::Solve(stock_options, &stock_problem->problem, &stock);
+    logged = log.messages();
+  }
   SolveReport report;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(our_options, &our_problem->problem, &ours, {}, &report);
   EXPECT_TRUE(report.used_stock);
   EXPECT_NE(report.fallback_reason.find(reason), std::string::npos) << report.fallback_reason;
-  EXPECT_EQ(lines.count, 1);
-  EXPECT_NE(lines.last.find(reason), std::string::npos) << lines.last;
+  const std::vector<std::string> lines = Fallbacks(log);
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_NE(lines[0].find(reason), std::string::npos) << lines[0];
+  EXPECT_EQ(log.messages().size(), logged.size() + 1);
   EXPECT_EQ(ours.termination_type, stock.termination_type);
+  EXPECT_EQ(WithoutAddresses(ours.message), WithoutAddresses(stock.message));
+  EXPECT_NE(ours.message.find(words), std::string::npos) << ours.message;
+  EXPECT_EQ(ours.initial_cost, stock.initial_cost);
   EXPECT_EQ(ours.final_cost, stock.final_cost);
   EXPECT_EQ(ours.iterations.size(), stock.iterations.size());
   EXPECT_EQ(ours.num_residual_evaluations, stock.num_residual_evaluations);
+  ExpectSameValues(our_problem->blocks, stock_problem->blocks);
 }
 
-void ExpectHandedOver(const Adjust& adjust, const std::string& reason) {
+void ExpectHandedOver(const Adjust& adjust, const std::string& reason, const std::string& words) {
   ExpectStrictRefuses(adjust, reason);
-  ExpectStockSolves(adjust, reason);
+  ExpectStockSolves(adjust, reason, words);
 }
 
 // Options.
 
 TEST(Gate, InvalidOptions) {
   ExpectHandedOver([](TestProblem*, Options* o) { o->max_num_iterations = -1; },
-                   "the options are invalid: ");
+                   "the options are invalid: ", "max_num_iterations >= 0");
 }
 
 TEST(Gate, LineSearch) {
   ExpectHandedOver([](TestProblem*, Options* o) { o->minimizer_type = ceres::LINE_SEARCH; },
-                   "LINE_SEARCH");
+                   "LINE_SEARCH", "");
 }
 
 // Stock Ceres aborts on these two, so only the strict way can be looked at.
@@ -153,48 +170,82 @@ TEST(Gate, FeasibleBoundsOnAConstantBlockAreNoObstacle) {
   EXPECT_FALSE(report.used_stock) << report.fallback_reason;
 }
 
-TEST(Gate, LowerBoundAboveTheUpper) {
-  const auto adjust = [](TestProblem* t, Options*) {
-    t->problem.SetParameterLowerBound(t->blocks[5].data(), 1, 2.0);
-    t->problem.SetParameterUpperBound(t->blocks[5].data(), 1, 1.0);
-  };
-  ExpectHandedOver(adjust, "lower bound not below its upper bound");
+// Of a block in use, and of one that nothing touches. Equal bounds are infeasible too.
+TEST(Gate, LowerBoundNotBelowTheUpper) {
+  for (const bool used : {true, false}) {
+    for (const double upper : {1.0, 2.0}) {
+      const auto adjust = [=](TestProblem* t, Options*) {
+        double* const block = used ? t->blocks[5].data() : t->Add({0.0, 0.0, 0.0});
+        t->problem.AddParameterBlock(block, 3);
+        t->problem.SetParameterLowerBound(block, 1, 2.0);
+        t->problem.SetParameterUpperBound(block, 1, upper);
+      };
+      ExpectHandedOver(
+          adjust, "lower bound not below its upper bound",
+          "has at least one infeasible bound.\nFirst infeasible bound is at index: 1.");
+    }
+  }
 }
 
 TEST(Gate, ConstantOutsideItsBounds) {
   ExpectHandedOver([](TestProblem* t,
                       Options*) { t->problem.SetParameterLowerBound(t->blocks[0].data(), 0, 1e3); },
-                   "constant outside its bounds");
+                   "constant outside its bounds",
+                   "has at least one infeasible value.\nFirst infeasible value is at index: 0.");
 }
 
+// Constant blocks and those that nothing touches are looked at too.
 TEST(Gate, ValueThatIsNotFinite) {
-  ExpectHandedOver(
-      [](TestProblem* t, Options*) { t->blocks[5][1] = std::numeric_limits<double>::quiet_NaN(); },
-      "not finite");
-  ExpectHandedOver([](TestProblem* t, Options*) { t->blocks[5][1] = 1e302; }, "not finite");
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e302}) {
+    for (const int block : {0, 5, -1}) {
+      const auto adjust = [=](TestProblem* t, Options*) {
+        if (block < 0) {
+          t->problem.AddParameterBlock(t->Add({1.0, bad}), 2);
+        } else {
+          t->blocks[static_cast<std::size_t>(block)][1] = bad;
+        }
+      };
+      ExpectHandedOver(adjust, "not finite",
+                       "has at least one invalid value.\nFirst invalid value is at index: 1.");
+    }
+  }
 }
 
-TEST(Gate, OrderingWithAForeignAddress) {
-  static double foreign = 0.0;
-  const auto adjust = [](TestProblem* t, Options* o) {
+// Orderings. Points in the first group and cameras in the second, but for what is changed.
+
+Adjust WithOrdering(const std::function<void(TestProblem*, ceres::ParameterBlockOrdering*)>& change,
+                    ceres::LinearSolverType type = ceres::DENSE_SCHUR) {
+  return [=](TestProblem* t, Options* o) {
+    o->linear_solver_type = type;
     o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    o->linear_solver_ordering->AddElementToGroup(&foreign, 0);
-    for (auto& block : t->blocks) {
+    for (std::vector<double>& block : t->blocks) {
       o->linear_solver_ordering->AddElementToGroup(block.data(), block.size() == 3 ? 0 : 1);
     }
+    change(t, o->linear_solver_ordering.get());
   };
-  ExpectHandedOver(adjust, "no parameter block of the problem");
+}
+
+TEST(Gate, OrderingWithAForeignAddressInPlaceOfABlock) {
+  static double foreign = 0.0;
+  ExpectHandedOver(WithOrdering([](TestProblem* t, ceres::ParameterBlockOrdering* ordering) {
+                     ordering->Remove(t->blocks.back().data());
+                     ordering->AddElementToGroup(&foreign, 0);
+                   }),
+                   "no parameter block of the problem",
+                   "is not a parameter block in the problem. The invalid double is in group: 0");
 }
 
 TEST(Gate, OrderingThatLacksABlock) {
-  const auto adjust = [](TestProblem* t, Options* o) {
-    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (std::size_t b = 0; b + 1 < t->blocks.size(); ++b) {
-      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(),
-                                                   t->blocks[b].size() == 3 ? 0 : 1);
-    }
+  const auto remove = [](TestProblem* t, ceres::ParameterBlockOrdering* ordering) {
+    ordering->Remove(t->blocks.back().data());
   };
-  ExpectHandedOver(adjust, "variable parameter blocks");
+  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
+                          ceres::SPARSE_NORMAL_CHOLESKY}) {
+    ExpectHandedOver(WithOrdering(remove, type), "variable parameter blocks",
+                     "The program has 22 parameter blocks, but the parameter block ordering has 21 "
+                     "parameter blocks.");
+  }
 }
 
 // Where there is nothing to eliminate, but a factor to order.
@@ -212,28 +263,28 @@ TEST(Gate, OrderingOfASubsetThatLacksABlock) {
 }
 
 TEST(Gate, FirstGroupThatIsNotIndependent) {
-  const auto adjust = [](TestProblem* t, Options* o) {
-    o->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (std::size_t b = 0; b < t->blocks.size(); ++b) {
-      o->linear_solver_ordering->AddElementToGroup(t->blocks[b].data(),
-                                                   b == 1 || t->blocks[b].size() == 3 ? 0 : 1);
-    }
-  };
-  ExpectHandedOver(adjust, "not an independent set");
+  ExpectHandedOver(WithOrdering([](TestProblem* t, ceres::ParameterBlockOrdering* ordering) {
+                     ordering->AddElementToGroup(t->blocks[1].data(), 0);
+                   }),
+                   "not an independent set",
+                   "The first elimination group in the parameter block ordering of size 21 is not "
+                   "an independent set");
 }
 
 // An ordering is not looked at where Ceres does not look at it.
-TEST(Gate, OddOrderingUnderDenseQrIsNoObstacle) {
-  const auto test = MakeProblem();
-  Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  options.linear_solver_ordering->AddElementToGroup(test->blocks[1].data(), 0);
-  ceres::Solver::Summary summary;
-  SolveReport report;
-  inceres::Solve(options, &test->problem, &summary, {}, &report);
-  EXPECT_FALSE(report.used_stock) << report.fallback_reason;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+TEST(Gate, OddOrderingUnderADenseSolverIsNoObstacle) {
+  for (const auto type : {ceres::DENSE_QR, ceres::DENSE_NORMAL_CHOLESKY}) {
+    const auto test = MakeProblem();
+    Options options;
+    options.linear_solver_type = type;
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    options.linear_solver_ordering->AddElementToGroup(test->blocks[1].data(), 0);
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    inceres::Solve(options, &test->problem, &summary, {}, &report);
+    EXPECT_FALSE(report.used_stock) << report.fallback_reason;
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  }
 }
 
 std::string ReasonFor(const Options& options, ceres::Problem* problem) {
@@ -292,10 +343,10 @@ TEST(Gate, StockOnRequestIsNoFallback) {
   SolveReport report;
   asked.mode = SolveMode::kStock;
   asked.strict = true;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(Options(), &test->problem, &summary, asked, &report);
   EXPECT_TRUE(report.used_stock);
-  EXPECT_EQ(lines.count, 0);
+  EXPECT_TRUE(Fallbacks(log).empty());
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
 }
 
@@ -304,9 +355,9 @@ TEST(Gate, WithoutAReportStockStillSolvesAndTheLogSaysSo) {
   Options options;
   options.minimizer_type = ceres::LINE_SEARCH;
   ceres::Solver::Summary summary;
-  FallbackLines lines;
+  const CapturedLog log(google::GLOG_INFO);
   inceres::Solve(options, &test->problem, &summary);
-  EXPECT_EQ(lines.count, 1);
+  EXPECT_EQ(Fallbacks(log).size(), 1u);
   EXPECT_EQ(summary.minimizer_type, ceres::LINE_SEARCH);
 }
 

@@ -145,26 +145,21 @@ struct Calls {
   int jacobians = 0;
 };
 
-class ScaledExponential : public ceres::SizedCostFunction<1, 1, 1> {
- public:
-  ScaledExponential(double y, Calls* calls) : y_(y), calls_(*calls) {}
-  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    ++(jacobians == nullptr ? calls_.costs : calls_.jacobians);
-    const double scale = std::exp(x[0][0]);
-    residuals[0] = scale * x[1][0] - y_;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = scale * x[1][0];
-    }
-    if (jacobians != nullptr && jacobians[1] != nullptr) {
-      jacobians[1][0] = scale;
-    }
-    return true;
-  }
-
- private:
-  double y_;
-  Calls& calls_;
-};
+ceres::CostFunction* ScaledExponential(double y, Calls* calls) {
+  return new lambdas::Cost(1, {1, 1},
+                           [=](double const* const* x, double* residuals, double** jacobians) {
+                             ++(jacobians == nullptr ? calls->costs : calls->jacobians);
+                             const double scale = std::exp(x[0][0]);
+                             residuals[0] = scale * x[1][0] - y;
+                             if (jacobians != nullptr && jacobians[0] != nullptr) {
+                               jacobians[0][0] = scale * x[1][0];
+                             }
+                             if (jacobians != nullptr && jacobians[1] != nullptr) {
+                               jacobians[1][0] = scale;
+                             }
+                             return true;
+                           });
+}
 
 std::unique_ptr<TestProblem> Exponentials(double phase, Calls* calls) {
   auto test = std::make_unique<TestProblem>();
@@ -177,8 +172,7 @@ std::unique_ptr<TestProblem> Exponentials(double phase, Calls* calls) {
     for (std::size_t j = 0; j < values.size(); ++j) {
       const double y =
           2.0 + std::sin(phase + 7.0 * static_cast<double>(i) + 3.0 * static_cast<double>(j));
-      test->problem.AddResidualBlock(new ScaledExponential(y, calls), nullptr, scales[i],
-                                     values[j]);
+      test->problem.AddResidualBlock(ScaledExponential(y, calls), nullptr, scales[i], values[j]);
     }
   }
   test->problem.SetParameterBlockConstant(scales[0]);
@@ -263,16 +257,14 @@ TEST(InnerIterations, UnknownAddressesAndCallbacksAreRefusedWithAMessage) {
   EXPECT_NE(summary.message.find("no parameter block of the problem. Group Id: 3"),
             std::string::npos);
 
-  struct Callback final : ceres::EvaluationCallback {
-    void PrepareForEvaluation(bool /*jacobians*/, bool /*new_point*/) override { ++count; }
-    int count = 0;
-  } callback;
+  int count = 0;
+  lambdas::Preparation callback([&](bool, bool) { ++count; });
   SolveOptions ours;
   ours.evaluation_callback = &callback;
   inceres::Solve(WithInnerIterations(ceres::DENSE_SCHUR), &test->problem, &summary, ours);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(summary.message, "Inner iterations cannot be used with EvaluationCallbacks");
-  EXPECT_EQ(callback.count, 0);
+  EXPECT_EQ(count, 0);
 }
 
 TEST(InnerIterations, NoneForOneBlockOrAnOrderingOfNothingThatMoves) {

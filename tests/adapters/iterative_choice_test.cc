@@ -61,25 +61,17 @@ TEST(IterativeChoice, LeavesWhatTheCallerChose) {
 }
 
 // b − a − target, of size 6.
-class TieCost : public ceres::SizedCostFunction<6, 6, 6> {
- public:
-  explicit TieCost(double target) : target_(target) {}
-  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    for (int r = 0; r < 6; ++r) {
-      residuals[r] = x[1][r] - x[0][r] - target_ + 0.1 * std::sin(x[1][r]);
-      for (int slot = 0; jacobians != nullptr && slot < 2; ++slot) {
-        for (int c = 0; jacobians[slot] != nullptr && c < 6; ++c) {
-          const double derivative = slot == 0 ? -1.0 : 1.0 + 0.1 * std::cos(x[1][r]);
-          jacobians[slot][6 * r + c] = r == c ? derivative : 0.0;
+ceres::CostFunction* TieCost(double target) {
+  return new lambdas::Formula(
+      6, {6, 6}, [=](double const* const* x, double* residuals, double** jacobians) {
+        for (int r = 0; r < 6; ++r) {
+          residuals[r] = x[1][r] - x[0][r] - target + 0.1 * std::sin(x[1][r]);
+          jacobians[0][7 * r] = -1.0;
+          jacobians[1][7 * r] = 1.0 + 0.1 * std::cos(x[1][r]);
         }
-      }
-    }
-    return true;
-  }
-
- private:
-  double target_;
-};
+        return true;
+      });
+}
 
 // 1,400 frames in a row: 8,400 unknowns.
 std::unique_ptr<TestProblem> MakeChain() {
@@ -90,7 +82,7 @@ std::unique_ptr<TestProblem> MakeChain() {
     test->problem.AddResidualBlock(new TargetCost(std::vector<double>(6, 0.01 * (i % 11))), nullptr,
                                    next);
     if (last != nullptr) {
-      test->problem.AddResidualBlock(new TieCost(0.02 * (i % 5)), nullptr, last, next);
+      test->problem.AddResidualBlock(TieCost(0.02 * (i % 5)), nullptr, last, next);
     }
     last = next;
   }

@@ -293,37 +293,30 @@ TEST(ReducedGraph, PatternIsThatOfTheReducedSystem) {
 
 // r = R (a − b) + noise: enough to be solved. A user's points that are eliminated by stock and stay
 // with us.
-class DifferenceCost : public ceres::SizedCostFunction<2, 6, 3> {
- public:
-  explicit DifferenceCost(std::mt19937* random) {
-    std::normal_distribution<double> normal;
-    for (double& entry : J_) {
-      entry = normal(*random);
-    }
+ceres::CostFunction* DifferenceCost(std::mt19937* random) {
+  std::normal_distribution<double> normal;
+  std::vector<double> a(20);
+  for (double& entry : a) {
+    entry = normal(*random);
   }
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    for (int r = 0; r < 2; ++r) {
-      residuals[r] = J_[18 + r];
-      for (int k = 0; k < 6; ++k) {
-        residuals[r] += J_[6 * r + k] * parameters[0][k] * (1.0 + 0.01 * parameters[0][k]);
-      }
-      for (int k = 0; k < 3; ++k) {
-        residuals[r] += J_[12 + 3 * r + k] * parameters[1][k];
-      }
-      for (int k = 0; jacobians != nullptr && jacobians[0] != nullptr && k < 6; ++k) {
-        jacobians[0][6 * r + k] = J_[6 * r + k] * (1.0 + 0.02 * parameters[0][k]);
-      }
-      for (int k = 0; jacobians != nullptr && jacobians[1] != nullptr && k < 3; ++k) {
-        jacobians[1][3 * r + k] = J_[12 + 3 * r + k];
-      }
-    }
-    return true;
-  }
-
- private:
-  double J_[20];
-};
+  return new lambdas::Formula(
+      2, {6, 3}, [=](double const* const* parameters, double* residuals, double** jacobians) {
+        const double* A = a.data();
+        for (int r = 0; r < 2; ++r) {
+          residuals[r] = A[18 + r];
+          for (int k = 0; k < 6; ++k) {
+            const double x = parameters[0][k];
+            residuals[r] += A[6 * r + k] * x * (1.0 + 0.01 * x);
+            jacobians[0][6 * r + k] = A[6 * r + k] * (1.0 + 0.02 * x);
+          }
+          for (int k = 0; k < 3; ++k) {
+            residuals[r] += A[12 + 3 * r + k] * parameters[1][k];
+            jacobians[1][3 * r + k] = A[12 + 3 * r + k];
+          }
+        }
+        return true;
+      });
+}
 
 TEST(LandmarkFill, SolvesAsStockAndReportsWhatTheUserAskedFor) {
   for (const unsigned seed : {7U, 8U}) {
@@ -337,7 +330,7 @@ TEST(LandmarkFill, SolvesAsStockAndReportsWhatTheUserAskedFor) {
       auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
       for (std::size_t p = 0; p < 12; ++p) {
         for (std::size_t c = 0; c < 80; ++c) {
-          problem.AddResidualBlock(new DifferenceCost(&random), nullptr, &cameras[6 * c],
+          problem.AddResidualBlock(DifferenceCost(&random), nullptr, &cameras[6 * c],
                                    &points[3 * p]);
           ordering->AddElementToGroup(&cameras[6 * c], 1);
         }

@@ -113,33 +113,23 @@ struct Difference {
 
 // r = (weighted sum of all entries) − target in each row, with other weights for other targets,
 // rows and places.
-class SumCost : public ceres::CostFunction {
- public:
-  SumCost(int num_residuals, std::vector<int> sizes, double target) : target_(target) {
-    set_num_residuals(num_residuals);
-    mutable_parameter_block_sizes()->assign(sizes.begin(), sizes.end());
-  }
-  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    const std::vector<int>& sizes = parameter_block_sizes();
-    for (int row = 0; row < num_residuals(); ++row) {
-      residuals[row] = -target_;
-      for (std::size_t s = 0; s < sizes.size(); ++s) {
-        for (int k = 0; k < sizes[s]; ++k) {
-          const double weight =
-              1.0 + std::sin(target_ + 3.0 * row + 5.0 * static_cast<double>(s) + k);
-          residuals[row] += weight * x[s][k];
-          if (jacobians != nullptr && jacobians[s] != nullptr) {
-            jacobians[s][row * sizes[s] + k] = weight;
+ceres::CostFunction* SumCost(int num_residuals, const std::vector<int>& sizes, double target) {
+  return new lambdas::Formula(
+      num_residuals, sizes, [=](double const* const* x, double* residuals, double** jacobians) {
+        for (int row = 0; row < num_residuals; ++row) {
+          residuals[row] = -target;
+          for (std::size_t s = 0; s < sizes.size(); ++s) {
+            for (int k = 0; k < sizes[s]; ++k) {
+              const double weight =
+                  1.0 + std::sin(target + 3.0 * row + 5.0 * static_cast<double>(s) + k);
+              residuals[row] += weight * x[s][k];
+              jacobians[s][row * sizes[s] + k] = weight;
+            }
           }
         }
-      }
-    }
-    return true;
-  }
-
- private:
-  double target_;
-};
+        return true;
+      });
+}
 
 // Blocks lie in one array, so that their order by address is the same each time, and are touched by
 // chains of residual blocks.
@@ -159,15 +149,15 @@ std::vector<double> SolveWith(const Difference& difference) {
       std::swap(a, b);
     }
     problem.AddResidualBlock(
-        new SumCost(num_residuals, {sizes[a], sizes[b]}, 0.1 * i + difference.shift),
+        SumCost(num_residuals, {sizes[a], sizes[b]}, 0.1 * i + difference.shift),
         difference.loss && i % 3 == 0 ? new ceres::CauchyLoss(0.5) : nullptr, blocks[a], blocks[b]);
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    problem.AddResidualBlock(new SumCost(sizes[b], {sizes[b]}, 1.0), nullptr, blocks[b]);
+    problem.AddResidualBlock(SumCost(sizes[b], {sizes[b]}, 1.0), nullptr, blocks[b]);
   }
   if (difference.fixed_residual_block) {
     double* const alone = memory.data() + 9;
-    problem.AddResidualBlock(new SumCost(1, {1}, 2.0), nullptr, alone);
+    problem.AddResidualBlock(SumCost(1, {1}, 2.0), nullptr, alone);
     problem.SetParameterBlockConstant(alone);
   }
   if (difference.constant) {

@@ -23,31 +23,20 @@ using testing::Session;
 constexpr double kNone = std::numeric_limits<double>::max();
 
 // What depends smoothly, and not linearly, on two blocks of three values.
-class Bend : public ceres::SizedCostFunction<3, 3, 3> {
+class Bend : public lambdas::Formula {
  public:
-  explicit Bend(double shift) : shift_(shift) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    for (int k = 0; k < 3; ++k) {
-      const double a = parameters[0][k], b = parameters[1][(k + 1) % 3];
-      residuals[k] = b - a - 0.3 * std::sin(a + b) - shift_;
-    }
-    for (int s = 0; s < 2 && jacobians != nullptr; ++s) {
-      if (jacobians[s] == nullptr) {
-        continue;
-      }
-      std::fill_n(jacobians[s], 9, 0.0);
-      for (int k = 0; k < 3; ++k) {
-        const double a = parameters[0][k], b = parameters[1][(k + 1) % 3];
-        const double slope = -0.3 * std::cos(a + b);
-        jacobians[s][3 * k + (s == 0 ? k : (k + 1) % 3)] = slope + (s == 0 ? -1.0 : 1.0);
-      }
-    }
-    return true;
-  }
-
- private:
-  double shift_;
+  explicit Bend(double shift)
+      : Formula(3, {3, 3}, [=](double const* const* x, double* residuals, double** jacobians) {
+          for (int k = 0; k < 3; ++k) {
+            const int next = (k + 1) % 3;
+            const double a = x[0][k], b = x[1][next];
+            const double slope = -0.3 * std::cos(a + b);
+            residuals[k] = b - a - 0.3 * std::sin(a + b) - shift;
+            jacobians[0][4 * k] = slope - 1.0;
+            jacobians[1][3 * k + next] = slope + 1.0;
+          }
+          return true;
+        }) {}
 };
 
 // Half of what it is asked to move: no value is bounded by what its step is bounded by.

@@ -347,20 +347,13 @@ TEST(SessionRecognition, WhatIsRevisedWithinASolveIsNotTakenForWhatItWas) {
   session.Solve(&problem);
   EXPECT_NEAR(x, 0.5, 1e-6);
   problem.AddResidualBlock(&c, nullptr, &x);
-  class Revise : public ceres::IterationCallback {
-   public:
-    explicit Revise(Pull* pull) : pull_(pull) {}
-    ceres::CallbackReturnType operator()(const ceres::IterationSummary& iteration) override {
-      if (iteration.iteration == 0) {
-        return ceres::SOLVER_CONTINUE;
-      }
-      pull_->weight = 0.1;
-      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  lambdas::Callback revise([&](const ceres::IterationSummary& iteration) {
+    if (iteration.iteration == 0) {
+      return ceres::SOLVER_CONTINUE;
     }
-
-   private:
-    Pull* pull_;
-  } revise(&b);
+    b.weight = 0.1;
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  });
   ceres::Solver::Options options;
   options.callbacks = {&revise};
   session.Solve(&problem, options);

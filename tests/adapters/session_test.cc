@@ -20,67 +20,44 @@ using testing::Session;
 using testing::Tug;
 
 // Of a block from the first number of another.
-template <int Size>
-class Distance : public ceres::SizedCostFunction<Size, Size, 3> {
- public:
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    for (int k = 0; k < Size; ++k) {
-      residuals[k] = parameters[0][k] - parameters[1][0];
-    }
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      std::fill_n(jacobians[0], Size * Size, 0.0);
-      for (int k = 0; k < Size; ++k) {
-        jacobians[0][k * Size + k] = 1.0;
-      }
-    }
-    if (jacobians != nullptr && jacobians[1] != nullptr) {
-      std::fill_n(jacobians[1], 3 * Size, 0.0);
+ceres::CostFunction* Distance(int size) {
+  return new lambdas::Formula(size, {size, 3}, [=](double const* const* x, double* r, double** J) {
+    for (int k = 0; k < size; ++k) {
+      r[k] = x[0][k] - x[1][0];
+      J[0][k * size + k] = 1.0;
     }
     return true;
-  }
-};
+  });
+}
 
 // Two numbers of a chain in which each follows the square of the one before: a curved valley.
-class Valley : public ceres::SizedCostFunction<2, 1, 1> {
- public:
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const double x = *parameters[0], y = *parameters[1];
-    residuals[0] = 10.0 * (y - x * x);
-    residuals[1] = 1.0 - x;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = -20.0 * x;
-      jacobians[0][1] = -1.0;
-    }
-    if (jacobians != nullptr && jacobians[1] != nullptr) {
-      jacobians[1][0] = 10.0;
-      jacobians[1][1] = 0.0;
-    }
-    return true;
-  }
-};
+lambdas::Formula Valley() {
+  return {2, {1, 1}, [](double const* const* x, double* residuals, double** jacobians) {
+            residuals[0] = 10.0 * (x[1][0] - x[0][0] * x[0][0]);
+            residuals[1] = 1.0 - x[0][0];
+            jacobians[0][0] = -20.0 * x[0][0];
+            jacobians[0][1] = -1.0;
+            jacobians[1][0] = 10.0;
+            return true;
+          }};
+}
 
 // x³ − 2x = 5, and no Jacobian beyond 2.
-class Cubic : public ceres::SizedCostFunction<1, 1> {
- public:
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const double x = *parameters[0];
-    residuals[0] = x * x * x - 2.0 * x - 5.0;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      *jacobians[0] = x > 2.0 ? std::numeric_limits<double>::quiet_NaN() : 3.0 * x * x - 2.0;
-    }
-    return true;
-  }
-};
+lambdas::Formula Cubic() {
+  return {1, {1}, [](double const* const* x, double* residuals, double** jacobians) {
+            residuals[0] = x[0][0] * x[0][0] * x[0][0] - 2.0 * x[0][0] - 5.0;
+            jacobians[0][0] = x[0][0] > 2.0 ? std::numeric_limits<double>::quiet_NaN()
+                                            : 3.0 * x[0][0] * x[0][0] - 2.0;
+            return true;
+          }};
+}
 
 // Ceres takes 39 iterations of the 50. What the batch solver has left is known at its values only,
 // not at those that the user puts there.
 TEST(Session, TheSameStartIsSolvedAsWellAgain) {
   constexpr int kChains = 20, kLength = 25;
   std::vector<double> x(kChains * kLength);
-  Valley valley;
+  auto valley = Valley();
   ceres::Problem problem(Borrowing());
   for (int k = 0; k < kChains * kLength; ++k) {
     if (k % kLength != 0) {
@@ -105,7 +82,7 @@ TEST(Session, HoweverItEndsReportsTheCostOfTheMemoryThatItLeaves) {
   for (std::size_t k = 0; k < x.size(); ++k) {
     x[k] = 1.5 + 0.001 * static_cast<double>(k);
   }
-  Cubic cubic;
+  auto cubic = Cubic();
   ceres::Problem problem(Borrowing());
   for (double& value : x) {
     problem.AddResidualBlock(&cubic, nullptr, &value);
@@ -170,7 +147,7 @@ TEST(Session, AnExactSolveTakesALargeDenseQr) {
   for (std::vector<double>& block : blocks) {
     options.linear_solver_ordering->AddElementToGroup(block.data(), 1);
     for (int k = 0; k < 12; ++k) {
-      problem.AddResidualBlock(new Distance<kSize>, nullptr, block.data(), fixed.data());
+      problem.AddResidualBlock(Distance(kSize), nullptr, block.data(), fixed.data());
     }
   }
   CeresSession session;

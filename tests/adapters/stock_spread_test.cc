@@ -29,37 +29,29 @@ constexpr int kSize = 8;
 
 // Rows of a Hilbert matrix, bent a little: its normal equations lose most digits. `offset` is added
 // by whoever plays a fault.
-class HilbertCost : public ceres::SizedCostFunction<2 * kSize, kSize> {
- public:
-  HilbertCost(int seed, const double* offset) : offset_(offset) {
-    std::mt19937 random(static_cast<unsigned>(seed));
-    for (double& target : targets_) {
-      target = std::uniform_real_distribution<double>(-1.0, 1.0)(random);
-    }
+ceres::CostFunction* HilbertCost(int seed, const double* offset) {
+  std::mt19937 random(static_cast<unsigned>(seed));
+  std::vector<double> targets(2 * kSize);
+  for (double& target : targets) {
+    target = std::uniform_real_distribution<double>(-1.0, 1.0)(random);
   }
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    for (int i = 0; i < 2 * kSize; ++i) {
-      residuals[i] = *offset_ - targets_[i];
-      for (int j = 0; j < kSize; ++j) {
-        const double x = parameters[0][j];
-        residuals[i] += (x + 0.1 * std::sin(x)) / (i + j + 1);
-        if (jacobians != nullptr && jacobians[0] != nullptr) {
-          jacobians[0][i * kSize + j] = (1.0 + 0.1 * std::cos(x)) / (i + j + 1);
-        }
-      }
-    }
-    return true;
-  }
-
- private:
-  double targets_[2 * kSize];
-  const double* offset_;
-};
+  return new lambdas::Formula(2 * kSize, {kSize},
+                              [=](double const* const* parameters, double* residuals, double** J) {
+                                for (int i = 0; i < 2 * kSize; ++i) {
+                                  residuals[i] = *offset - targets[static_cast<std::size_t>(i)];
+                                  for (int j = 0; j < kSize; ++j) {
+                                    const double x = parameters[0][j];
+                                    residuals[i] += (x + 0.1 * std::sin(x)) / (i + j + 1);
+                                    J[0][i * kSize + j] = (1.0 + 0.1 * std::cos(x)) / (i + j + 1);
+                                  }
+                                }
+                                return true;
+                              });
+}
 
 std::unique_ptr<TestProblem> MakeHilbert(int seed, const double* offset) {
   auto test = std::make_unique<TestProblem>();
-  test->problem.AddResidualBlock(new HilbertCost(seed, offset), nullptr,
+  test->problem.AddResidualBlock(HilbertCost(seed, offset), nullptr,
                                  test->Add(std::vector<double>(kSize, 0.1)));
   return test;
 }
@@ -121,7 +113,7 @@ TEST(StockSpread, AViolationAmongThemIsReported) {
       offset = solve >= 2 && solve <= 4 ? 1e-2 : 0.0;
       return true;
     });
-    faced.test->problem.AddResidualBlock(new HilbertCost(seed, &offset), nullptr,
+    faced.test->problem.AddResidualBlock(HilbertCost(seed, &offset), nullptr,
                                          faced.test->Add(std::vector<double>(kSize, 0.1)));
     const testing::CapturedLog log;
     const auto result =
@@ -136,30 +128,23 @@ TEST(StockSpread, AViolationAmongThemIsReported) {
 
 // As a preintegration that is integrated again where the bias has moved too far: what it was
 // integrated at stays.
-class RememberingCost : public ceres::SizedCostFunction<1, 1> {
- public:
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const double x = parameters[0][0];
-    if (std::abs(x - center_) > 0.5) {
-      center_ = x;
-    }
-    const double dx = x - center_;
-    residuals[0] = std::sin(center_) + std::cos(center_) * dx - 0.9;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = std::cos(center_);
-    }
-    return true;
-  }
-
- private:
-  mutable double center_ = 0.0;
-};
+ceres::CostFunction* RememberingCost() {
+  return new lambdas::Formula(
+      1, {1},
+      [center = 0.0](double const* const* x, double* residuals, double** jacobians) mutable {
+        if (std::abs(x[0][0] - center) > 0.5) {
+          center = x[0][0];
+        }
+        residuals[0] = std::sin(center) + std::cos(center) * (x[0][0] - center) - 0.9;
+        jacobians[0][0] = std::cos(center);
+        return true;
+      });
+}
 
 TEST(StockSpread, CostFunctionsThatRememberAreNotHeldAgainstUs) {
   const auto make = [](double* x) {
     auto problem = std::make_unique<ceres::Problem>();
-    problem->AddResidualBlock(new RememberingCost, nullptr, x);
+    problem->AddResidualBlock(RememberingCost(), nullptr, x);
     problem->AddResidualBlock(new testing::TargetCost({2.0}), nullptr, x);
     return problem;
   };
@@ -178,25 +163,18 @@ TEST(StockSpread, CostFunctionsThatRememberAreNotHeldAgainstUs) {
 
 // The caller's callbacks and memory know of one solve only.
 TEST(StockSpread, NobodyNoticesTheMeasurement) {
-  struct Counter : public ceres::IterationCallback {
-    ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-      ++calls;
-      return ceres::SOLVER_CONTINUE;
-    }
-    int calls = 0;
-  };
   const double offset = 0.0;
   for (int seed = 0; seed < 5; ++seed) {
     const auto plain = MakeHilbert(seed, &offset);
     const auto checked = MakeHilbert(seed, &offset);
     CeresSummary summary;
     inceres::Solve(Sensitive(), &plain->problem, &summary);
-    Counter counter;
+    testing::Recorder counter(checked.get());
     Options options = Sensitive();
     options.callbacks.push_back(&counter);
     // too little: everything is tried
     const auto result = Checked(options, &checked->problem, 1e-3);
-    EXPECT_EQ(static_cast<std::size_t>(counter.calls), result->ours.iterations.size());
+    EXPECT_EQ(counter.iterations.size(), result->ours.iterations.size());
     EXPECT_EQ(checked->blocks, plain->blocks);
     EXPECT_EQ(result->ours.final_cost, summary.final_cost);
   }

@@ -5,38 +5,13 @@
 #include <ceres/rotation.h>
 #include <ceres/version.h>
 
+#include "support/classic_functors.h"
+
 namespace inceres::testing {
 namespace {
 
-struct PowellTerm {
-  int which;
-  template <typename T>
-  bool operator()(const T* a, const T* b, T* residual) const {
-    switch (which) {
-      case 0:
-        residual[0] = a[0] + 10.0 * b[0];
-        break;
-      case 1:
-        residual[0] = std::sqrt(5.0) * (a[0] - b[0]);
-        break;
-      case 2:
-        residual[0] = (a[0] - 2.0 * b[0]) * (a[0] - 2.0 * b[0]);
-        break;
-      default:
-        residual[0] = std::sqrt(10.0) * (a[0] - b[0]) * (a[0] - b[0]);
-    }
-    return true;
-  }
-};
-
-struct ExponentialTerm {
-  double x, y;
-  template <typename T>
-  bool operator()(const T* m, const T* c, T* residual) const {
-    residual[0] = y - exp(m[0] * x + c[0]);
-    return true;
-  }
-};
+using test::ExponentialTerm;
+using test::PowellTerm;
 
 struct Reprojection {
   double u, v;
@@ -78,40 +53,29 @@ struct InverseDepthReprojection {
 };
 
 // A linear prior over poses and velocities, dense and of run-time size: r = Σ_k A_k (x_k − x⁰_k).
-class DensePrior : public ceres::CostFunction {
- public:
-  DensePrior(int num_residuals, std::vector<std::vector<double>> origins)
-      : origins_(std::move(origins)) {
-    set_num_residuals(num_residuals);
-    for (const auto& origin : origins_) {
-      mutable_parameter_block_sizes()->push_back(static_cast<int>(origin.size()));
-    }
+ceres::CostFunction* DensePrior(int num_residuals,
+                                const std::vector<std::vector<double>>& origins) {
+  std::vector<int> sizes;
+  for (const std::vector<double>& origin : origins) {
+    sizes.push_back(static_cast<int>(origin.size()));
   }
-
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    std::fill_n(residuals, num_residuals(), 0.0);
-    for (std::size_t k = 0; k < origins_.size(); ++k) {
-      const int size = static_cast<int>(origins_[k].size());
-      for (int r = 0; r < num_residuals(); ++r) {
-        for (int c = 0; c < size; ++c) {
-          const double a = Entry(static_cast<int>(k), r, c);
-          residuals[r] += a * (parameters[k][c] - origins_[k][static_cast<std::size_t>(c)]);
-          if (jacobians != nullptr && jacobians[k] != nullptr) {
-            jacobians[k][r * size + c] = a;
+  return new lambdas::Formula(
+      num_residuals, sizes, [=](double const* const* x, double* residuals, double** jacobians) {
+        std::fill_n(residuals, num_residuals, 0.0);
+        for (std::size_t k = 0; k < sizes.size(); ++k) {
+          for (int r = 0; r < num_residuals; ++r) {
+            for (int c = 0; c < sizes[k]; ++c) {
+              const double a =
+                  0.3 * std::cos(1.0 + 7.0 * static_cast<double>(k) + 3.0 * r + 1.7 * c) +
+                  (r % 9 == c ? 2.0 : 0.0);
+              residuals[r] += a * (x[k][c] - origins[k][static_cast<std::size_t>(c)]);
+              jacobians[k][r * sizes[k] + c] = a;
+            }
           }
         }
-      }
-    }
-    return true;
-  }
-
- private:
-  static double Entry(int k, int r, int c) {
-    return 0.3 * std::cos(1.0 + 7.0 * k + 3.0 * r + 1.7 * c) + (r % 9 == c ? 2.0 : 0.0);
-  }
-  std::vector<std::vector<double>> origins_;
-};
+        return true;
+      });
+}
 
 double Uniform(std::mt19937* engine, double low, double high) {
   return low +
@@ -175,33 +139,32 @@ void AddFeatures(int num_features, bool huber, const std::vector<double*>& poses
 
 }  // namespace
 
-TargetCost::TargetCost(std::vector<double> target, Hook hook)
-    : target_(std::move(target)), hook_(std::move(hook)) {
-  set_num_residuals(static_cast<int>(target_.size()));
-  mutable_parameter_block_sizes()->push_back(static_cast<int>(target_.size()));
-}
-
-bool TargetCost::Evaluate(double const* const* parameters, double* residuals,
-                          double** jacobians) const {
-  const std::size_t size = target_.size();
-  for (std::size_t i = 0; i < size; ++i) {
-    residuals[i] = parameters[0][i] - target_[i];
-  }
-  if (jacobians != nullptr && jacobians[0] != nullptr) {
-    for (std::size_t k = 0; k < size * size; ++k) {
-      jacobians[0][k] = k / size == k % size ? 1.0 : 0.0;
-    }
-  }
-  return hook_ == nullptr || hook_(parameters, residuals, jacobians);
+TargetCost::TargetCost(const std::vector<double>& target, const Function& hook)
+    : Cost(static_cast<int>(target.size()), {static_cast<int>(target.size())},
+           [=](double const* const* x, double* residuals, double** jacobians) {
+             const std::size_t size = target.size();
+             for (std::size_t i = 0; i < size; ++i) {
+               residuals[i] = x[0][i] - target[i];
+             }
+             if (jacobians != nullptr && jacobians[0] != nullptr) {
+               for (std::size_t k = 0; k < size * size; ++k) {
+                 jacobians[0][k] = k / size == k % size ? 1.0 : 0.0;
+               }
+             }
+             return hook == nullptr || hook(x, residuals, jacobians);
+           }) {
 }
 
 std::unique_ptr<TestProblem> MakePowell() {
   auto test = std::make_unique<TestProblem>();
-  double* x[4] = {test->Add({3.0}), test->Add({-1.0}), test->Add({0.0}), test->Add({1.0})};
-  const int pairs[4][2] = {{0, 1}, {2, 3}, {1, 2}, {0, 3}};
-  for (int k = 0; k < 4; ++k) {
-    auto* cost = new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{k});
-    test->problem.AddResidualBlock(cost, nullptr, x[pairs[k][0]], x[pairs[k][1]]);
+  for (const double start : PowellTerm::kStart) {
+    test->Add({start});
+  }
+  for (int term = 0; term < 4; ++term) {
+    const auto [a, b] = PowellTerm::kVariables[term];
+    auto* cost = new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{term});
+    test->problem.AddResidualBlock(cost, nullptr, test->blocks[static_cast<std::size_t>(a)].data(),
+                                   test->blocks[static_cast<std::size_t>(b)].data());
   }
   return test;
 }
@@ -283,14 +246,13 @@ std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool hu
   AddFeatures(num_features, huber, poses, extrinsic, &engine, test.get());
   for (int i = 0; i + 1 < num_poses; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    auto* prior = new DensePrior(
+    auto* prior = DensePrior(
         15, {PoseOf(i), std::vector<double>(9, 0.1), PoseOf(i + 1), std::vector<double>(9, 0.15)});
     test->problem.AddResidualBlock(
         prior, nullptr,
         std::vector<double*>{poses[k], velocities[k], poses[k + 1], velocities[k + 1]});
   }
-  test->problem.AddResidualBlock(new DensePrior(5, {PoseOf(1)}), new ceres::CauchyLoss(0.5),
-                                 extrinsic);
+  test->problem.AddResidualBlock(DensePrior(5, {PoseOf(1)}), new ceres::CauchyLoss(0.5), extrinsic);
   test->problem.AddParameterBlock(test->Add({1.0, 2.0}), 2);
   return test;
 }

@@ -9,6 +9,8 @@
 
 #include <ceres/ceres.h>
 
+#include "support/ceres_lambdas.h"
+
 namespace inceres::testing {
 
 /// A ceres::Problem with the memory of its parameter blocks. Built twice from the same recipe, it
@@ -24,32 +26,42 @@ struct TestProblem {
   double* Add(std::vector<double> values) { return blocks.emplace_back(std::move(values)).data(); }
 };
 
+/// Records what it sees, and the memory of the problem then; stops at an iteration.
+class Recorder : public ceres::IterationCallback {
+ public:
+  explicit Recorder(const TestProblem* test, int stop_at = -1,
+                    ceres::CallbackReturnType stop_with = ceres::SOLVER_CONTINUE)
+      : test_(test), stop_at_(stop_at), stop_with_(stop_with) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    iterations.push_back(summary);
+    memory.push_back(test_->blocks);
+    return summary.iteration == stop_at_ ? stop_with_ : ceres::SOLVER_CONTINUE;
+  }
+
+  std::vector<ceres::IterationSummary> iterations;
+  std::vector<std::deque<std::vector<double>>> memory;
+
+ private:
+  const TestProblem* test_;
+  int stop_at_;
+  ceres::CallbackReturnType stop_with_;
+};
+
 using Recipe = std::function<std::unique_ptr<TestProblem>()>;
 
 /// A cost function with given sizes whose Evaluate is never called in the tests that use it: for
 /// tests of structure.
-class ShapeOnlyCost : public ceres::CostFunction {
+class ShapeOnlyCost : public lambdas::Cost {
  public:
-  ShapeOnlyCost(int num_residuals, std::vector<int> sizes) {
-    set_num_residuals(num_residuals);
-    mutable_parameter_block_sizes()->assign(sizes.begin(), sizes.end());
-  }
-  bool Evaluate(double const* const*, double*, double**) const override { return false; }
+  ShapeOnlyCost(int num_residuals, const std::vector<int>& sizes)
+      : Cost(num_residuals, sizes, [](auto...) { return false; }) {}
 };
 
-/// r = x − target, any size, with a hook called before each evaluation; the hook's result is
+/// r = x − target, any size, with a hook called after each evaluation; the hook's result is
 /// returned.
-class TargetCost : public ceres::CostFunction {
+class TargetCost : public lambdas::Cost {
  public:
-  using Hook =
-      std::function<bool(double const* const* parameters, double* residuals, double** jacobians)>;
-  explicit TargetCost(std::vector<double> target, Hook hook = nullptr);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  std::vector<double> target_;
-  Hook hook_;
+  explicit TargetCost(const std::vector<double>& target, const Function& hook = nullptr);
 };
 
 /// Powell's singular function: four blocks of size 1, four residual blocks.

@@ -14,7 +14,20 @@ struct TwoFacedProblem {
 
   explicit TwoFacedProblem(Hook face) : test(MakePowell()), hook(std::move(face)) {
     block = test->Add({kStart});
-    test->problem.AddResidualBlock(new Cost(this), nullptr, block);
+    const auto climb = [this](double const* const* x, double* residuals, double** jacobians) {
+      residuals[0] = x[0][0] * x[0][0] - 9.0;
+      if (jacobians != nullptr && jacobians[0] != nullptr) {
+        jacobians[0][0] = 2.0 * x[0][0];
+        if (x[0][0] == kStart) {
+          ++solve;
+          call = 0;
+        }
+      } else {
+        ++call;
+      }
+      return hook == nullptr || hook(solve, call, residuals);
+    };
+    test->problem.AddResidualBlock(new lambdas::Cost(1, {1}, climb), nullptr, block);
   }
 
   static constexpr double kStart = 1.0;
@@ -23,27 +36,6 @@ struct TwoFacedProblem {
   double* block = nullptr;
   int solve = 0;
   int call = 0;
-
- private:
-  struct Cost : public ceres::SizedCostFunction<1, 1> {
-    explicit Cost(TwoFacedProblem* given) : owner(given) {}
-    bool Evaluate(double const* const* parameters, double* residuals,
-                  double** jacobians) const override {
-      const double x = parameters[0][0];
-      residuals[0] = x * x - 9.0;
-      if (jacobians != nullptr && jacobians[0] != nullptr) {
-        jacobians[0][0] = 2.0 * x;
-        if (x == kStart) {
-          ++owner->solve;
-          owner->call = 0;
-        }
-      } else {
-        ++owner->call;
-      }
-      return owner->hook == nullptr || owner->hook(owner->solve, owner->call, residuals);
-    }
-    TwoFacedProblem* owner;
-  };
 };
 
 }  // namespace inceres::testing

@@ -1,13 +1,13 @@
-// Two levels on a ceres::Problem, whose blocks are opaque: along streets of cameras in every form
-// that a preconditioner may stumble over. In incremental mode, by SolveOptions::conjugate_gradients
-// or where ITERATIVE_SCHUR stands for what is predicted to take least.
+// Two levels on a ceres::Problem: along streets of cameras, with points as users have them. Blocks
+// that are split or shared, and gauges held otherwise, are in trust_region/two_level_test.cc. In
+// incremental mode, by SolveOptions::conjugate_gradients or where ITERATIVE_SCHUR stands for what
+// is predicted to take least.
 #include <array>
 #include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include <ceres/rotation.h>
 #include <gtest/gtest.h>
 
 #include "adapters/test_problems.h"
@@ -20,71 +20,29 @@ namespace inceres {
 namespace {
 
 using test::StreetScene;
-using test::TranslationPrior;
+using test::WholeView;
 using testing::TestProblem;
 
 enum class Points { kEuclidean, kInverseDepth, kHomogeneous };
 
 struct Street {
-  const char* name;
+  const char* name = "whole";
   Points points = Points::kEuclidean;
-  bool split = false;         // rotation, translation and focal length in blocks of their own
-  bool shared_focal = false;  // one for all, with `split`
-  bool held = false;          // the first camera
-  bool priors = false;        // on every tenth camera, with `split`
+  bool held = false;  // the first camera
   int num_cameras = 60;
 };
 
 constexpr int kNumViews = 4;
 constexpr int kPointsPerCamera = 12;
 
-template <typename T>
-void Project(const T* rotation, const T* translation, const T* focal, const T* point,
-             const double* pixel, T* residuals) {
-  T x[3];
-  ceres::AngleAxisRotatePoint(rotation, point, x);
-  for (int k = 0; k < 3; ++k) {
-    x[k] = x[k] + translation[k];
-  }
-  for (int k = 0; k < 2; ++k) {
-    residuals[k] = focal[0] * x[k] / x[2] - pixel[k];
-  }
-}
-
-struct SplitView {
-  template <typename T>
-  bool operator()(const T* rotation, const T* translation, const T* focal, const T* point,
-                  T* residuals) const {
-    Project(rotation, translation, focal, point, pixel, residuals);
-    return true;
-  }
-  double pixel[2];
-};
-
-struct WholeView {
-  template <typename T>
-  bool operator()(const T* camera, const T* point, T* residuals) const {
-    Project(camera, camera + 3, camera + 6, point, pixel, residuals);
-    return true;
-  }
-  double pixel[2];
-};
-
 // The point is (x, y, z, w) on a sphere.
 struct HomogeneousView {
   template <typename T>
   bool operator()(const T* camera, const T* point, T* residuals) const {
-    T x[3];
-    ceres::AngleAxisRotatePoint(camera, point, x);
-    for (int k = 0; k < 3; ++k) {
-      x[k] = x[k] + point[3] * camera[3 + k];
-    }
-    for (int k = 0; k < 2; ++k) {
-      residuals[k] = camera[6] * x[k] / x[2] - pixel[k];
-    }
-    return true;
+    const T x[3] = {point[0] / point[3], point[1] / point[3], point[2] / point[3]};
+    return view(camera, x, residuals);
   }
-  double pixel[2];
+  WholeView view;
 };
 
 // Along a ray of the host, at 1 / depth.
@@ -95,10 +53,11 @@ struct HostedView {
     const T seen[3] = {ray[0] / inverse_depth[0] - host[3], ray[1] / inverse_depth[0] - host[4],
                        1.0 / inverse_depth[0] - host[5]};
     T point[3];
-    ceres::AngleAxisRotatePoint(back, seen, point);
-    return WholeView{{pixel[0], pixel[1]}}(camera, point, residuals);
+    test::Rotate(back, seen, point);
+    return view(camera, point, residuals);
   }
-  double ray[2], pixel[2];
+  double ray[2];
+  WholeView view;
 };
 
 class Builder {
@@ -107,7 +66,8 @@ class Builder {
 
   std::unique_ptr<TestProblem> Build() {
     for (int i = 0; i < street_.num_cameras; ++i) {
-      AddCamera(i);
+      const std::array<double, 7> camera = scene_.NextCamera(0.002);
+      cameras_.push_back(test_->Add({camera.begin(), camera.end()}));
     }
     for (int i = 0; i + kNumViews <= street_.num_cameras; ++i) {
       for (int k = 0; k < kPointsPerCamera; ++k) {
@@ -115,36 +75,13 @@ class Builder {
       }
     }
     if (street_.held) {
-      for (double* block : cameras_.front()) {
-        if (!street_.shared_focal || block != cameras_.back().back()) {
-          problem().SetParameterBlockConstant(block);
-        }
-      }
+      problem().SetParameterBlockConstant(cameras_.front());
     }
     return std::move(test_);
   }
 
  private:
   ceres::Problem& problem() { return test_->problem; }
-
-  void AddCamera(int i) {
-    const std::array<double, 6>& offset = scene_.NextOffset(0.002);
-    const std::vector<double> rotation{0.2 * offset[0], 0.2 * offset[1], 0.2 * offset[2]};
-    const std::vector<double> translation{offset[3] - i, offset[4], offset[5]};
-    if (!street_.split) {
-      cameras_.push_back({test_->Add({rotation[0], rotation[1], rotation[2], translation[0],
-                                      translation[1], translation[2], StreetScene::kFocal})});
-      return;
-    }
-    const bool own_focal = i == 0 || !street_.shared_focal;
-    double* const focal = own_focal ? test_->Add({StreetScene::kFocal}) : cameras_.back().back();
-    cameras_.push_back({test_->Add(rotation), test_->Add(translation), focal});
-    if (street_.priors && i % 10 == 0) {
-      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<TranslationPrior, 3, 3>(
-                                     new TranslationPrior{{-1.0 * i, 0.0, 0.0}}),
-                                 nullptr, cameras_.back()[1]);
-    }
-  }
 
   double* AddPointBlock(const std::array<double, 3>& x) {
     if (street_.points == Points::kEuclidean) {
@@ -163,40 +100,30 @@ class Builder {
   void AddPoint(int first) {
     const std::array<double, 3> x = scene_.Point(first);
     double* const point = AddPointBlock(x);
+    double* const host = cameras_[static_cast<std::size_t>(first)];
     for (int i = first; i < first + kNumViews; ++i) {
-      AddView(i, first, x, scene_.Pixel(x, i), point);
-    }
-  }
-
-  void AddView(int i, int first, const std::array<double, 3>& x, const std::array<double, 2>& pixel,
-               double* point) {
-    const std::vector<double*>& camera = cameras_[static_cast<std::size_t>(i)];
-    if (street_.points == Points::kInverseDepth) {
-      if (i != first) {
+      const auto [u, v] = scene_.Pixel(x, i);
+      double* const camera = cameras_[static_cast<std::size_t>(i)];
+      if (street_.points == Points::kEuclidean) {
         problem().AddResidualBlock(
-            new ceres::AutoDiffCostFunction<HostedView, 2, 7, 7, 1>(
-                new HostedView{{(x[0] - first) / x[2], x[1] / x[2]}, {pixel[0], pixel[1]}}),
-            nullptr, cameras_[static_cast<std::size_t>(first)][0], camera[0], point);
+            new ceres::AutoDiffCostFunction<WholeView, 2, 7, 3>(new WholeView{u, v}), nullptr,
+            camera, point);
+      } else if (street_.points == Points::kHomogeneous) {
+        problem().AddResidualBlock(
+            new ceres::AutoDiffCostFunction<HomogeneousView, 2, 7, 4>(new HomogeneousView{{u, v}}),
+            nullptr, camera, point);
+      } else if (i != first) {
+        auto* hosted = new HostedView{{(x[0] - first) / x[2], x[1] / x[2]}, {u, v}};
+        problem().AddResidualBlock(new ceres::AutoDiffCostFunction<HostedView, 2, 7, 7, 1>(hosted),
+                                   nullptr, host, camera, point);
       }
-    } else if (street_.points == Points::kHomogeneous) {
-      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<HomogeneousView, 2, 7, 4>(
-                                     new HomogeneousView{{pixel[0], pixel[1]}}),
-                                 nullptr, camera[0], point);
-    } else if (street_.split) {
-      problem().AddResidualBlock(new ceres::AutoDiffCostFunction<SplitView, 2, 3, 3, 1, 3>(
-                                     new SplitView{{pixel[0], pixel[1]}}),
-                                 nullptr, camera[0], camera[1], camera[2], point);
-    } else {
-      problem().AddResidualBlock(
-          new ceres::AutoDiffCostFunction<WholeView, 2, 7, 3>(new WholeView{{pixel[0], pixel[1]}}),
-          nullptr, camera[0], point);
     }
   }
 
   const Street street_;
   StreetScene scene_;
   std::unique_ptr<TestProblem> test_ = std::make_unique<TestProblem>();
-  std::vector<std::vector<double*>> cameras_;
+  std::vector<double*> cameras_;
 };
 
 ceres::Solver::Options Options(ceres::LinearSolverType type) {
@@ -261,23 +188,16 @@ TEST_P(TwoLevelOnProblems, HasTheSameBitsForTwoThreads) {
   EXPECT_EQ(one.report.update.num_pcg_iterations, two.report.update.num_pcg_iterations);
 }
 
-Street Kind(const char* name, Points points, bool split, bool shared_focal, bool held,
-            bool priors) {
-  return {name, points, split, shared_focal, held, priors};
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Kinds, TwoLevelOnProblems,
-    ::testing::Values(Kind("whole", Points::kEuclidean, false, false, false, false),
-                      Kind("first_held", Points::kEuclidean, false, false, true, false),
-                      Kind("split_and_priors", Points::kEuclidean, true, false, false, true),
-                      Kind("split_and_shared_focal", Points::kEuclidean, true, true, true, true),
-                      Kind("inverse_depth", Points::kInverseDepth, false, false, true, false),
-                      Kind("homogeneous", Points::kHomogeneous, false, false, false, false)),
-    [](const ::testing::TestParamInfo<Street>& kind) { return std::string(kind.param.name); });
+INSTANTIATE_TEST_SUITE_P(Kinds, TwoLevelOnProblems,
+                         ::testing::Values(Street{},
+                                           Street{"inverse_depth", Points::kInverseDepth, true},
+                                           Street{"homogeneous", Points::kHomogeneous}),
+                         [](const ::testing::TestParamInfo<Street>& kind) {
+                           return std::string(kind.param.name);
+                         });
 
 Street Long() {
-  Street street = Kind("long", Points::kEuclidean, false, false, false, false);
+  Street street;
   street.num_cameras = 250;
   return street;
 }
@@ -317,7 +237,7 @@ TEST(IterativeSchurInIncrementalMode, ASessionGoesOnFromWhatTheBatchSolverLeft) 
 
 TEST(OptionsOfASolve, TooLittleMemoryIsRefusedInEitherMode) {
   for (const SolveMode mode : {SolveMode::kExact, SolveMode::kIncremental}) {
-    const auto test = Builder(Kind("", Points::kEuclidean, false, false, false, false)).Build();
+    const auto test = Builder(Street()).Build();
     const std::vector<double> before = test->blocks[7];
     SolveOptions asked;
     asked.mode = mode;
@@ -333,7 +253,7 @@ TEST(OptionsOfASolve, TooLittleMemoryIsRefusedInEitherMode) {
 }
 
 TEST(OptionsOfASolve, ConjugateGradientsOfIncrementalModeAreNamedInExactMode) {
-  const auto test = Builder(Kind("", Points::kEuclidean, false, false, false, false)).Build();
+  const auto test = Builder(Street()).Build();
   SolveOptions asked;
   asked.conjugate_gradients.emplace();
   Solved solved;

@@ -5,25 +5,22 @@
 #include <vector>
 
 #include <ceres/problem.h>
-#include <ceres/sized_cost_function.h>
 #include <gtest/gtest.h>
 
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/session/mode_choice.h"
 #include "inceres/ceres/session.h"
+#include "support/ceres_lambdas.h"
 
 namespace inceres::internal {
 namespace {
 
-template <int... kSizes>
-class Nothing : public ceres::SizedCostFunction<1, kSizes...> {
- public:
-  bool Evaluate(double const* const* /*parameters*/, double* residuals,
-                double** /*jacobians*/) const override {
+ceres::CostFunction* Nothing(const std::vector<int>& sizes) {
+  return new lambdas::Cost(1, sizes, [](double const* const*, double* residuals, double**) {
     residuals[0] = 0.0;
     return true;
-  }
-};
+  });
+}
 
 // States of six in a chain, each seen with the next.
 class Chain {
@@ -32,12 +29,12 @@ class Chain {
     states_.push_back(std::make_unique<std::vector<double>>(6, 0.0));
     const std::size_t n = states_.size();
     if (n > 1) {
-      problem_.AddResidualBlock(new Nothing<6, 6>, nullptr, states_[n - 2]->data(),
+      problem_.AddResidualBlock(Nothing({6, 6}), nullptr, states_[n - 2]->data(),
                                 states_[n - 1]->data());
     }
   }
   void AddPrior(std::size_t state) {
-    problem_.AddResidualBlock(new Nothing<6>, nullptr, states_[state]->data());
+    problem_.AddResidualBlock(Nothing({6}), nullptr, states_[state]->data());
   }
   void RemoveFirst() {
     problem_.RemoveParameterBlock(states_.front()->data());
@@ -98,9 +95,9 @@ TEST(WindowWatch, AWindowThatSlidesInPlaceStaysExact) {
   for (int newest = 1; newest < 4 * WindowWatch::kQuietSolves; ++newest) {
     if (newest >= static_cast<int>(kStates)) {
       problem.RemoveParameterBlock(place(newest));
-      problem.AddResidualBlock(new Nothing<6>, nullptr, place(newest + 1));
+      problem.AddResidualBlock(Nothing({6}), nullptr, place(newest + 1));
     }
-    problem.AddResidualBlock(new Nothing<6, 6>, nullptr, place(newest - 1), place(newest));
+    problem.AddResidualBlock(Nothing({6, 6}), nullptr, place(newest - 1), place(newest));
     Introspect(problem, &view);
     EXPECT_TRUE(watch.WantsExact(view)) << newest;
   }
@@ -112,8 +109,8 @@ TEST(WindowWatch, AReplacedResidualBlockIsNoSlide) {
   std::vector<std::vector<double>> states(120, std::vector<double>(6));
   ceres::ResidualBlockId last = nullptr;
   for (std::size_t k = 0; k + 1 < states.size(); ++k) {
-    last = problem.AddResidualBlock(new Nothing<6, 6>, nullptr, states[k].data(),
-                                    states[k + 1].data());
+    last =
+        problem.AddResidualBlock(Nothing({6, 6}), nullptr, states[k].data(), states[k + 1].data());
   }
   WindowWatch watch;
   ProblemView view;
@@ -121,14 +118,14 @@ TEST(WindowWatch, AReplacedResidualBlockIsNoSlide) {
     Introspect(problem, &view);
     EXPECT_FALSE(watch.WantsExact(view)) << solve;
     problem.RemoveResidualBlock(last);
-    last = problem.AddResidualBlock(new Nothing<6, 6>, nullptr, states[118].data(),
-                                    states[119].data());
+    last =
+        problem.AddResidualBlock(Nothing({6, 6}), nullptr, states[118].data(), states[119].data());
   }
 }
 
 // Of the same cost functions each time: nothing has slid.
 TEST(WindowWatch, AProblemThatIsBuiltAnewAndGrowsIsNotAWindowThatSlides) {
-  std::vector<std::unique_ptr<Nothing<6, 6>>> between;
+  std::vector<std::unique_ptr<ceres::CostFunction>> between;
   std::vector<std::unique_ptr<std::vector<double>>> states;
   states.push_back(std::make_unique<std::vector<double>>(6, 0.0));
   ceres::Problem::Options borrowing;
@@ -138,7 +135,7 @@ TEST(WindowWatch, AProblemThatIsBuiltAnewAndGrowsIsNotAWindowThatSlides) {
   bool is_exact = true;
   for (int solve = 0; solve <= WindowWatch::kQuietSolves; ++solve) {
     states.push_back(std::make_unique<std::vector<double>>(6, 0.0));
-    between.push_back(std::make_unique<Nothing<6, 6>>());
+    between.emplace_back(Nothing({6, 6}));
     ceres::Problem problem(borrowing);
     for (std::size_t k = 0; k < between.size(); ++k) {
       problem.AddResidualBlock(between[k].get(), nullptr, states[k]->data(), states[k + 1]->data());
@@ -172,7 +169,7 @@ TEST(WindowWatch, PointsComeAndGoWithoutASlide) {
   std::vector<double> points(600);
   std::vector<ceres::ResidualBlockId> seen;
   const auto see = [&](std::size_t camera, std::size_t point) {
-    seen.push_back(problem.AddResidualBlock(new Nothing<6, 3>, nullptr, cameras[camera].data(),
+    seen.push_back(problem.AddResidualBlock(Nothing({6, 3}), nullptr, cameras[camera].data(),
                                             points.data() + 3 * point));
   };
   for (std::size_t c = 0; c < cameras.size(); ++c) {

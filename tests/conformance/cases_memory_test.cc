@@ -70,61 +70,6 @@ TEST(Case52, total_cost_is_nan) {
   EXPECT_EQ(x[0], 1.0);
 }
 
-TEST(Case52, invalid_steps) {
-  for (const bool update : {false, true}) {
-    Line line;
-    double* x = line.Add({0.0});
-    line.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
-                                  nullptr, x);
-    line.problem.SetParameterBlockConstant(line.x);
-    Options options = Small();
-    options.gradient_tolerance = 0.0;
-    options.update_state_every_iteration = update;
-    EXPECT_EQ(Solve(options, &line.problem).summary.termination_type, ceres::FAILURE);
-    EXPECT_EQ(x[0], 0.0);
-  }
-}
-
-// Stops Rosenbrock's problem at iteration 4, after three rows of progress.
-Summary StoppedAt4(Rosenbrock* rosenbrock, ceres::CallbackReturnType answer, bool update) {
-  Callback callback([&](const ceres::IterationSummary& iteration) {
-    if (iteration.iteration == 4) {
-      EXPECT_EQ(rosenbrock->x[0] != -1.2, update);
-      return answer;
-    }
-    return ceres::SOLVER_CONTINUE;
-  });
-  Options options = Small();
-  options.update_state_every_iteration = update;
-  options.callbacks.push_back(&callback);
-  return Solve(options, &rosenbrock->problem).summary;
-}
-
-TEST(Case52, callback_terminate_successfully) {
-  for (const bool update : {false, true}) {
-    Rosenbrock rosenbrock;
-    const Summary summary = StoppedAt4(&rosenbrock, ceres::SOLVER_TERMINATE_SUCCESSFULLY, update);
-    EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
-    EXPECT_EQ(summary.iterations.size(), 5u) << "its iteration included";
-    const double* x = rosenbrock.x;
-    const double cost = 0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2));
-    ExpectClose(cost, summary.final_cost);
-    EXPECT_LT(cost, 12.0);
-  }
-}
-
-TEST(Case52, callback_abort) {
-  for (const bool update : {false, true}) {
-    Rosenbrock rosenbrock;
-    const Summary summary = StoppedAt4(&rosenbrock, ceres::SOLVER_ABORT, update);
-    EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
-    EXPECT_EQ(summary.iterations.size(), 5u);
-    EXPECT_LT(summary.iterations[4].cost, 12.0);
-    EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0}))
-        << "the start, even where the state was written meanwhile";
-  }
-}
-
 TEST(Case52, max_iterations_or_time) {
   for (const bool time : {false, true}) {
     Rosenbrock rosenbrock;
@@ -146,18 +91,6 @@ TEST(Case52, max_iterations_or_time) {
   }
 }
 
-// r = 10 − x in [2, 8] from 0.5: projected first, and the end is at the bound.
-TEST(Case52, bounds_and_an_infeasible_start) {
-  Line line;
-  line.problem.SetParameterLowerBound(line.x, 0, 2.0);
-  line.problem.SetParameterUpperBound(line.x, 0, 8.0);
-  const Summary summary = Solve(Small(), &line.problem).summary;
-  EXPECT_EQ(summary.initial_cost, 32.0);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(line.x[0], 8.0);
-  EXPECT_EQ(summary.final_cost, 2.0);
-}
-
 TEST(Case52, bounds_and_a_failure) {
   Line line;
   line.problem.SetParameterLowerBound(line.x, 0, 2.0);
@@ -167,15 +100,6 @@ TEST(Case52, bounds_and_a_failure) {
   options.callbacks.push_back(&abort);
   EXPECT_EQ(Solve(options, &line.problem).summary.termination_type, ceres::USER_FAILURE);
   EXPECT_EQ(line.x[0], 0.5) << "the original, infeasible value";
-}
-
-// An infinite bound is none.
-TEST(Case52, infinite_bounds) {
-  Line line;
-  line.problem.SetParameterLowerBound(line.x, 0, -std::numeric_limits<double>::infinity());
-  const Summary summary = Solve(Small(), &line.problem).summary;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_NEAR(line.x[0], 10.0, 1e-6);
 }
 
 TEST(Case52, nonmonotonic) {
@@ -197,35 +121,6 @@ TEST(Case52, nonmonotonic) {
   EXPECT_GT(last, lowest);
   const double* x = rosenbrock.x;
   ExpectClose(0.5 * (std::pow(1.0 - x[0], 2) + 100.0 * std::pow(x[1] - x[0] * x[0], 2)), lowest);
-}
-
-// The user's memory is overwritten at every evaluation, and put back after a failure.
-TEST(Case52, evaluation_callback_present) {
-  class Watch : public ceres::EvaluationCallback {
-   public:
-    void PrepareForEvaluation(bool, bool) override { seen.push_back(*x); }
-    const double* x = nullptr;
-    std::vector<double> seen;
-  };
-  for (const bool aborts : {false, true}) {
-    Watch watch;
-    ceres::Problem::Options problem_options;
-    problem_options.evaluation_callback = &watch;
-    World world(problem_options);
-    double* x = world.Add({0.5});
-    watch.x = x;
-    world.problem.AddResidualBlock(Target({10.0}), nullptr, x);
-    Callback callback([&](const ceres::IterationSummary& iteration) {
-      return aborts && iteration.iteration == 1 ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-    });
-    Options options = Small();
-    options.callbacks.push_back(&callback);
-    Solve(options, &world.problem);
-    ASSERT_GE(watch.seen.size(), 3u);
-    EXPECT_EQ(watch.seen[0], 0.5);
-    EXPECT_NEAR(watch.seen[1], 10.0, 1e-3);
-    EXPECT_NEAR(x[0], aborts ? 0.5 : 10.0, 1e-6);
-  }
 }
 
 // Only blocks of the reduced program are ever written, and once, at the end.

@@ -69,10 +69,7 @@ struct Trace : World {
 
 /// Three invalid steps: iterations 1 to 3.
 inline Summary Invalid() {
-  World world;
-  double* x = world.Add({0.0});
-  world.problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
-                                 nullptr, x);
+  NeverValid world;
   Options options = Small();
   options.eta = 0.25;
   options.gradient_tolerance = 0.0;

@@ -1,4 +1,5 @@
-// docs/ceres_contract.md, "Linear solver options". Test names are the fields'.
+// docs/ceres_contract.md, "Linear solver options". Test names are the fields'. Orderings are next to
+// stock in adapters/summary_test.cc.
 #include "conformance/support.h"
 
 namespace conformance {
@@ -53,19 +54,6 @@ TEST(Options23, linear_solver_type_dense_qr_does_not_square_the_condition) {
   EXPECT_NEAR(x[1], 1.0, 1e-5);
 }
 
-TEST(Options23, preconditioner_type) {
-  const Summary summary =
-      ExpectNoEffect(Schur(), [](Options* o) { o->preconditioner_type = ceres::SCHUR_JACOBI; });
-  EXPECT_EQ(summary.preconditioner_type_given, ceres::SCHUR_JACOBI);
-  EXPECT_EQ(summary.preconditioner_type_used, ceres::SCHUR_JACOBI);
-}
-
-TEST(Options23, visibility_clustering_type) {
-  const Summary summary = ExpectNoEffect(
-      Schur(), [](Options* o) { o->visibility_clustering_type = ceres::SINGLE_LINKAGE; });
-  EXPECT_EQ(summary.visibility_clustering_type, ceres::SINGLE_LINKAGE);
-}
-
 TEST(Options23, residual_blocks_for_subset_preconditioner) {
   Bundle bundle;
   Options options = Schur();
@@ -79,12 +67,6 @@ TEST(Options23, residual_blocks_for_subset_preconditioner) {
   const Summary summary = Solve(options, &bundle.problem, Solver::kAnyone).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(summary.preconditioner_type_used, ceres::SUBSET);
-}
-
-TEST(Options23, dense_linear_algebra_library_type) {
-  const Summary summary = ExpectNoEffect(
-      Schur(), [](Options* o) { o->dense_linear_algebra_library_type = ceres::LAPACK; });
-  EXPECT_EQ(summary.dense_linear_algebra_library_type, ceres::LAPACK);
 }
 
 TEST(Options23, dense_linear_algebra_library_type_that_is_not_there) {
@@ -103,22 +85,6 @@ TEST(Options23, dense_linear_algebra_library_type_that_is_not_there) {
                   "when Ceres was built.");
 }
 
-TEST(Options23, sparse_linear_algebra_library_type) {
-  Options options;
-  options.linear_solver_type = ceres::SPARSE_SCHUR;
-  for (const auto library : {
-         ceres::SUITE_SPARSE,
-#if CERES_VERSION_MINOR < 2
-             ceres::CX_SPARSE,
-#endif
-             ceres::EIGEN_SPARSE
-       }) {
-    const Summary summary = ExpectNoEffect(
-        options, [&](Options* o) { o->sparse_linear_algebra_library_type = library; });
-    EXPECT_EQ(summary.sparse_linear_algebra_library_type, library);
-  }
-}
-
 TEST(Options23, sparse_linear_algebra_library_type_that_is_not_there) {
   for (const auto library : {ceres::ACCELERATE_SPARSE, ceres::NO_SPARSE}) {
     Bundle bundle;
@@ -131,91 +97,12 @@ TEST(Options23, sparse_linear_algebra_library_type_that_is_not_there) {
   }
 }
 
-// Points in the first group, cameras in the second; `group_of_cameras` may be the same.
-std::shared_ptr<ceres::ParameterBlockOrdering> Order(const Bundle& bundle, int group_of_points,
-                                                     int group_of_cameras) {
-  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (double* point : bundle.points) {
-    ordering->AddElementToGroup(point, group_of_points);
-  }
-  for (double* camera : bundle.cameras) {
-    ordering->AddElementToGroup(camera, group_of_cameras);
-  }
-  return ordering;
-}
-
-TEST(Options23, linear_solver_ordering) {
-  for (const auto type : {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
-    Bundle bundle;
-    bundle.problem.SetParameterBlockConstant(bundle.cameras[0]);
-    Options options;
-    options.linear_solver_type = type;
-    options.linear_solver_ordering = Order(bundle, 3, 7);
-    const Summary summary = Solve(options, &bundle.problem).summary;
-    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_EQ(summary.linear_solver_ordering_given, (std::vector<int>{8, 3}))
-        << "before any removal";
-    EXPECT_EQ(summary.linear_solver_ordering_used, (std::vector<int>{8, 2}));
-  }
-}
-
-// Its lowest group has only constants: DENSE_SCHUR becomes DENSE_QR, SPARSE_SCHUR
-// SPARSE_NORMAL_CHOLESKY.
-TEST(Options23, linear_solver_ordering_whose_first_group_empties) {
-  for (const bool dense : {true, false}) {
-    Bundle bundle;
-    for (double* point : bundle.points) {
-      bundle.problem.SetParameterBlockConstant(point);
-    }
-    Options options;
-    options.linear_solver_type = dense ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
-    options.linear_solver_ordering = Order(bundle, 0, 1);
-    const Summary summary = Solve(options, &bundle.problem).summary;
-    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_EQ(summary.linear_solver_type_given, options.linear_solver_type);
-    EXPECT_EQ(summary.linear_solver_type_used,
-              dense ? ceres::DENSE_QR : ceres::SPARSE_NORMAL_CHOLESKY);
-    EXPECT_EQ(summary.linear_solver_ordering_used, (std::vector<int>{3}));
-  }
-}
-
 TEST(Options23, linear_solver_ordering_that_is_empty_dies) {
   Bundle bundle;
   Options options = Schur();
   options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   EXPECT_DEATH(Solve(options, &bundle.problem), "NumGroups");
 }
-
-TEST(Options23, use_explicit_schur_complement) {
-  ExpectNoEffect(Schur(), [](Options* o) { o->use_explicit_schur_complement = true; });
-}
-
-#if CERES_VERSION_MINOR < 2
-TEST(Options23, use_postordering) {
-  Options options;
-  options.linear_solver_type = ceres::SPARSE_SCHUR;
-  ExpectNoEffect(options, [](Options* o) { o->use_postordering = true; });
-}
-#else
-TEST(Options23, linear_solver_ordering_type) {
-  Options options;
-  options.linear_solver_type = ceres::SPARSE_SCHUR;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  EXPECT_EQ(ExpectNoEffect(options, [](Options*) {}).linear_solver_ordering_type, ceres::AMD);
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  const Summary summary =
-      ExpectNoEffect(options, [](Options* o) { o->linear_solver_ordering_type = ceres::NESDIS; });
-  EXPECT_EQ(summary.linear_solver_ordering_type, ceres::NESDIS);
-}
-
-TEST(Options23, options_of_the_power_series_preconditioner) {
-  ExpectNoEffect(Schur(), [](Options* o) {
-    o->max_num_spse_iterations = 7;
-    o->use_spse_initialization = true;
-    o->spse_tolerance = 0.5;
-  });
-}
-#endif
 
 TEST(Options23, dynamic_sparsity) {
   Bundle bundle;
@@ -242,21 +129,6 @@ TEST(Options23, use_mixed_precision_solves) {
   const Summary summary = Solve(options, &bundle.problem).summary;
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   ExpectClose(summary.final_cost, 3.36913424893, 1e-5);
-}
-
-TEST(Options23, max_num_refinement_iterations) {
-  Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  ExpectNoEffect(options, [](Options* o) { o->max_num_refinement_iterations = 3; });
-}
-
-TEST(Options23, min_linear_solver_iterations) {
-  ExpectNoEffect(Schur(), [](Options* o) { o->min_linear_solver_iterations = 5; });
-}
-
-TEST(Options23, max_linear_solver_iterations) {
-  ExpectNoEffect(Schur(), [](Options* o) { o->max_linear_solver_iterations = 1; });
 }
 
 }  // namespace

@@ -127,30 +127,6 @@ TEST(Options22, max_solver_time_in_seconds) {
   EXPECT_EQ(summary.iterations.size(), 3u);
 }
 
-TEST(Options22, num_threads) {
-  Bundle bundle;
-  const std::thread::id caller = std::this_thread::get_id();
-  int num_elsewhere = 0;
-  for (int k = 0; k < 100; ++k) {
-    bundle.problem.AddResidualBlock(
-        new Cost(1, {6},
-                 [&](double const* const*, double* residuals, double** jacobians) {
-                   num_elsewhere += std::this_thread::get_id() == caller ? 0 : 1;
-                   residuals[0] = 0.0;
-                   if (jacobians != nullptr && jacobians[0] != nullptr) {
-                     std::fill_n(jacobians[0], 6, 0.0);
-                   }
-                   return true;
-                 }),
-        nullptr, bundle.cameras[0]);
-  }
-  const Summary summary = Solve(Schur(), &bundle.problem).summary;
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(num_elsewhere, 0) << "one thread is a promise";
-  EXPECT_EQ(summary.num_threads_given, 1);
-  EXPECT_EQ(summary.num_threads_used, 1);
-}
-
 // Each call waits for another: with as few residual blocks as these both threads are at work, and
 // never a third.
 TEST(Options22, num_threads_of_two) {

@@ -87,15 +87,9 @@ std::string LibraryOfSolve() {
       dlsym(RTLD_DEFAULT, "_ZN5ceres6Solver5SolveERKNS0_7OptionsEPNS_7ProblemEPNS0_7SummaryE"));
 }
 
-Cost::Cost(int num_residuals, const std::vector<int>& sizes, Function function)
-    : function_(std::move(function)) {
-  set_num_residuals(num_residuals);
-  mutable_parameter_block_sizes()->assign(sizes.begin(), sizes.end());
-}
-
 bool Cost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   NoteCaller(__builtin_return_address(0));
-  return function_(parameters, residuals, jacobians);
+  return lambdas::Cost::Evaluate(parameters, residuals, jacobians);
 }
 
 Cost* Target(std::vector<double> target, double weight) {
@@ -175,6 +169,11 @@ Line::Line(double start) : x(Add({start})) {
 
 Parabola::Parabola() : x(Add({1.0})) {
   problem.AddResidualBlock(Scalar([](double v) { return v * v; }, [](double v) { return 2.0 * v; }),
+                           nullptr, x);
+}
+
+NeverValid::NeverValid() : x(Add({0.0})) {
+  problem.AddResidualBlock(Scalar([](double) { return 1.0; }, [](double) { return 1e-200; }),
                            nullptr, x);
 }
 

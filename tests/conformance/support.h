@@ -9,11 +9,14 @@
 #include <ceres/ceres.h>
 #include <gtest/gtest.h>
 
+#include "support/ceres_lambdas.h"
+
 /// The conformance suite is a program as a user has it: it knows nothing of inceres and links only
 /// Ceres. It runs as it is, with inceres_dropin preloaded and told to look at everything and hand
 /// it to stock Ceres, and with it active; its verdicts must be the same.
 namespace conformance {
 
+using lambdas::Callback;
 using Options = ceres::Solver::Options;
 using Summary = ceres::Solver::Summary;
 
@@ -45,16 +48,11 @@ Way ThisRun();
 std::string LibraryOfSolve();
 
 /// A cost function made of a lambda. It notes which library calls it.
-class Cost : public ceres::CostFunction {
+class Cost : public lambdas::Cost {
  public:
-  using Function =
-      std::function<bool(double const* const* parameters, double* residuals, double** jacobians)>;
-  Cost(int num_residuals, const std::vector<int>& sizes, Function function);
+  using lambdas::Cost::Cost;
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;
-
- private:
-  Function function_;
 };
 
 /// r = weight (x − target), of any size.
@@ -96,6 +94,13 @@ struct Rosenbrock : World {
   double* x;
 };
 
+/// r = 1 with a slope whose square underflows: the step from x = 0 exists, its model change is 0, so
+/// no step is valid.
+struct NeverValid : World {
+  NeverValid();
+  double* x;
+};
+
 /// Cameras of size 6 first, then points of size 3, each seen by all cameras (residual size 2), and
 /// a prior on each block.
 struct Bundle : World {
@@ -133,18 +138,5 @@ void ExpectClose(double a, double b, double tolerance = 1e-9);
 
 /// For messages whose numbers differ in their last digits.
 bool StartsWith(const std::string& text, const std::string& start);
-
-/// A callback made of a lambda.
-class Callback : public ceres::IterationCallback {
- public:
-  using Function = std::function<ceres::CallbackReturnType(const ceres::IterationSummary&)>;
-  explicit Callback(Function function) : function_(std::move(function)) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    return function_(summary);
-  }
-
- private:
-  Function function_;
-};
 
 }  // namespace conformance

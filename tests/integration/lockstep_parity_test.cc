@@ -17,6 +17,7 @@
 
 #include "integration/problems.h"
 #include "integration/runs.h"
+#include "support/ceres_lambdas.h"
 #include "support/test_data.h"
 
 namespace inceres::test {
@@ -58,21 +59,6 @@ void PrintTo(const Case& c, std::ostream* stream) {
 struct State {
   std::vector<double> x;
   double radius;
-};
-
-class StateRecorder : public ceres::IterationCallback {
- public:
-  explicit StateRecorder(const std::vector<double>& x) : x_(x) {}
-
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& iteration) override {
-    states.push_back({x_, iteration.trust_region_radius});
-    return ceres::SOLVER_CONTINUE;
-  }
-
-  std::vector<State> states;
-
- private:
-  const std::vector<double>& x_;
 };
 
 // The first step from a state. Who takes one that changes no digit of the cost, as the last ones
@@ -143,15 +129,19 @@ class LockstepParity : public ::testing::TestWithParam<Case> {
   // The states of the case among those that stock Ceres visits.
   std::vector<State> Visit() {
     const Case& c = GetParam();
-    StateRecorder recorder(instance_->x);
+    std::vector<State> seen;
+    lambdas::Callback recorder([&](const ceres::IterationSummary& iteration) {
+      seen.push_back({instance_->x, iteration.trust_region_radius});
+      return ceres::SOLVER_CONTINUE;
+    });
     ceres::Solver::Options options = ZeroToleranceOptions(c.strategy, c.num_iterations);
     options.update_state_every_iteration = true;
     options.callbacks.push_back(&recorder);
     Solve(Who::kStock, c.others.front(), options, instance_.get());
     std::vector<State> states;
-    for (int k = 0; k < static_cast<int>(recorder.states.size()); ++k) {
+    for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
       if (k < c.all_up_to || (k - c.all_up_to) % 6 == 5) {
-        states.push_back(std::move(recorder.states[static_cast<std::size_t>(k)]));
+        states.push_back(std::move(seen[static_cast<std::size_t>(k)]));
       }
     }
     return states;

@@ -1,52 +1,17 @@
 #include <cmath>
+#include <iterator>
 
 #include <ceres/autodiff_cost_function.h>
 #include <gtest/gtest.h>
 
 #include "inceres/io/g2o.h"
 #include "integration/problems.h"
+#include "support/classic_functors.h"
 #include "support/random_values.h"
 #include "tools/problems/ceres_loss.h"
 #include "tools/problems/pose_graph_ceres_problem.h"
 
 namespace inceres::test {
-namespace {
-
-struct PowellTerm {
-  int term;
-
-  template <typename T>
-  bool operator()(const T* a, const T* b, T* residual) const {
-    switch (term) {
-      case 0:
-        residual[0] = a[0] + 10.0 * b[0];
-        return true;
-      case 1:
-        residual[0] = std::sqrt(5.0) * (a[0] - b[0]);
-        return true;
-      case 2:
-        residual[0] = (a[0] - 2.0 * b[0]) * (a[0] - 2.0 * b[0]);
-        return true;
-      default:
-        residual[0] = std::sqrt(10.0) * (a[0] - b[0]) * (a[0] - b[0]);
-        return true;
-    }
-  }
-};
-
-struct ExponentialError {
-  double x;
-  double y;
-
-  template <typename T>
-  bool operator()(const T* m, const T* c, T* residual) const {
-    residual[0] = y - exp(m[0] * x + c[0]);
-    return true;
-  }
-};
-
-}  // namespace
-
 std::unique_ptr<Instance> MakePoseGraph(const std::string& path, const tools::LossSpec& loss) {
   PoseGraph graph;
   const Status read = ReadG2o(path, &graph);
@@ -61,14 +26,14 @@ std::unique_ptr<Instance> MakePoseGraph(const std::string& path, const tools::Lo
 
 std::unique_ptr<Instance> MakePowell(const tools::LossSpec& loss) {
   auto instance = std::make_unique<Instance>();
-  instance->x = {3.0, -1.0, 0.0, 1.0};
+  instance->x.assign(std::begin(PowellTerm::kStart), std::end(PowellTerm::kStart));
   instance->problem = std::make_unique<ceres::Problem>();
   ceres::LossFunction* shared_loss = tools::MakeCeresLoss(loss).release();  // owned by the problem
-  const int pairs[4][2] = {{0, 1}, {2, 3}, {1, 2}, {0, 3}};
   for (int term = 0; term < 4; ++term) {
+    const auto [a, b] = PowellTerm::kVariables[term];
     instance->problem->AddResidualBlock(
         new ceres::AutoDiffCostFunction<PowellTerm, 1, 1, 1>(new PowellTerm{term}), shared_loss,
-        instance->x.data() + pairs[term][0], instance->x.data() + pairs[term][1]);
+        instance->x.data() + a, instance->x.data() + b);
   }
   return instance;
 }
@@ -83,7 +48,7 @@ std::unique_ptr<Instance> MakeCurveFit(const tools::LossSpec& loss) {
     const double x = i / 12.0;
     const double y = std::exp(0.3 * x + 0.1) + 0.2 * random.Unit() + (i % 10 == 7 ? 4.0 : 0.0);
     instance->problem->AddResidualBlock(
-        new ceres::AutoDiffCostFunction<ExponentialError, 1, 1, 1>(new ExponentialError{x, y}),
+        new ceres::AutoDiffCostFunction<ExponentialTerm, 1, 1, 1>(new ExponentialTerm{x, y}),
         shared_loss, instance->x.data(), instance->x.data() + 1);
   }
   return instance;

@@ -5,8 +5,6 @@
 #include <limits>
 #include <vector>
 
-#include <gtest/gtest.h>
-
 #include "integration/runs.h"
 
 namespace inceres::test {
@@ -46,17 +44,6 @@ double DistanceFromThresholds(const ceres::Solver::Summary& summary) {
     }
   }
   return distance;
-}
-
-void ExpectSameCounts(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b) {
-  EXPECT_EQ(a.num_successful_steps, b.num_successful_steps);
-  EXPECT_EQ(a.num_unsuccessful_steps, b.num_unsuccessful_steps);
-  EXPECT_EQ(a.num_linear_solves, b.num_linear_solves);
-  EXPECT_EQ(a.num_residual_evaluations, b.num_residual_evaluations);
-  EXPECT_EQ(a.num_jacobian_evaluations, b.num_jacobian_evaluations);
-  EXPECT_EQ(a.num_parameters_reduced, b.num_parameters_reduced);
-  EXPECT_EQ(a.num_effective_parameters_reduced, b.num_effective_parameters_reduced);
-  EXPECT_EQ(a.num_residuals_reduced, b.num_residuals_reduced);
 }
 
 }  // namespace inceres::test

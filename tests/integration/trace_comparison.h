@@ -21,7 +21,4 @@ double SmallestChange(const ceres::Solver::Summary& summary);
 /// differently and both be right.
 double DistanceFromThresholds(const ceres::Solver::Summary& summary);
 
-/// The counts of evaluations, solves and steps, one EXPECT each.
-void ExpectSameCounts(const ceres::Solver::Summary& a, const ceres::Solver::Summary& b);
-
 }  // namespace inceres::test

@@ -7,6 +7,7 @@
 #include <ceres/version.h>
 #include <gtest/gtest.h>
 
+#include "adapters/compare_with_stock.h"
 #include "integration/problems.h"
 #include "integration/runs.h"
 #include "integration/trace_comparison.h"
@@ -104,7 +105,7 @@ void ExpectOursFollowsStock(const Solves& solves) {
   EXPECT_LE(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost), kFinalCostBar);
   EXPECT_LE(LargestDifference(stock.x, ours.x), kParameterBar);
   if (stock.summary.iterations.size() == ours.summary.iterations.size()) {
-    ExpectSameCounts(stock.summary, ours.summary);
+    testing::ExpectSameCounts(stock.summary, ours.summary);
   }
 }
 

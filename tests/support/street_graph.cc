@@ -9,40 +9,16 @@
 namespace inceres::test {
 namespace {
 
-// R(c) x with Cayley's parameters c.
-template <typename T>
-void Rotate(const T* c, const T* x, T* out) {
-  const T square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
-  const T dot = c[0] * x[0] + c[1] * x[1] + c[2] * x[2];
-  const T cross[3] = {c[1] * x[2] - c[2] * x[1], c[2] * x[0] - c[0] * x[2],
-                      c[0] * x[1] - c[1] * x[0]};
-  for (int k = 0; k < 3; ++k) {
-    out[k] = ((1.0 - square) * x[k] + 2.0 * cross[k] + 2.0 * dot * c[k]) / (1.0 + square);
-  }
-}
-
-struct SplitView {
+// Pulls a position to where the street has it, with standard deviation ½ per axis.
+struct TranslationPrior {
   template <typename T>
-  bool operator()(const T* rotation, const T* translation, const T* focal, const T* point,
-                  T* residuals) const {
-    T x[3];
-    Rotate(rotation, point, x);
+  bool operator()(const T* translation, T* residuals) const {
     for (int k = 0; k < 3; ++k) {
-      x[k] = x[k] + translation[k];
+      residuals[k] = 2.0 * (translation[k] - at[k]);
     }
-    residuals[0] = focal[0] * x[0] / x[2] - u;
-    residuals[1] = focal[0] * x[1] / x[2] - v;
     return true;
   }
-  double u, v;
-};
-
-struct WholeView {
-  template <typename T>
-  bool operator()(const T* camera, const T* point, T* residuals) const {
-    return SplitView{u, v}(camera, camera + 3, camera + 6, point, residuals);
-  }
-  double u, v;
+  double at[3];
 };
 
 // The point is (a, b, ρ): (a, b, 1) / ρ in a frame that lies at `origin`.
@@ -80,9 +56,8 @@ class StreetBuilder {
   FactorGraph& graph() { return street_->graph; }
 
   void AddCamera(int i) {
-    const std::array<double, 6>& offset = scene_.NextOffset(options_.drift);
-    const double camera[7] = {0.1 * offset[0], 0.1 * offset[1], 0.1 * offset[2],    offset[3] - i,
-                              offset[4],       offset[5],       StreetScene::kFocal};
+    const std::array<double, 7> start = scene_.NextCamera(options_.drift);
+    const double* const camera = start.data();
     if (!options_.split) {
       cameras_.push_back({graph().AddVariable(camera, 7, Role::kFrame)});
     } else {

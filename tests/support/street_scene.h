@@ -7,17 +7,42 @@
 
 namespace inceres::test {
 
-/// Pulls a position to where the street has it, with standard deviation ½ per axis: an AutoDiff
-/// functor for either problem.
-struct TranslationPrior {
+/// R(c) x with Cayley's parameters c.
+template <typename T>
+void Rotate(const T* c, const T* x, T* out) {
+  const T square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+  const T dot = c[0] * x[0] + c[1] * x[1] + c[2] * x[2];
+  const T cross[3] = {c[1] * x[2] - c[2] * x[1], c[2] * x[0] - c[0] * x[2],
+                      c[0] * x[1] - c[1] * x[0]};
+  for (int k = 0; k < 3; ++k) {
+    out[k] = ((1.0 - square) * x[k] + 2.0 * cross[k] + 2.0 * dot * c[k]) / (1.0 + square);
+  }
+}
+
+/// Functors for Ceres's AutoDiff and for ours: a camera is rotation (Cayley's parameters),
+/// translation and focal length, in blocks of their own or in one.
+struct SplitView {
   template <typename T>
-  bool operator()(const T* translation, T* residuals) const {
+  bool operator()(const T* rotation, const T* translation, const T* focal, const T* point,
+                  T* residuals) const {
+    T x[3];
+    Rotate(rotation, point, x);
     for (int k = 0; k < 3; ++k) {
-      residuals[k] = 2.0 * (translation[k] - at[k]);
+      x[k] = x[k] + translation[k];
     }
+    residuals[0] = focal[0] * x[0] / x[2] - u;
+    residuals[1] = focal[0] * x[1] / x[2] - v;
     return true;
   }
-  double at[3];
+  double u, v;
+};
+
+struct WholeView {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    return SplitView{u, v}(camera, camera + 3, camera + 6, point, residuals);
+  }
+  double u, v;
 };
 
 /// A street along x: cameras at (i, 0, 0) that look along z, and points beside and before them,
@@ -27,13 +52,18 @@ class StreetScene {
  public:
   static constexpr double kFocal = 100.0;
 
-  /// The next camera's offset: three of its rotation, three of its translation, which is (−i, 0,
-  /// 0) but for that.
-  const std::array<double, 6>& NextOffset(double drift) {
+  /// The next camera as it starts: each is farther off its place than the one before.
+  std::array<double, 7> NextCamera(double drift) {
     for (double& offset : offset_) {
       offset += random_.Between(-drift, drift);
     }
-    return offset_;
+    return {0.1 * offset_[0],
+            0.1 * offset_[1],
+            0.1 * offset_[2],
+            offset_[3] - num_cameras_++,
+            offset_[4],
+            offset_[5],
+            kFocal};
   }
   /// A point that is seen from a few cameras, the first of which is this one.
   std::array<double, 3> Point(int first) {
@@ -51,6 +81,7 @@ class StreetScene {
  private:
   Random random_{7};
   std::array<double, 6> offset_{};
+  int num_cameras_ = 0;
 };
 
 }  // namespace inceres::test

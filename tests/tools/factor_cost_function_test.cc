@@ -5,12 +5,14 @@
 #include <Eigen/Core>
 #include <gtest/gtest.h>
 
+#include "factors/bal_reference.h"
 #include "factors/pose_states.h"
 #include "factors/visual_states.h"
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/stereo_reprojection.h"
+#include "tools/problems/bal_cost.h"
 #include "tools/problems/keyframe_cost.h"
 #include "tools/problems/pose_graph_cost.h"
 #include "tools/problems/stereo_cost.h"
@@ -73,6 +75,17 @@ void ExpectSameTangent(const ceres::CostFunction& wrapped, const ceres::CostFunc
     const Evaluated held = EvaluateCost(wrapped, state, static_cast<int>(s));
     ASSERT_EQ(held.jacobians[s],
               RowMajor::Constant(actual.rows(), held.jacobians[s].cols(), test::kUnwritten));
+  }
+}
+
+TEST(FactorCostFunction, BalReprojection) {
+  for (const BalState& s : ThousandBalStates()) {
+    auto family = std::make_unique<BalReprojectionFamily>();
+    family->Add({s.x, s.y});
+    const std::unique_ptr<ceres::CostFunction> autodiff(
+        BalReprojectionError::Create({0, 0, s.x, s.y}));
+    ExpectSameTangent(FactorCostFunction(std::move(family)), *autodiff,
+                      {{{s.camera, s.camera + 9}, {s.point, s.point + 3}}, {nullptr, nullptr}});
   }
 }
 
