@@ -270,13 +270,4 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
                                length);
 }
 
-// With the padding of rows and the gap before their first column: what a pass over L reads.
-std::int64_t EnvelopeCholesky::NumEntries() const {
-  std::int64_t entries = 0;
-  for (int i = 0; i < num_rows_; ++i) {
-    entries += static_cast<std::int64_t>(memory_[i].values.size());
-  }
-  return entries;
-}
-
 }  // namespace inceres::internal
