@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdarg>
-#include <cstdio>
 #include <optional>
 
+#include "src/base/formatted.h"
 #include "tools/draw/gap_curves_svg.h"
 
 namespace inceres::tools {
 namespace {
 
+using internal::Formatted;
 using nlohmann::json;
 
 struct Gap {
@@ -20,22 +20,13 @@ struct Gap {
 constexpr std::array<Gap, 4> kGaps = {
     {{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 1e-4}, {"1e-5", 1e-5}}};
 
-[[gnu::format(printf, 1, 2)]] std::string Format(const char* format, ...) {
-  char line[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line, sizeof(line), format, arguments);
-  va_end(arguments);
-  return line;
-}
-
 std::string TableRow(const ContenderRuns& runs, const Spread& ratio) {
   const Spread seconds = runs.Seconds();
   const SolveRecord& record = runs.first();
-  return Format("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n",
-                runs.solver.c_str(), runs.configuration.c_str(), seconds.median, seconds.min,
-                seconds.max, 1e3 * runs.SecondsPerIteration(), record.initial_cost,
-                record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
+  return Formatted("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n",
+                   runs.solver.c_str(), runs.configuration.c_str(), seconds.median, seconds.min,
+                   seconds.max, 1e3 * runs.SecondsPerIteration(), record.initial_cost,
+                   record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
 }
 
 // Ours against these runs, round by round.
@@ -74,16 +65,16 @@ json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
 std::string GapTable(const AbResult& result) {
   const double lowest_cost = result.LowestCost();
   std::string text = "\nmedian seconds until the cost was so near the lowest, relative:\n";
-  text += Format("%-8s %-26s", "solver", "configuration");
+  text += Formatted("%-8s %-26s", "solver", "configuration");
   for (const Gap& gap : kGaps) {
-    text += Format(" %10s", gap.name);
+    text += Formatted(" %10s", gap.name);
   }
   text += "\n";
   const auto add = [&](const ContenderRuns& runs) {
-    text += Format("%-8s %-26s", runs.solver.c_str(), runs.configuration.c_str());
+    text += Formatted("%-8s %-26s", runs.solver.c_str(), runs.configuration.c_str());
     for (const Gap& gap : kGaps) {
       const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
-      text += median ? Format(" %10.4f", *median) : Format(" %10s", "-");
+      text += median ? Formatted(" %10.4f", *median) : Formatted(" %10s", "-");
     }
     text += "\n";
   };
@@ -132,24 +123,25 @@ std::string Header(const AbContext& context, const AbResult& result) {
 
 std::string AbTable(const AbContext& context, const AbResult& result) {
   std::string text = Header(context, result);
-  text += Format("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver",
-                 "configuration", "median s", "min s", "max s", "ms/iter", "initial cost",
-                 "final cost", "iter", "termination", "ours/x");
+  text += Formatted("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver",
+                    "configuration", "median s", "min s", "max s", "ms/iter", "initial cost",
+                    "final cost", "iter", "termination", "ours/x");
   text += TableRow(result.ours, {1.0, 1.0, 1.0});
   for (const ContenderRuns& runs : result.stock) {
     text += TableRow(runs, RatioOfOursTo(result, runs));
   }
   for (const Dropped& dropped : result.dropped) {
-    text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
-                   dropped.reason.c_str());
+    text += Formatted("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
+                      dropped.reason.c_str());
   }
   text += GapTable(result);
   const Spread ratio = result.RatioToBestStock();
-  text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
-                 result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
-  text += Format("relative difference of final costs (ours - lowest stock): %.3e\n",
-                 result.RelativeCostDifference());
-  text += Format(
+  text +=
+      Formatted("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
+                result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
+  text += Formatted("relative difference of final costs (ours - lowest stock): %.3e\n",
+                    result.RelativeCostDifference());
+  text += Formatted(
       "largest parameter difference, gauge removed: positions %.2e and points %.2e of the scene "
       "size, rotations %.2e rad\n",
       context.difference.positions, context.difference.points, context.difference.rotations);

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "src/base/formatted.h"
 #include "tools/ab/statistics.h"
-#include "tools/draw/svg_text.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr char kBytes[] = "bytes";
 
@@ -69,9 +71,9 @@ nlohmann::json ToJson(const ReplayWindow& window) {
 }
 
 void AppendLine(std::string* text, const std::string& name, double early, double late) {
-  AppendFormat(text, "%-30s %14.4g %14.4g", name.c_str(), early, late);
+  *text += Formatted("%-30s %14.4g %14.4g", name.c_str(), early, late);
   if (const std::optional<double> growth = GrowthInPercent(early, late)) {
-    AppendFormat(text, " %+9.1f %%", *growth);
+    *text += Formatted(" %+9.1f %%", *growth);
   }
   *text += "\n";
 }
@@ -93,8 +95,8 @@ std::string FlatnessText(const ReplayFlatness& flatness) {
   std::string text;
   const std::string ranges[] = {std::to_string(early.first) + "-" + std::to_string(early.last),
                                 std::to_string(late.first) + "-" + std::to_string(late.last)};
-  AppendFormat(&text, "\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(),
-               ranges[1].c_str());
+  text += Formatted("\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(),
+                    ranges[1].c_str());
   AppendLine(&text, "ms", early.ms, late.ms);
   AppendLine(&text, "ms to add the step", early.growth_ms, late.growth_ms);
   AppendLine(&text, "iterations", early.iterations, late.iterations);
