@@ -1,11 +1,11 @@
 #include "tools/replay/living_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <memory>
 #include <numeric>
 
+#include "src/base/stopwatch.h"
 #include "tools/ab/statistics.h"
 
 namespace inceres::tools {
@@ -40,10 +40,8 @@ std::size_t NumParameters(const ReplayScript& script, std::size_t num_steps) {
 // The seconds that a run took, whatever its outcome.
 template <typename Run>
 Status Time(const Run& run, LivingReport* report) {
-  const auto start = std::chrono::steady_clock::now();
-  Status status = run();
-  report->total_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Status status;
+  report->total_seconds = internal::SecondsOf([&] { status = run(); });
   return status;
 }
 

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cctype>
-#include <chrono>
 #include <cstdint>
+
+#include "src/base/stopwatch.h"
 
 namespace inceres::tools {
 namespace {
@@ -68,10 +69,8 @@ ceres::Solver::Options CeresOptions(
 ReplayOutcome TimeCeresSolve(const ceres::Solver::Options& options, ceres::Problem* problem,
                              const CeresSolveFunction& solve) {
   ceres::Solver::Summary summary;
-  const auto start = std::chrono::steady_clock::now();
-  solve(options, problem, &summary);
-  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-  return OutcomeOf(summary, elapsed.count());
+  const double seconds = internal::SecondsOf([&] { solve(options, problem, &summary); });
+  return OutcomeOf(summary, seconds);
 }
 
 ReplayOutcome SolveGrowing(const ReplaySettings& settings, ReplayCeresProblem* living,
