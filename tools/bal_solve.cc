@@ -18,6 +18,7 @@
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/heartbeat.h"
 #include "tools/command_line/json_report.h"
+#include "tools/command_line/json_values.h"
 #include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
@@ -147,14 +148,6 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
     iterations.push_back(
         {{"seconds", sample.seconds}, {"cost", sample.cost}, {"accepted", sample.accepted}});
   }
-  nlohmann::json stages = nlohmann::json::object();
-  for (const auto& [stage, seconds] : record.stage_seconds) {
-    stages[stage] = seconds;
-  }
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : record.work) {
-    work[name] = count;
-  }
   return {{"input", FLAGS_input},
           {"solver", solved.solver},
           {"linear_solver", record.linear_solver},
@@ -171,8 +164,8 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
           {"termination", record.termination},
           {"message", record.message},
           {"seconds", record.seconds},
-          {"stage_seconds", stages},
-          {"work", work},
+          {"stage_seconds", JsonObject(record.stage_seconds)},
+          {"work", JsonObject(record.work)},
           {"trace", iterations},
           {"options_without_effect", record.options_without_effect}};
 }

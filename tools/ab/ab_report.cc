@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "src/base/formatted.h"
+#include "tools/command_line/json_values.h"
 #include "tools/draw/gap_curves_svg.h"
 
 namespace inceres::tools {
@@ -55,8 +56,7 @@ std::optional<double> MedianToGap(const ContenderRuns& runs, double lowest_cost,
 json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
   json times = json::object();
   for (const Gap& gap : kGaps) {
-    const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
-    times[gap.name] = median ? json(*median) : json(nullptr);
+    times[gap.name] = OrNull(MedianToGap(runs, lowest_cost, gap.value));
   }
   return times;
 }
@@ -83,14 +83,6 @@ std::string GapTable(const AbResult& result) {
   return text;
 }
 
-json StagesJson(const ContenderRuns& runs) {
-  json stages = json::object();
-  for (const auto& [name, seconds] : runs.StageSeconds()) {
-    stages[name] = seconds;
-  }
-  return stages;
-}
-
 json RunJson(const ContenderRuns& runs, double lowest_cost) {
   const SolveRecord& record = runs.first();
   return {{"solver", runs.solver},
@@ -98,7 +90,7 @@ json RunJson(const ContenderRuns& runs, double lowest_cost) {
           {"linear_solver", record.linear_solver},
           {"seconds", ToJson(runs.Seconds())},
           {"seconds_per_iteration", runs.SecondsPerIteration()},
-          {"stage_seconds", StagesJson(runs)},
+          {"stage_seconds", JsonObject(runs.StageSeconds())},
           {"initial_cost", record.initial_cost},
           {"final_cost", record.final_cost},
           {"final_cost_spread", runs.FinalCostSpread()},
@@ -188,8 +180,7 @@ json AbJson(const AbContext& context, const AbResult& result) {
             {"points", context.difference.points},
             {"rotations", context.difference.rotations}}},
           {"options_without_effect", result.ours.first().options_without_effect},
-          {"environment", json(std::map<std::string, std::string>(context.environment.begin(),
-                                                                  context.environment.end()))}};
+          {"environment", JsonObject(context.environment)}};
 }
 
 }  // namespace inceres::tools

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <memory>
-#include <numeric>
 
 #include "src/base/stopwatch.h"
-#include "tools/ab/statistics.h"
+#include "tools/replay/replay_report.h"
 
 namespace inceres::tools {
 namespace {
@@ -147,13 +146,8 @@ nlohmann::json ToJson(const LivingReport& report) {
     ms.push_back(1e3 * report.solves[i].seconds);
     cost_sum += report.solves[i].final_cost;
   }
-  const Spread spread = Summarize(ms);
   return {{"solves", solves},
-          {"solve_ms",
-           {{"median", spread.median},
-            {"p95", Percentile(ms, 0.95)},
-            {"max", spread.max},
-            {"total", std::accumulate(ms.begin(), ms.end(), 0.0)}}},
+          {"solve_ms", ToJson(LatencyOf(ms))},
           {"total_s", report.total_seconds},
           {"final_cost", report.solves.back().final_cost},
           {"final_cost_sum", cost_sum}};

@@ -5,6 +5,7 @@
 
 #include "src/base/formatted.h"
 #include "tools/ab/statistics.h"
+#include "tools/command_line/json_values.h"
 
 namespace inceres::tools {
 namespace {
@@ -46,10 +47,6 @@ ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, int first, int last) {
   return window;
 }
 
-nlohmann::json OrNull(const std::optional<double>& value) {
-  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
-}
-
 std::optional<double> BytesGrowth(const ReplayFlatness& flatness) {
   return flatness.early.bytes_per_step.has_value() && flatness.late.bytes_per_step.has_value()
              ? GrowthInPercent(*flatness.early.bytes_per_step, *flatness.late.bytes_per_step)
@@ -57,16 +54,12 @@ std::optional<double> BytesGrowth(const ReplayFlatness& flatness) {
 }
 
 nlohmann::json ToJson(const ReplayWindow& window) {
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : window.work) {
-    work[name] = count;
-  }
   return {{"first", window.first},
           {"last", window.last},
           {"ms", window.ms},
           {"growth_ms", window.growth_ms},
           {"iterations", window.iterations},
-          {"work", work},
+          {"work", JsonObject(window.work)},
           {"bytes_per_step", OrNull(window.bytes_per_step)}};
 }
 

@@ -3,6 +3,7 @@
 #include <cstddef>
 
 #include "src/base/formatted.h"
+#include "tools/command_line/json_values.h"
 
 namespace inceres::tools {
 namespace {
@@ -10,17 +11,6 @@ namespace {
 using internal::Formatted;
 
 constexpr std::size_t kListedRanges = 12;
-
-nlohmann::json OrNull(const std::optional<double>& value) {
-  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
-}
-
-nlohmann::json ToJson(const ReplayLatency& latency) {
-  return {{"median", latency.median},
-          {"p95", latency.p95},
-          {"max", latency.max},
-          {"total", latency.total}};
-}
 
 nlohmann::json StepsJson(const ReplaySideSummary& side) {
   return {{"failed", side.failed},
@@ -41,10 +31,6 @@ nlohmann::json ToJson(const ReplayBesideBatch& beside) {
 }
 
 nlohmann::json ToJson(const ReplaySide& side) {
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : side.outcome.work) {
-    work[name] = count;
-  }
   return {{"ms", 1e3 * side.outcome.seconds},
           {"processor_ms", 1e3 * side.outcome.processor_seconds},
           {"growth_ms", 1e3 * side.growth_seconds},
@@ -55,7 +41,7 @@ nlohmann::json ToJson(const ReplaySide& side) {
           {"usable", side.outcome.usable},
           {"termination", side.outcome.termination},
           {"message", side.outcome.message},
-          {"work", work}};
+          {"work", JsonObject(side.outcome.work)}};
 }
 
 nlohmann::json ToJson(const ReplayRow& row) {
@@ -101,6 +87,13 @@ void AppendTimes(std::string* text, const char* name, const ReplayLatency& laten
 }
 
 }  // namespace
+
+nlohmann::json ToJson(const ReplayLatency& latency) {
+  return {{"median", latency.median},
+          {"p95", latency.p95},
+          {"max", latency.max},
+          {"total", latency.total}};
+}
 
 std::string ReplayTableHeader() {
   return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter          "
@@ -197,10 +190,6 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
 
 nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary,
                           const std::vector<ReplayRow>& rows) {
-  nlohmann::json environment = nlohmann::json::object();
-  for (const auto& [name, value] : context.environment) {
-    environment[name] = value;
-  }
   nlohmann::json json_rows = nlohmann::json::array();
   for (const ReplayRow& row : rows) {
     json_rows.push_back(ToJson(row));
@@ -230,7 +219,7 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
             {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
           {"ours_steps", StepsJson(summary.ours)},
           {"stock_steps", both ? StepsJson(*summary.stock) : null},
-          {"environment", environment},
+          {"environment", JsonObject(context.environment)},
           {"rows", json_rows}};
 }
 
