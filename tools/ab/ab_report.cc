@@ -30,17 +30,6 @@ std::string TableRow(const ContenderRuns& runs, const Spread& ratio) {
                    record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
 }
 
-// Ours against these runs, round by round.
-Spread RatioOfOursTo(const AbResult& result, const ContenderRuns& runs) {
-  std::vector<double> ours;
-  std::vector<double> theirs;
-  for (std::size_t i = 0; i < result.ours.rounds.size(); ++i) {
-    ours.push_back(result.ours.rounds[i].seconds);
-    theirs.push_back(runs.rounds[i].seconds);
-  }
-  return SummarizeRatios(ours, theirs);
-}
-
 json ToJson(const Spread& spread) {
   return {{"median", spread.median}, {"min", spread.min}, {"max", spread.max}};
 }
@@ -120,7 +109,7 @@ std::string AbTable(const AbContext& context, const AbResult& result) {
                     "final cost", "iter", "termination", "ours/x");
   text += TableRow(result.ours, {1.0, 1.0, 1.0});
   for (const ContenderRuns& runs : result.stock) {
-    text += TableRow(runs, RatioOfOursTo(result, runs));
+    text += TableRow(runs, result.RatioTo(runs));
   }
   for (const Dropped& dropped : result.dropped) {
     text += Formatted("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),

@@ -91,17 +91,6 @@ std::vector<std::pair<std::string, std::string>> Figures(const PoseGraphRun& run
   return rows;
 }
 
-PoseGraph WithoutOutliers(const PoseGraphRun& run) {
-  PoseGraph kept = run.after;
-  kept.edges.clear();
-  for (std::size_t i = 0; i < run.after.edges.size(); ++i) {
-    if (!run.is_outlier[i]) {
-      kept.edges.push_back(run.after.edges[i]);
-    }
-  }
-  return kept;
-}
-
 nlohmann::json PoseGraphJson(const std::string& input, const PoseGraphPlan& plan,
                              const PoseGraphRun& run) {
   nlohmann::json json = {{"input", input},

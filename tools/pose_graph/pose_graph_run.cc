@@ -155,6 +155,17 @@ Status WithWrongLoops(const PoseGraphPlan& plan, PoseGraph* graph, PoseGraph* re
   return AddWrongLoops(wrong, *reference, graph);
 }
 
+PoseGraph WithoutOutliers(const PoseGraphRun& run) {
+  PoseGraph kept = run.after;
+  kept.edges.clear();
+  for (std::size_t i = 0; i < run.after.edges.size(); ++i) {
+    if (!run.is_outlier[i]) {
+      kept.edges.push_back(run.after.edges[i]);
+    }
+  }
+  return kept;
+}
+
 Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraphRun* run) {
   run->before = graph;
   run->first_wrong_edge = static_cast<int>(graph.edges.size());
@@ -183,15 +194,8 @@ Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraph
     run->score = Score(*run, reference);
   }
   if (plan.certificate) {
-    PoseGraph inliers = run->after;
-    inliers.edges.clear();
-    for (std::size_t i = 0; i < run->after.edges.size(); ++i) {
-      if (!run->is_outlier[i]) {
-        inliers.edges.push_back(run->after.edges[i]);
-      }
-    }
     ChordalBound bound;
-    status = BoundChordalCost(inliers, &bound);
+    status = BoundChordalCost(WithoutOutliers(*run), &bound);
     run->bound = bound;
   }
   return status;

@@ -1,10 +1,11 @@
 #include "tools/replay/replay_ceres_solve.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdint>
 
 #include "src/base/stopwatch.h"
+#include "src/base/text.h"
+#include "tools/command_line/command_line.h"
 
 namespace inceres::tools {
 namespace {
@@ -17,10 +18,7 @@ bool IsSchur(ceres::LinearSolverType type) {
 }
 
 std::string NameOf(ceres::LinearSolverType type) {
-  std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
+  return internal::LowerCase(ceres::LinearSolverTypeToString(type));
 }
 
 ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
@@ -92,7 +90,7 @@ Status ParseReplayLinearSolver(const std::string& flag, const std::string& name,
       return Status::Ok();
     }
   }
-  return Status::Error(StatusCode::kInvalidArgument, flag + " '" + name + "': use one of " + known);
+  return Invalid(flag + " '" + name + "': use one of " + known);
 }
 
 }  // namespace inceres::tools
