@@ -8,6 +8,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "base/sort_unique.h"
 #include "io/byte_source.h"
 #include "io/g2o_start.h"
 #include "io/read_file.h"
@@ -202,8 +203,7 @@ class G2oReader {
     for (const PendingEdge& edge : pending_edges_) {
       graph_->ids.insert(graph_->ids.end(), {edge.from, edge.to});
     }
-    std::sort(graph_->ids.begin(), graph_->ids.end());
-    graph_->ids.erase(std::unique(graph_->ids.begin(), graph_->ids.end()), graph_->ids.end());
+    SortUnique(&graph_->ids);
     for (int i = 0; i < graph_->NumVertices(); ++i) {
       index_of_id_.emplace(graph_->ids[static_cast<std::size_t>(i)], i);
     }

@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "base/sort_unique.h"
 #include "inceres/factors/pose_prior.h"
 #include "io/g2o_start.h"
 #include "io/read_file.h"
@@ -52,10 +53,7 @@ bool InvertCovariance(const double* covariance, double* information) {
 class DenseIds {
  public:
   void Add(std::int64_t id) { ids_.push_back(id); }
-  void Close() {
-    std::sort(ids_.begin(), ids_.end());
-    ids_.erase(std::unique(ids_.begin(), ids_.end()), ids_.end());
-  }
+  void Close() { SortUnique(&ids_); }
   const std::vector<std::int64_t>& ids() const { return ids_; }
   bool Has(std::int64_t id) const { return std::binary_search(ids_.begin(), ids_.end(), id); }
   int IndexOf(std::int64_t id) const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/counting_sort.h"
+#include "base/sort_unique.h"
 #include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
@@ -93,8 +94,7 @@ void SubsetPreconditioner::BuildPattern() {
         }
       }
     }
-    std::sort(columns.begin(), columns.end());
-    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+    SortUnique(&columns);
     AppendRow(columns, &pattern_);
   }
 }
