@@ -41,7 +41,7 @@ class G2oReader : private RecordReader {
     // ForEachTaggedLine reads the tags, skips comments and refuses what a record leaves unread in
     // its line.
     graph_ = graph;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
         !status.ok()) {
       return status;
     }
@@ -69,7 +69,7 @@ class G2oReader : private RecordReader {
   };
 
   // The rest of a line whose tag has been read.
-  Status ReadFields() {
+  Status ReadRecord() {
     if (tag_ == "FIX") {
       return ReadFix();
     }
