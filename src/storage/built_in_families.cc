@@ -19,7 +19,6 @@
 #include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "storage/built_in.h"
-#include "storage/vector_families.h"
 
 namespace inceres::internal {
 
