@@ -1,11 +1,11 @@
 #include "linear/envelope_cholesky.h"
 
 #include <algorithm>
-#include <type_traits>
 
 #include "base/growth_count.h"
 #include "linear/envelope_order.h"
 #include "linear/small_cholesky.h"
+#include "simd/pack_block.h"
 
 namespace inceres::internal {
 
@@ -39,23 +39,6 @@ void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
       }
       row[c] = sum * inverse_pivots[c];
     }
-  }
-}
-
-// A padded block of S. Rows of poses are copied without a call.
-void CopyBlock(int rows, int columns, const double* block, double* out, std::ptrdiff_t stride) {
-  const auto copy = [&](auto constant_columns) {
-    for (int r = 0; r < rows; ++r) {
-      std::copy_n(block + r * PadToQuad(constant_columns), int{constant_columns}, out + r * stride);
-    }
-  };
-  switch (columns) {
-    case 3:
-      return copy(std::integral_constant<int, 3>());
-    case 6:
-      return copy(std::integral_constant<int, 6>());
-    default:
-      return copy(columns);
   }
 }
 
@@ -152,7 +135,7 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
       continue;
     }
     // In S this block is left of the diagonal, or on it, and its place comes before or is i.
-    CopyBlock(size, BlockSize(j), S.values(entry.offset), row.values + offsets_[j] - row.start,
+    PackBlock(size, BlockSize(j), S.values(entry.offset), row.values + offsets_[j] - row.start,
               row.stride);
   }
   for (const int other : S.below(order.row(i))) {
