@@ -112,11 +112,10 @@ Status ChooseConfigurations(const std::string& list, bool has_landmarks, bool it
     const auto* found = std::find_if(std::begin(kConfigurations), std::end(kConfigurations),
                                      [&](const Configuration& c) { return c.name == name; });
     if (found == std::end(kConfigurations) || (found->needs_landmarks && !has_landmarks)) {
-      return Status::Error(
-          StatusCode::kInvalidArgument,
+      return Invalid(
           "--configurations: '" + name + "' is " +
-              (found == std::end(kConfigurations) ? "unknown" : "for problems with landmarks") +
-              "; see --help");
+          (found == std::end(kConfigurations) ? "unknown" : "for problems with landmarks") +
+          "; see --help");
     }
     chosen->push_back(*found);
   }
@@ -170,14 +169,13 @@ Status CheckJacobianFlags(const SolverSettings& settings) {
         "--inceres_autodiff: not together with --analytic or --builtin_factors, which have other "
         "Jacobians";
   }
-  return problem == nullptr ? Status::Ok() : Status::Error(StatusCode::kInvalidArgument, problem);
+  return problem == nullptr ? Status::Ok() : Invalid(problem);
 }
 
 // What each flag allows but not all together.
 Status CheckCombination(const SolverSettings& settings, const ProblemSource& source) {
   if (settings.inner_iterations && (settings.builtin_factors || settings.incremental)) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--inner_iterations: not with --builtin_factors or --mode incremental");
+    return Invalid("--inner_iterations: not with --builtin_factors or --mode incremental");
   }
   if (!settings.builtin_factors) {
     ceres::Solver::Options unused;
@@ -185,9 +183,7 @@ Status CheckCombination(const SolverSettings& settings, const ProblemSource& sou
                           &unused);
   }
   if (!source.HasLandmarks()) {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
-        "--builtin_factors: there are built-in factors for bal: and vio: problems only");
+    return Invalid("--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
   if (settings.incremental) {
     IncrementalOptions unused;

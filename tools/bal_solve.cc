@@ -15,9 +15,11 @@
 #include <nlohmann/json.hpp>
 
 #include "inceres/io/bal.h"
+#include "src/base/text.h"
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/heartbeat.h"
 #include "tools/command_line/json_report.h"
+#include "tools/command_line/json_values.h"
 #include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
@@ -85,25 +87,20 @@ Status ReadPlan(RunPlan* plan) {
     return status;
   }
   if (FLAGS_input.empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "--input FILE is required; see --help");
+    return Invalid("--input FILE is required; see --help");
   }
   if (FLAGS_solver != "inceres" && FLAGS_solver != "ceres") {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--solver '" + FLAGS_solver + "': use inceres or ceres");
+    return Invalid("--solver '" + FLAGS_solver + "': use inceres or ceres");
   }
   if (FLAGS_solver == "ceres" && plan->settings.builtin_factors) {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
+    return Invalid(
         "--builtin_factors needs --solver inceres: stock Ceres knows only cost functions");
   }
   if (FLAGS_landmarks_first && plan->settings.builtin_factors) {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
-        "--landmarks_first is for cost functions: built-in factors need no ordering");
+    return Invalid("--landmarks_first is for cost functions: built-in factors need no ordering");
   }
   if (FLAGS_solver == "ceres" && plan->settings.incremental) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--mode incremental needs --solver inceres: stock Ceres has no such mode");
+    return Invalid("--mode incremental needs --solver inceres: stock Ceres has no such mode");
   }
   plan->engine = FLAGS_solver == "ceres"          ? Engine::kStock
                  : plan->settings.builtin_factors ? Engine::kCore
@@ -147,14 +144,6 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
     iterations.push_back(
         {{"seconds", sample.seconds}, {"cost", sample.cost}, {"accepted", sample.accepted}});
   }
-  nlohmann::json stages = nlohmann::json::object();
-  for (const auto& [stage, seconds] : record.stage_seconds) {
-    stages[stage] = seconds;
-  }
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : record.work) {
-    work[name] = count;
-  }
   return {{"input", FLAGS_input},
           {"solver", solved.solver},
           {"linear_solver", record.linear_solver},
@@ -171,19 +160,15 @@ nlohmann::json ToJson(const SolverSettings& settings, const Solved& solved) {
           {"termination", record.termination},
           {"message", record.message},
           {"seconds", record.seconds},
-          {"stage_seconds", stages},
-          {"work", work},
+          {"stage_seconds", JsonObject(record.stage_seconds)},
+          {"work", JsonObject(record.work)},
           {"trace", iterations},
           {"options_without_effect", record.options_without_effect}};
 }
 
-bool EndsWith(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
 std::string Picture(const SolverSettings& settings, const Solved& solved) {
   const std::string name = FLAGS_input.substr(FLAGS_input.rfind('/') + 1);
-  if (!EndsWith(FLAGS_picture, ".html")) {
+  if (!internal::EndsWith(FLAGS_picture, ".html")) {
     return BalPictureSvg(name + ": " + solved.description, solved.before, solved.after,
                          solved.record.trace);
   }

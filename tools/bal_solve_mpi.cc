@@ -19,12 +19,13 @@
 #include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/distributed/agree.h"
-#include "tools/distributed/generate.h"
 #include "tools/distributed/mpi_flags.h"
 #include "tools/distributed/mpi_part.h"
 #include "tools/distributed/mpi_process.h"
 #include "tools/distributed/mpi_report.h"
 #include "tools/distributed/partition.h"
+#include "tools/distributed/tracks.h"
+#include "tools/generate/make_scene.h"
 #include "tools/generate/scene_flags.h"
 
 DEFINE_string(input, "",
@@ -65,6 +66,17 @@ double WorkPerSquare(const DistributedOptions& options) {
   }
   return options.solver.conjugate_gradients.preconditioner == PreconditionerKind::kTwoLevel ? 0.1
                                                                                             : 0.0;
+}
+
+// The problem of a preset of bal_generate, with what the flags say of it (scene_flags.h). Rank 0
+// makes it, and deals it out. Collective.
+Status GenerateTracks(MPI_Comm comm, const std::string& preset, Tracks* tracks) {
+  SimulatedBal scene;
+  const Status status = Agree(comm, IsRoot(comm) ? MakeScene(preset, &scene) : Status::Ok());
+  if (status.ok()) {
+    TakeTracks(comm, std::move(scene.problem), tracks);
+  }
+  return status;
 }
 
 // Loads the problem and deals it out.

@@ -1,7 +1,6 @@
 // Covariances by inceres and by stock Ceres's algorithms on one problem, side by side.
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -18,6 +17,7 @@
 
 #include "adapters/ceres/covariance/problem_covariance.h"
 #include "inceres/ceres/covariance.h"
+#include "src/base/stopwatch.h"
 #include "tools/ab/statistics.h"
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/heartbeat.h"
@@ -75,7 +75,6 @@ constexpr int kMaxControlPointStride = 100;
 constexpr int kLeastControlPoints = 10;
 
 using Pairs = std::vector<std::pair<const double*, const double*>>;
-using Clock = std::chrono::steady_clock;
 
 struct Result {
   std::string name;
@@ -101,9 +100,8 @@ std::size_t SizeOf(const ceres::Problem& problem, const double* block) {
 
 template <typename AnyCovariance>
 void Run(AnyCovariance* covariance, const Pairs& pairs, ceres::Problem* problem, Result* result) {
-  const Clock::time_point start = Clock::now();
-  result->computed = covariance->Compute(pairs, problem);
-  result->seconds.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+  result->seconds.push_back(
+      internal::SecondsOf([&] { result->computed = covariance->Compute(pairs, problem); }));
   result->values.clear();
   for (const auto& [a, b] : pairs) {
     if (!result->computed) {
@@ -129,11 +127,11 @@ void RunOursAlone(const Pairs& pairs, ceres::Problem* problem, Result* result) {
   using internal::ProblemCovariance;
   ceres::Covariance::Options options;
   options.num_threads = FLAGS_num_threads;
-  const Clock::time_point start = Clock::now();
+  const double start = internal::NowInSeconds();
   ProblemCovariance covariance;
   result->computed = covariance.Compute(options, pairs, *problem, nullptr) ==
                      ProblemCovariance::Outcome::kComputed;
-  result->seconds.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+  result->seconds.push_back(internal::NowInSeconds() - start);
   result->message = covariance.message();
   result->values.clear();
   for (const auto& [a, b] : pairs) {

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -19,6 +18,7 @@
 #include <nlohmann/json.hpp>
 #include <sys/wait.h>
 
+#include "src/base/stopwatch.h"
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/json_report.h"
 #include "tools/command_line/output.h"
@@ -108,7 +108,7 @@ struct ModeResult {
 ModeResult RunMode(const std::string& mode) {
   ModeResult result;
   result.mode = mode;
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin = internal::NowInSeconds();
   tools::ProgressLines progress(tools::ProgressOutput());
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
     const LifePlan plan{
@@ -123,8 +123,7 @@ ModeResult RunMode(const std::string& mode) {
       return mode + ": " + std::to_string(result.lives) + " of " + std::to_string(FLAGS_lives) +
              " lives, " + std::to_string(result.defects.size()) + " defects";
     });
-    result.seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.seconds = internal::NowInSeconds() - begin;
   }
   return result;
 }

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "inceres/io/g2o.h"
+#include "src/base/text.h"
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/heartbeat.h"
 #include "tools/command_line/json_report.h"
@@ -69,6 +70,8 @@ DEFINE_string(picture, "",
 
 namespace inceres::tools {
 namespace {
+
+using internal::EndsWith;
 
 const ToolHelp kHelp = {
     "Solve a pose graph in g2o format, and tell which of its loops are wrong.",
@@ -172,15 +175,11 @@ Status ReadPlan(PoseGraphPlan* plan) {
   return plan->gnc_options.Validate();
 }
 
-bool HasEnding(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
 Status WriteOutput(const PoseGraphRun& run) {
   if (FLAGS_output.empty()) {
     return Status::Ok();
   }
-  if (HasEnding(FLAGS_output, ".tum") || HasEnding(FLAGS_output, ".txt")) {
+  if (EndsWith(FLAGS_output, ".tum") || EndsWith(FLAGS_output, ".txt")) {
     return WriteTumTrajectory(FLAGS_output, run.after);
   }
   return WriteG2o(FLAGS_output, WithoutOutliers(run));
@@ -192,7 +191,7 @@ Status WritePicture(const PoseGraphRun& run) {
   }
   const std::string title = FLAGS_input.substr(FLAGS_input.rfind('/') + 1) + ": " + Describe(run);
   const std::string svg = PoseGraphPictureSvg(title, run.before, run.after, run.is_outlier);
-  return WriteTextFile(FLAGS_picture, HasEnding(FLAGS_picture, ".html")
+  return WriteTextFile(FLAGS_picture, EndsWith(FLAGS_picture, ".html")
                                           ? PoseGraphPageHtml(title, svg, Figures(run))
                                           : svg);
 }

@@ -183,7 +183,7 @@ Status Report(const inceres::VioSequence& sequence, int imu_per_frame) {
 
 Status Run() {
   if (FLAGS_output.empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "--output FILE is required; see --help");
+    return inceres::tools::Invalid("--output FILE is required; see --help");
   }
   inceres::VioSceneOptions options;
   inceres::VioSequence sequence;

@@ -58,19 +58,6 @@ DoubleArray ToMatrix(const py::object& value, const char* name, py::ssize_t colu
   return array;
 }
 
-DoubleArray ToMatrixOrRow(const py::object& value, const char* name, py::ssize_t columns) {
-  DoubleArray array = ToDoubles(value, name);
-  if (array.ndim() == 1 && array.shape(0) == columns) {
-    CheckFinite(array, name);
-    return array;
-  }
-  if (array.ndim() != 2 || array.shape(1) != columns) {
-    RaiseShape(name, array, "(" + std::to_string(columns) + ",) or " + Rows(columns));
-  }
-  CheckFinite(array, name);
-  return array;
-}
-
 std::vector<std::int32_t> ToIndices(const py::object& value, const char* name, std::int64_t low,
                                     std::int64_t high, std::vector<py::ssize_t>* shape) {
   const auto raw = py::array::ensure(value);

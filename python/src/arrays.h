@@ -27,8 +27,6 @@ std::string ShapeOf(const py::array& array);
 
 /// (n, columns); `columns` −1: any. A number that is not finite is an error.
 DoubleArray ToMatrix(const py::object& value, const char* name, py::ssize_t columns);
-/// (n, columns) as above, or one row of them that is meant for all: (columns,).
-DoubleArray ToMatrixOrRow(const py::object& value, const char* name, py::ssize_t columns);
 
 /// Whole numbers of any shape, flattened, each in [low, high).
 std::vector<std::int32_t> ToIndices(const py::object& value, const char* name, std::int64_t low,

@@ -68,15 +68,8 @@ py::dict MarginalizeVariables(LivingSolver& solver, const py::object& ids,
   options.allow_rank_loss = allow_rank_loss;
   options.first_estimate_jacobians = first_estimate_jacobians;
   const Occupation::Guard guard(&solver.occupation, "marginalize");
-  Watch watch(py::none(), solver.families);
-  MarginalizationSummary summary;
-  {
-    const py::gil_scoped_release no_gil;
-    summary = solver.core.Marginalize(request, options);
-  }
-  if (watch.Finish()) {
-    watch.RaiseInterrupted(py::dict());
-  }
+  const MarginalizationSummary summary =
+      CallWithoutGil(solver.families, [&] { return solver.core.Marginalize(request, options); });
   Check(summary.status);
   py::dict result;
   result["kept"] = ToIdArray(summary.kept);

@@ -105,16 +105,7 @@ py::array CovarianceOf(const FactorGraph& graph, const Families& families, const
     pairs.emplace_back(rows[i], columns[i]);
   }
   GraphCovariance covariance(ToOptions(options));
-  Watch watch(py::none(), families);
-  Status status;
-  {
-    const py::gil_scoped_release no_gil;
-    status = compute(&covariance, pairs);
-  }
-  if (watch.Finish()) {
-    watch.RaiseInterrupted(py::dict());
-  }
-  Check(status);
+  Check(CallWithoutGil(families, [&] { return compute(&covariance, pairs); }));
   py::array_t<double> blocks({static_cast<py::ssize_t>(rows.size()),
                               static_cast<py::ssize_t>(height), static_cast<py::ssize_t>(width)});
   double* to = blocks.mutable_data();
@@ -133,16 +124,8 @@ py::tuple LiveCovarianceOf(LivingSolver& solver, const py::object& ids, const st
   const std::vector<VariableId> variables = ToVariables(solver.core.graph(), ids, "ids");
   const Occupation::Guard guard(&solver.occupation, "live_covariance");
   LiveCovariance covariance;
-  Watch watch(py::none(), solver.families);
-  Status status;
-  {
-    const py::gil_scoped_release no_gil;
-    status = solver.core.Covariance(variables, options, &covariance);
-  }
-  if (watch.Finish()) {
-    watch.RaiseInterrupted(py::dict());
-  }
-  Check(status);
+  Check(CallWithoutGil(solver.families,
+                       [&] { return solver.core.Covariance(variables, options, &covariance); }));
   const auto size = static_cast<py::ssize_t>(covariance.size());
   py::array_t<double> joint({size, size});
   std::copy(covariance.values.begin(), covariance.values.end(), joint.mutable_data());

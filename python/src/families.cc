@@ -95,34 +95,32 @@ void BindBase(py::module_& module) {
           "How many measurements it holds.");
 }
 
+// A landmark as pixels of a camera that has four intrinsics, and four of distortion or none.
+template <typename CoreFamily, typename Camera>
+void BindPixels(py::module_& module, const char* name, const char* what) {
+  Class<CoreFamily>(module, name, what)
+      .def(py::init([](const py::object& intrinsics, bool is_homogeneous, bool is_left) {
+             const std::vector<double> c = Intrinsics(intrinsics, {4, 8});
+             return Make(std::make_shared<CoreFamily>(
+                             Camera{c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]},
+                             Landmark(is_homogeneous), Side(is_left)),
+                         {2, 5}, &ReadPixel);
+           }),
+           py::arg("intrinsics"), py::arg("homogeneous") = false, py::arg("left") = false);
+}
+
 void BindLandmarkFamilies(py::module_& module) {
   const auto homogeneous = py::arg("homogeneous") = false;
   const auto left = py::arg("left") = false;
-  Class<PointReprojectionFamily>(
+  BindPixels<PointReprojectionFamily, PinholeCamera>(
       module, "PointReprojection",
       "A landmark in a pinhole camera, intrinsics (f_x, f_y, c_x, c_y) or with Brown's distortion "
       "(…, k1, k2, p1, p2). Variables: body pose, camera on the body, landmark. Rows: u, v [, u00, "
-      "u01, u11 of the square root information].")
-      .def(py::init([](const py::object& intrinsics, bool is_homogeneous, bool is_left) {
-             const std::vector<double> c = Intrinsics(intrinsics, {4, 8});
-             return Make(std::make_shared<PointReprojectionFamily>(
-                             PinholeCamera{c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]},
-                             Landmark(is_homogeneous), Side(is_left)),
-                         {2, 5}, &ReadPixel);
-           }),
-           py::arg("intrinsics"), homogeneous, left);
-  Class<EquidistantReprojectionFamily>(
+      "u01, u11 of the square root information].");
+  BindPixels<EquidistantReprojectionFamily, EquidistantCamera>(
       module, "EquidistantReprojection",
       "A landmark in a fisheye camera, intrinsics (f_x, f_y, c_x, c_y [, k1, k2, k3, k4]). "
-      "Variables and rows as PointReprojection.")
-      .def(py::init([](const py::object& intrinsics, bool is_homogeneous, bool is_left) {
-             const std::vector<double> c = Intrinsics(intrinsics, {4, 8});
-             return Make(std::make_shared<EquidistantReprojectionFamily>(
-                             EquidistantCamera{c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]},
-                             Landmark(is_homogeneous), Side(is_left)),
-                         {2, 5}, &ReadPixel);
-           }),
-           py::arg("intrinsics"), homogeneous, left);
+      "Variables and rows as PointReprojection.");
   Class<StereoReprojectionFamily>(
       module, "StereoReprojection",
       "A landmark in a rectified stereo camera, intrinsics (f_x, f_y, c_x, c_y, baseline). "

@@ -55,6 +55,21 @@ class Watch {
   std::exception_ptr interruption_;
 };
 
+/// What call() returns, which works without the GIL and has no iterations to look on at. Raises
+/// what a factor's function has raised, and Interrupted, without a summary, for Ctrl-C in one.
+template <typename Call>
+auto CallWithoutGil(const Families& families, const Call& call) {
+  Watch watch(py::none(), families);
+  auto result = [&call] {
+    const py::gil_scoped_release no_gil;
+    return call();
+  }();
+  if (watch.Finish()) {
+    watch.RaiseInterrupted(py::dict());
+  }
+  return result;
+}
+
 class SolveWatch final : public SolveObserver {
  public:
   SolveWatch(Watch* watch, bool keeps_best) : watch_(watch), keeps_best_(keeps_best) {}

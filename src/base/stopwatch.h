@@ -9,6 +9,14 @@ inline double NowInSeconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+/// Seconds that a call takes, whatever it returns.
+template <typename Function>
+double SecondsOf(const Function& function) {
+  const double start = NowInSeconds();
+  function();
+  return NowInSeconds() - start;
+}
+
 /// Adds the time between its construction and destruction to *seconds.
 class StageTimer {
  public:

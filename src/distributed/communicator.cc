@@ -73,7 +73,6 @@ void Communicator::AllGather(const double* own, int count, double* all) const {
   const StageTimer timer(&reductions_.seconds);
   MPI_Allgather(own, count, MPI_DOUBLE, all, count, MPI_DOUBLE, comm_);
   reductions_.bytes += static_cast<std::int64_t>(sizeof(double)) * count * (size_ - 1);
-  ++num_reductions_;
 }
 
 // gathered_[r · count + k]: value k of rank r. Summed by ascending r, from the value of rank 0 on
@@ -252,7 +251,6 @@ std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
   MPI_Allgatherv(own.data(), static_cast<int>(own.size()), MPI_DOUBLE, all.data(), sizes.data(),
                  begins.data(), MPI_DOUBLE, comm_);
   reductions_.bytes += static_cast<std::int64_t>(own.size() * sizeof(double)) * (size_ - 1);
-  ++num_reductions_;
   return all;
 }
 

@@ -98,8 +98,6 @@ class Communicator final : public Agreement {
   const Traffic& reductions() const { return reductions_; }
   /// Of SendToEach and SendParts: what one rank gets.
   const Traffic& messages() const { return messages_; }
-  /// Reductions so far.
-  std::int64_t num_reductions() const { return num_reductions_; }
 
  private:
   void AllGather(const double* own, int count, double* all) const;
@@ -112,7 +110,6 @@ class Communicator final : public Agreement {
   mutable std::vector<double> gathered_;
   mutable Traffic reductions_;
   mutable Traffic messages_;
-  mutable std::int64_t num_reductions_ = 0;
 };
 
 }  // namespace inceres::internal

@@ -201,11 +201,8 @@ void DistributedModel::Describe(WorkCounts* work) const {
   work->num_landmarks = static_cast<int>(ranks_.Sum(incidences_.num_landmarks()));
   work->num_schur_products =
       static_cast<std::int64_t>(ranks_.Sum(static_cast<double>(plans_.num_schur_products())));
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
-                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
-                                                                  plans_.schur.terms.size()));
   work->bytes += elimination_.Bytes() + system_.Bytes() + solver_->Bytes();
-  CountDynamicSizes(evaluator_, work);
+  DescribeHessian(evaluator_, hessian_, plans_, work);
 }
 
 }  // namespace inceres::internal

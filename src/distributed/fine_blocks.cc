@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/sort_unique.h"
 #include "linear/pattern_rows.h"
 
 namespace inceres::internal {
@@ -89,8 +90,7 @@ FrameClusters FineBlocks::BuildOwned() {
   };
   std::for_each(own_.begin(), own_.end(), [&](const Part& p) { add(p.row, p.column); });
   std::for_each(received.begin(), received.end(), [&](const SentKey& k) { add(k.row, k.column); });
-  std::sort(blocks.begin(), blocks.end());
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  SortUnique(&blocks);
   // Sorted by row and column, the diagonal block is the last one of its row, and every row has it,
   // for the owner's own factors touch each frame it owns.
   owned_.row_begin.assign(1, 0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/sort_unique.h"
 #include "linear/pattern_rows.h"
 
 namespace inceres::internal {
@@ -53,8 +54,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
   for (int i = 0; i < static_cast<int>(sizes.size()); ++i) {
     places.emplace_back(i, i);
   }
-  std::sort(places.begin(), places.end());
-  places.erase(std::unique(places.begin(), places.end()), places.end());
+  SortUnique(&places);
   std::vector<int> offsets{0};
   for (const int size : sizes) {
     offsets.push_back(offsets.back() + size);

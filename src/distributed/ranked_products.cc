@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/sort_unique.h"
+
 namespace inceres::internal {
 
 // A V for A = S + Λ_c over ranks. What a rank can compute is the share of its own factors and
@@ -141,8 +143,7 @@ CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
       keys.push_back({place.number, aggregate});
     }
   });
-  std::sort(keys.begin(), keys.end());
-  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  SortUnique(&keys);
   CoarseShape shape;
   shape.widths = here.widths;
   for (const int position : frames_.owned()) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <functional>
 
+#include "base/sort_unique.h"
+
 namespace inceres::internal {
 
 // The two-level preconditioner over ranks (docs/algorithms.md, "Reduced linear systems"; Mandel
@@ -23,8 +25,7 @@ namespace {
 
 // Ascending.
 std::vector<int> Unique(std::vector<int> values) {
-  std::sort(values.begin(), values.end());
-  values.erase(std::unique(values.begin(), values.end()), values.end());
+  SortUnique(&values);
   return values;
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "factors/whiten.h"
 #include "factors/wrap_angle.h"
 
 // An edge of a planar pose graph: e = [R(θ_a)ᵀ (p_b − p_a) − p_m; wrap(θ_b − θ_a − θ_m)], residual
@@ -10,21 +11,6 @@
 // v)/∂θ is (y, −x).
 
 namespace inceres {
-namespace {
-
-// M = U A for 3 × 3 matrices, U upper triangular.
-void Whiten(const double* U, const double A[9], double* M) {
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) {
-      M[3 * r + c] = 0.0;
-      for (int k = r; k < 3; ++k) {
-        M[3 * r + c] += U[3 * r + k] * A[3 * k + c];
-      }
-    }
-  }
-}
-
-}  // namespace
 
 bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameters,
                                            double* residuals, double** jacobians) const {
@@ -37,21 +23,16 @@ bool PlanarRelativePoseFamily::EvaluateOne(int i, const double* const* parameter
                        // To [−π, π], by the nearest whole number of turns. At half a turn the
                        // residual jumps.
                        internal::WrapAngle(b[2] - a[2] - measured.motion[2])};
-  for (int r = 0; r < 3; ++r) {
-    residuals[r] = 0.0;
-    for (int k = r; k < 3; ++k) {
-      residuals[r] += U[3 * r + k] * e[k];
-    }
-  }
+  internal::MultiplyUpper<3, 1>(U, e, residuals, 1);
   if (jacobians != nullptr && jacobians[0] != nullptr) {
     // Rows x, y, θ; columns x_a, y_a, θ_a.
     const double J_a[9] = {-c, -s, y, s, -c, -x, 0.0, 0.0, -1.0};
-    Whiten(U, J_a, jacobians[0]);
+    internal::MultiplyUpper<3, 3>(U, J_a, jacobians[0], 3);
   }
   if (jacobians != nullptr && jacobians[1] != nullptr) {
     // b enters the position without its angle.
     const double J_b[9] = {c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0};
-    Whiten(U, J_b, jacobians[1]);
+    internal::MultiplyUpper<3, 3>(U, J_b, jacobians[1], 3);
   }
   return true;
 }

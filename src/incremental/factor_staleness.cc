@@ -14,90 +14,80 @@ namespace inceres::internal {
 
 namespace {
 
-// Of one variable after the other.
-// It adds to a count that other variables have begun: maxima and sums, so that their order does not
-// matter. A factor of two of them is counted twice.
-class StalenessOf {
- public:
-  // `frame_step`: of all rows of S; null: all zeros.
-  StalenessOf(const IncrementalSystem& system, const double* frame_step, FactorStaleness* staleness)
-      : system_(system), schur_(system.schur()), frame_step_(frame_step), staleness_(*staleness) {}
+// What is counted adds to what other variables have begun: maxima and sums, so that their order
+// does not matter. A factor of two of them is counted twice.
+void CountFactors(const IncrementalSystem& system, const std::vector<FactorRef>& factors,
+                  FactorStaleness* staleness) {
+  for (const FactorRef& ref : factors) {
+    const IncrementalFamily& family = system.families()[ref.family];
+    const double error = family.weighed().SquaredError(ref.factor);
+    // Any error counts as stale, however far below the limits of relinearization. A dirty factor
+    // is another function, of which the error says nothing.
+    if (error > 0.0 || system.IsDirty(ref)) {
+      ++staleness->num_stale_factors;
+      staleness->largest_residual_error =
+          std::max(staleness->largest_residual_error, std::sqrt(error));
+    }
+  }
+}
 
-  void AddVariable(VariableId id) {
-    const int frame = system_.FrameOf(id);
-    // A landmark's own step follows from those of its frames.
-    if (frame < 0) {
-      AddLandmark(system_.LandmarkOf(id));
-      AddStep(schur_.landmarks()[system_.LandmarkOf(id)]);
-      return;
-    }
-    AddFactors(schur_.frames()[frame].factors);
-    // Factors with a landmark are listed with the landmark only.
-    for (const std::int32_t landmark : schur_.frames()[frame].landmarks) {
-      AddLandmark(landmark);
-    }
-    for (int k = schur_.FrameOffset(frame);
-         frame_step_ != nullptr && k < schur_.FrameOffset(frame + 1); ++k) {
-      AddStep(frame_step_[k]);
-    }
+void CountLandmark(const IncrementalSystem& system, std::int32_t l, FactorStaleness* staleness) {
+  const IncrementalSchur& schur = system.schur();
+  CountFactors(system, schur.landmarks()[l].factors, staleness);
+  // Outside S its last λ is of a contribution that is gone.
+  if (schur.IsInS(l)) {
+    staleness->landmark_damping = std::max(staleness->landmark_damping, schur.blocks().lambda(l));
   }
+}
 
- private:
-  void AddLandmark(std::int32_t l) {
-    AddFactors(schur_.landmarks()[l].factors);
-    // Outside S its last λ is of a contribution that is gone.
-    if (schur_.IsInS(l)) {
-      staleness_.landmark_damping =
-          std::max(staleness_.landmark_damping, schur_.blocks().lambda(l));
-    }
+void CountStep(const double* step, int size, FactorStaleness* staleness) {
+  for (int k = 0; k < size; ++k) {
+    staleness->largest_pending_step = std::max(staleness->largest_pending_step, std::fabs(step[k]));
   }
-  void AddFactors(const std::vector<FactorRef>& factors) {
-    for (const FactorRef& ref : factors) {
-      const IncrementalFamily& family = system_.families()[ref.family];
-      const double error = family.weighed().SquaredError(ref.factor);
-      // Any error counts as stale, however far below the limits of relinearization. A dirty factor
-      // is another function, of which the error says nothing.
-      if (error > 0.0 || system_.IsDirty(ref)) {
-        ++staleness_.num_stale_factors;
-        staleness_.largest_residual_error =
-            std::max(staleness_.largest_residual_error, std::sqrt(error));
-      }
-    }
-  }
-  // δ_l = U_invᵀ (z − Yᵀ δ_c) of the step of the frames that is still to take.
-  void AddStep(const IncrementalSchur::Landmark& landmark) {
-    std::vector<double> padded(std::size_t(system_.variables().num_quads()) * kQuad, 0.0);
-    for (const std::int32_t frame : landmark.frames) {
-      // A held frame has no step, whatever is left in its entries.
-      if (frame_step_ != nullptr && !schur_.frames()[frame].held) {
-        std::copy_n(frame_step_ + schur_.FrameOffset(frame), schur_.frames()[frame].size,
-                    padded.begin() + std::ptrdiff_t{schur_.frames()[frame].quad} * kQuad);
-      }
-    }
-    const auto l = static_cast<std::int32_t>(&landmark - schur_.landmarks().data());
-    // Zero outside S.
-    schur_.blocks().BackSubstitute(l, padded.data());
-    for (int k = 0; k < landmark.size; ++k) {
-      AddStep(padded[std::ptrdiff_t{landmark.quad} * kQuad + k]);
-    }
-  }
-  void AddStep(double step) {
-    staleness_.largest_pending_step = std::max(staleness_.largest_pending_step, std::fabs(step));
-  }
+}
 
-  const IncrementalSystem& system_;
-  const IncrementalSchur& schur_;
-  const double* frame_step_;
-  FactorStaleness& staleness_;
-};
+// δ_l = U_invᵀ (z − Yᵀ δ_c) of the step of the frames that is still to take; null: all zeros.
+void CountLandmarkStep(const IncrementalSystem& system, const double* frame_step, std::int32_t l,
+                       FactorStaleness* staleness) {
+  const IncrementalSchur& schur = system.schur();
+  const IncrementalSchur::Landmark& landmark = schur.landmarks()[l];
+  std::vector<double> padded(std::size_t(system.variables().num_quads()) * kQuad, 0.0);
+  for (const std::int32_t frame : landmark.frames) {
+    // A held frame has no step, whatever is left in its entries.
+    if (frame_step != nullptr && !schur.frames()[frame].held) {
+      std::copy_n(frame_step + schur.FrameOffset(frame), schur.frames()[frame].size,
+                  padded.begin() + std::ptrdiff_t{schur.frames()[frame].quad} * kQuad);
+    }
+  }
+  // Zero outside S.
+  schur.blocks().BackSubstitute(l, padded.data());
+  CountStep(padded.data() + std::ptrdiff_t{landmark.quad} * kQuad, landmark.size, staleness);
+}
 
 }  // namespace
 
 void CountStaleness(const IncrementalSystem& system, const std::vector<double>& frame_step,
                     VariableId id, FactorStaleness* staleness) {
+  const IncrementalSchur& schur = system.schur();
   // Since S has other rows no step was solved for.
-  const bool is_known = frame_step.size() == static_cast<std::size_t>(system.schur().size());
-  StalenessOf(system, is_known ? frame_step.data() : nullptr, staleness).AddVariable(id);
+  const bool is_known = frame_step.size() == static_cast<std::size_t>(schur.size());
+  const double* const step = is_known ? frame_step.data() : nullptr;
+  const int frame = system.FrameOf(id);
+  // A landmark's own step follows from those of its frames.
+  if (frame < 0) {
+    CountLandmark(system, system.LandmarkOf(id), staleness);
+    CountLandmarkStep(system, step, system.LandmarkOf(id), staleness);
+    return;
+  }
+  CountFactors(system, schur.frames()[frame].factors, staleness);
+  // Factors with a landmark are listed with the landmark only.
+  for (const std::int32_t landmark : schur.frames()[frame].landmarks) {
+    CountLandmark(system, landmark, staleness);
+  }
+  if (step != nullptr) {
+    CountStep(step + schur.FrameOffset(frame),
+              schur.FrameOffset(frame + 1) - schur.FrameOffset(frame), staleness);
+  }
 }
 
 }  // namespace inceres::internal

@@ -6,6 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "base/sort_unique.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -110,8 +112,7 @@ void LiveColumns::ListRows() {
       AddRow(row);
     }
   }
-  std::sort(V_.rows.begin(), V_.rows.end());
-  V_.rows.erase(std::unique(V_.rows.begin(), V_.rows.end()), V_.rows.end());
+  SortUnique(&V_.rows);
   // Packed within V: rows of S that V does not have take no room.
   V_.begin.assign(1, 0);
   for (const int row : V_.rows) {

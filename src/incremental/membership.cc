@@ -1,6 +1,6 @@
 #include "incremental/membership.h"
 
-#include <algorithm>
+#include "base/sort_unique.h"
 
 // Who takes part in a living system (docs/algorithms.md, "Incremental Schur complement"). A factor
 // has Jacobians for the variables that have a place when it is connected, and for no others: so
@@ -207,10 +207,8 @@ void Membership::Reattach() {
   };
   // By family and place, each once: the order of the lists that S is summed from must not depend on
   // that of the edit.
-  std::sort(reattached_.begin(), reattached_.end(), before);
-  reattached_.erase(std::unique(reattached_.begin(), reattached_.end()), reattached_.end());
-  std::sort(entering_.begin(), entering_.end());
-  entering_.erase(std::unique(entering_.begin(), entering_.end()), entering_.end());
+  SortUnique(&reattached_, before);
+  SortUnique(&entering_);
   // Detached with their old slots, attached with the new ones: a factor of two variables that enter
   // is connected once.
   for (const FactorRef& ref : reattached_) {

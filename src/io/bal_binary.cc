@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/text.h"
 #include "io/byte_sink.h"
 #include "io/byte_source.h"
 

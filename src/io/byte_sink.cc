@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "base/text.h"
 #include "io/byte_source.h"
 
 // Where writers of files put their bytes. A file grows under the name `path`.partial and is renamed

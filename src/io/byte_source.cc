@@ -7,6 +7,8 @@
 #include <system_error>
 #include <utility>
 
+#include "base/text.h"
+
 // Where readers of files get their bytes from: a file, a decoder on top of it where the name says
 // so, and a limit on top of that. Memory is the callers' buffers; nothing here holds more of a file
 // than the piece at hand, so a pipe serves as well as a file.
@@ -16,11 +18,6 @@ namespace inceres::internal {
 // To be asked before another call can set errno.
 std::string SystemError() {
   return std::generic_category().message(errno);
-}
-
-bool EndsWith(const std::string& text, const std::string& suffix) {
-  return text.size() >= suffix.size() &&
-         text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
 }
 
 FileSource::~FileSource() {

@@ -52,6 +52,4 @@ Status OpenByteSource(const std::string& path, std::unique_ptr<ByteSource>* sour
 /// How the system explains the current errno.
 std::string SystemError();
 
-bool EndsWith(const std::string& text, const std::string& suffix);
-
 }  // namespace inceres::internal

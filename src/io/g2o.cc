@@ -8,9 +8,11 @@
 #include <unordered_set>
 #include <utility>
 
+#include "base/sort_unique.h"
 #include "io/byte_source.h"
 #include "io/g2o_start.h"
 #include "io/read_file.h"
+#include "io/record_reader.h"
 #include "io/text_scanner.h"
 
 // The reader of pose graphs in g2o's text format (docs/file_formats.md, "g2o"). Lines may come in
@@ -30,16 +32,16 @@ namespace {
 constexpr const char* kPoseFields2d[] = {"x", "y", "theta"};
 constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
-class G2oReader {
+class G2oReader : private RecordReader {
  public:
   G2oReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : scanner_(path, std::move(source)) {}
+      : RecordReader(path, std::move(source)) {}
 
   Status Read(PoseGraph* graph) {
     // ForEachTaggedLine reads the tags, skips comments and refuses what a record leaves unread in
     // its line.
     graph_ = graph;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
+    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
         !status.ok()) {
       return status;
     }
@@ -67,7 +69,7 @@ class G2oReader {
   };
 
   // The rest of a line whose tag has been read.
-  Status ReadFields() {
+  Status ReadRecord() {
     if (tag_ == "FIX") {
       return ReadFix();
     }
@@ -76,13 +78,13 @@ class G2oReader {
     // Unknown tags are refused and not skipped: landmarks or parameters left out would give another
     // problem.
     if (!vertex && tag_ != "EDGE_SE2" && tag_ != "EDGE_SE3:QUAT") {
-      return FailField(
+      return Fail(
           "tag",
           "not known; known are VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX");
     }
     const int dimension = tag_.find("SE2") != std::string::npos ? 2 : 3;
     if (graph_->dimension != 0 && graph_->dimension != dimension) {
-      return FailField("tag", "planar and spatial poses in one file");
+      return Fail("tag", "planar and spatial poses in one file");
     }
     // Before any field is read: PoseSize and TangentSize follow from it.
     graph_->dimension = dimension;
@@ -109,7 +111,7 @@ class G2oReader {
     }
     // The index it will have; ids need not be dense, nor in order.
     if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
-      return FailField("id", "vertex " + std::to_string(id) + " is in the file twice");
+      return Fail("id", "vertex " + std::to_string(id) + " is in the file twice");
     }
     // Room for either kind; the graph takes PoseSize() of it.
     std::array<double, 7> pose{};
@@ -132,7 +134,7 @@ class G2oReader {
     }
     // Such an edge would have one variable in both of its slots, which no factor may.
     if (pending.from == pending.to) {
-      return FailField("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
+      return Fail("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
     }
     PoseGraphEdge edge;
     if (Status status = ReadPose(&edge.measurement); !status.ok()) {
@@ -150,7 +152,7 @@ class G2oReader {
     if (!scanner_.ScanInteger(id)) {
       return scanner_.Failure(tag_ + ": " + field);
     }
-    return *id >= 0 ? Status::Ok() : FailField(field, std::to_string(*id) + " is negative");
+    return *id >= 0 ? Status::Ok() : Fail(field, std::to_string(*id) + " is negative");
   }
 
   // For vertices and for measurements, which look the same.
@@ -169,7 +171,7 @@ class G2oReader {
   Status NormalizeQuaternion(double* q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(norm > 1e-12) || !std::isfinite(norm)) {
-      return FailField("quaternion", "its length is " + std::to_string(norm));
+      return Fail("quaternion", "its length is " + std::to_string(norm));
     }
     std::for_each(q, q + 4, [norm](double& value) { value /= norm; });
     return Status::Ok();
@@ -188,7 +190,7 @@ class G2oReader {
         }
         // 0 is let through: an edge may say nothing of one coordinate, for those who project.
         if (row == column && value < 0.0) {
-          return FailField(Cell(row, column), "negative on the diagonal");
+          return Fail(Cell(row, column), "negative on the diagonal");
         }
         (*information)[row * size + column] = value;
         (*information)[column * size + row] = value;
@@ -202,8 +204,7 @@ class G2oReader {
     for (const PendingEdge& edge : pending_edges_) {
       graph_->ids.insert(graph_->ids.end(), {edge.from, edge.to});
     }
-    std::sort(graph_->ids.begin(), graph_->ids.end());
-    graph_->ids.erase(std::unique(graph_->ids.begin(), graph_->ids.end()), graph_->ids.end());
+    SortUnique(&graph_->ids);
     for (int i = 0; i < graph_->NumVertices(); ++i) {
       index_of_id_.emplace(graph_->ids[static_cast<std::size_t>(i)], i);
     }
@@ -261,18 +262,11 @@ class G2oReader {
     return scanner_.FailureAt(line, field + ": the file has no vertex " + std::to_string(id));
   }
 
-  // For the line at hand: `file:line: tag: field: what`.
-  Status FailField(const std::string& field, const std::string& what) const {
-    return scanner_.FailureAt(scanner_.line(), tag_ + ": " + field + ": " + what);
-  }
-
   static std::string Cell(std::size_t row, std::size_t column) {
     return "information(" + std::to_string(row) + ", " + std::to_string(column) + ")";
   }
 
-  TextScanner scanner_;
   PoseGraph* graph_ = nullptr;
-  std::string tag_;
   // Looked up in only, never walked through: its order has no part in the result.
   std::unordered_map<std::int64_t, int> index_of_id_;
   std::vector<PendingEdge> pending_edges_;

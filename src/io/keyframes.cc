@@ -159,11 +159,10 @@ class KeyframeReader : private RecordReader {
         !status.ok()) {
       return status;
     }
-    double* w = observation.information.data();
-    for (const char* field : {"w00", "w01", "w11"}) {
-      if (Status status = ReadNumbers(field, 1, w++); !status.ok()) {
-        return status;
-      }
+    double* const w = observation.information.data();
+    if (Status status = ReadFields({{"w00", 1, w}, {"w01", 1, w + 1}, {"w11", 1, w + 2}});
+        !status.ok()) {
+      return status;
     }
     // The file has the upper triangle; SqrtInformation takes the full matrix.
     const std::array<double, 3>& v = observation.information;
@@ -194,11 +193,10 @@ class KeyframeReader : private RecordReader {
     if (Status status = ReadRotation(between.q_ab.data()); !status.ok()) {
       return status;
     }
-    if (Status status = ReadNumbers("p", 3, between.p_ab.data()); !status.ok()) {
-      return status;
-    }
     // All of the matrix, unlike that of an observation: so its symmetry can be checked, and is.
-    if (Status status = ReadNumbers("w", 36, between.information.data()); !status.ok()) {
+    if (Status status =
+            ReadFields({{"p", 3, between.p_ab.data()}, {"w", 36, between.information.data()}});
+        !status.ok()) {
       return status;
     }
     if (Status status = CheckInformation(between.information); !status.ok()) {
@@ -265,13 +263,8 @@ class KeyframeReader : private RecordReader {
   }
 
   Status ReadImagePoint(double* x, double* y, double* inverse_depth) {
-    if (Status status = ReadNumbers("x", 1, x); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadNumbers("y", 1, y); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadNumbers("d_obs", 1, inverse_depth); !status.ok()) {
+    if (Status status = ReadFields({{"x", 1, x}, {"y", 1, y}, {"d_obs", 1, inverse_depth}});
+        !status.ok()) {
       return status;
     }
     // Written so that 0, which says that it was not measured, passes.

@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "base/sort_unique.h"
 #include "inceres/factors/pose_prior.h"
 #include "io/g2o_start.h"
 #include "io/read_file.h"
@@ -52,10 +53,7 @@ bool InvertCovariance(const double* covariance, double* information) {
 class DenseIds {
  public:
   void Add(std::int64_t id) { ids_.push_back(id); }
-  void Close() {
-    std::sort(ids_.begin(), ids_.end());
-    ids_.erase(std::unique(ids_.begin(), ids_.end()), ids_.end());
-  }
+  void Close() { SortUnique(&ids_); }
   const std::vector<std::int64_t>& ids() const { return ids_; }
   bool Has(std::int64_t id) const { return std::binary_search(ids_.begin(), ids_.end(), id); }
   int IndexOf(std::int64_t id) const {
@@ -66,7 +64,7 @@ class DenseIds {
   std::vector<std::int64_t> ids_;
 };
 
-// Calls follow each other in one direction: Read, ReadFields for each line, NumberAll,
+// Calls follow each other in one direction: Read, ReadRecord for each line, NumberAll,
 // PlaceLandmarks. A failure ends all of it; ReadFile hands over the map only if there was none.
 class PlanarMapReader : RecordReader {
  public:
@@ -76,7 +74,7 @@ class PlanarMapReader : RecordReader {
   Status Read(PlanarMap* map) {
     map_ = map;
     map_->poses.dimension = 2;
-    Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadFields(); });
+    Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
     if (status.ok() && lines_.empty()) {
       status = scanner_.FailureAt(scanner_.line(), "the file has no measurements");
     }
@@ -104,7 +102,7 @@ class PlanarMapReader : RecordReader {
   };
 
   // The kind of the line decides what the second number is and which fields follow.
-  Status ReadFields() {
+  Status ReadRecord() {
     Line line{0, 0, scanner_.line(), tag_ == "ODOMETRY"};
     if (!line.is_odometry && tag_ != "LANDMARK" && tag_ != "BR") {
       return Fail("tag", "not known; known are ODOMETRY, LANDMARK and BR");
@@ -131,8 +129,7 @@ class PlanarMapReader : RecordReader {
   Status ReadOdometry() {
     PoseGraphEdge edge;
     double upper[6] = {};
-    Status status = ReadNumbers("motion", 3, edge.measurement.data());
-    status = status.ok() ? ReadNumbers("covariance", 6, upper) : status;
+    Status status = ReadFields({{"motion", 3, edge.measurement.data()}, {"covariance", 6, upper}});
     // The upper triangle row by row, as the file has it.
     const double covariance[9] = {upper[0], upper[1], upper[2], upper[1], upper[3],
                                   upper[4], upper[2], upper[4], upper[5]};
@@ -147,8 +144,7 @@ class PlanarMapReader : RecordReader {
   Status ReadPlace() {
     PlanarMapSighting sighting;
     double upper[3] = {};
-    Status status = ReadNumbers("position", 2, sighting.z);
-    status = status.ok() ? ReadNumbers("covariance", 3, upper) : status;
+    Status status = ReadFields({{"position", 2, sighting.z}, {"covariance", 3, upper}});
     const double covariance[4] = {upper[0], upper[1], upper[1], upper[2]};
     std::copy_n(covariance, 4, sighting.covariance);
     double information[4];
@@ -165,10 +161,10 @@ class PlanarMapReader : RecordReader {
     PlanarMapSighting sighting;
     sighting.kind = PlanarSighting::kRangeBearing;
     double deviations[2] = {};
-    Status status = ReadNumbers("bearing", 1, sighting.z + 1);
-    status = status.ok() ? ReadNumbers("range", 1, sighting.z) : status;
-    status = status.ok() ? ReadNumbers("bearing_std", 1, deviations + 1) : status;
-    status = status.ok() ? ReadNumbers("range_std", 1, deviations) : status;
+    Status status = ReadFields({{"bearing", 1, sighting.z + 1},
+                                {"range", 1, sighting.z},
+                                {"bearing_std", 1, deviations + 1},
+                                {"range_std", 1, deviations}});
     // At distance 0 the angle means nothing, and its derivative is infinite.
     if (status.ok() && !(sighting.z[0] > 0.0)) {
       status = Fail("range", "not positive");

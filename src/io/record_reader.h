@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <memory>
 #include <string>
@@ -39,6 +40,22 @@ class RecordReader {
       if (!scanner_.ScanDouble(values + k)) {
         return scanner_.Failure(tag_ + ": " + field +
                                 (count > 1 ? "(" + std::to_string(k) + ")" : ""));
+      }
+    }
+    return Status::Ok();
+  }
+
+  /// A field of so many numbers, as above.
+  struct Field {
+    std::string name;
+    int count;
+    double* values;
+  };
+  /// One after the other, up to the first that is wrong.
+  Status ReadFields(std::initializer_list<Field> fields) {
+    for (const Field& field : fields) {
+      if (Status status = ReadNumbers(field.name, field.count, field.values); !status.ok()) {
+        return status;
       }
     }
     return Status::Ok();

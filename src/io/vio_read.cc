@@ -95,39 +95,22 @@ class VioReader : private RecordReader {
     if (Status status = ReadIndex("height", &camera.height); !status.ok()) {
       return status;
     }
-    const struct {
-      const char* name;
-      int size;
-      double* values;
-    } fields[] = {{"intrinsics", 4, camera.intrinsics.data()},
-                  {"distortion", 4, camera.distortion.data()},
-                  {"p_bc", 3, camera.imu_from_camera.data()},
-                  {"q_bc", 4, camera.imu_from_camera.data() + 3}};
-    for (const auto& field : fields) {
-      if (Status status = ReadNumbers(field.name, field.size, field.values); !status.ok()) {
-        return status;
-      }
-    }
-    return FailIf(FaultOf(camera));
+    Status status = ReadFields({{"intrinsics", 4, camera.intrinsics.data()},
+                                {"distortion", 4, camera.distortion.data()},
+                                {"p_bc", 3, camera.imu_from_camera.data()},
+                                {"q_bc", 4, camera.imu_from_camera.data() + 3}});
+    return status.ok() ? FailIf(FaultOf(camera)) : status;
   }
 
   // The deviation of pixels, then the four densities of ImuNoise.
   Status ReadNoise() {
     ImuNoise& noise = sequence_->imu_noise;
-    const struct {
-      const char* name;
-      double* value;
-    } fields[] = {{"pixel", &sequence_->pixel_noise},
-                  {"gyr", &noise.gyr},
-                  {"acc", &noise.acc},
-                  {"gyr_bias_walk", &noise.gyr_bias_walk},
-                  {"acc_bias_walk", &noise.acc_bias_walk}};
-    for (const auto& field : fields) {
-      if (Status status = ReadNumbers(field.name, 1, field.value); !status.ok()) {
-        return status;
-      }
-    }
-    return FailIf(FaultOf(sequence_->pixel_noise, noise));
+    Status status = ReadFields({{"pixel", 1, &sequence_->pixel_noise},
+                                {"gyr", 1, &noise.gyr},
+                                {"acc", 1, &noise.acc},
+                                {"gyr_bias_walk", 1, &noise.gyr_bias_walk},
+                                {"acc_bias_walk", 1, &noise.acc_bias_walk}});
+    return status.ok() ? FailIf(FaultOf(sequence_->pixel_noise, noise)) : status;
   }
 
   // Any finite vector: zero is a world without weight.
@@ -139,12 +122,8 @@ class VioReader : private RecordReader {
       return status;
     }
     // Start and truth stand side by side: an estimator takes the one, whoever judges it the other.
-    VioPoint point;
-    if (Status status = ReadNumbers("start", 3, point.start.data()); !status.ok()) {
-      return status;
-    }
-    sequence_->points.push_back(point);
-    return ReadNumbers("truth", 3, sequence_->points.back().truth.data());
+    VioPoint& point = sequence_->points.emplace_back();
+    return ReadFields({{"start", 3, point.start.data()}, {"truth", 3, point.truth.data()}});
   }
 
   Status ReadSample() {
@@ -155,8 +134,7 @@ class VioReader : private RecordReader {
                                                    : !has_noise_ ? "NOISE"
                                                                  : "GRAVITY"));
     }
-    // t, then rates and forces, each three. The sample is stored before its last field is read;
-    // after a failure nobody sees it.
+    // t, then rates and forces, each three. After a failure nobody sees the sample.
     ImuSample sample;
     if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
       return status;
@@ -167,11 +145,9 @@ class VioReader : private RecordReader {
       return Fail("t", std::to_string(sample.time) + " is not after the sample's before, " +
                            std::to_string(samples_.back().time));
     }
-    if (Status status = ReadNumbers("gyr", 3, sample.gyr); !status.ok()) {
-      return status;
-    }
+    Status status = ReadFields({{"gyr", 3, sample.gyr}, {"acc", 3, sample.acc}});
     samples_.push_back(sample);
-    return ReadNumbers("acc", 3, samples_.back().acc);
+    return status;
   }
 
   Status ReadFrame() {
@@ -205,20 +181,13 @@ class VioReader : private RecordReader {
 
   // 16 numbers, "start" or "truth".
   Status ReadState(const std::string& name, VioState* state) {
-    const struct {
-      const char* name;
-      int size;
-      double* values;
-    } fields[] = {{"p", 3, state->pose.data()},
-                  {"q", 4, state->pose.data() + 3},
-                  {"v", 3, state->velocity.data()},
-                  {"b_g", 3, state->gyr_bias.data()},
-                  {"b_a", 3, state->acc_bias.data()}};
-    for (const auto& field : fields) {
-      if (Status status = ReadNumbers(name + " " + field.name, field.size, field.values);
-          !status.ok()) {
-        return status;
-      }
+    if (Status status = ReadFields({{name + " p", 3, state->pose.data()},
+                                    {name + " q", 4, state->pose.data() + 3},
+                                    {name + " v", 3, state->velocity.data()},
+                                    {name + " b_g", 3, state->gyr_bias.data()},
+                                    {name + " b_a", 3, state->acc_bias.data()}});
+        !status.ok()) {
+      return status;
     }
     // Refused, where the reader of g2o files normalizes: this format prints all digits, and what is
     // read is what was written, to the bit.
@@ -247,10 +216,8 @@ class VioReader : private RecordReader {
                            "; a frame sees points once, in ascending order");
     }
     // Pixels, which may lie outside of the image: only the estimator knows whether to mind.
-    if (Status status = ReadNumbers("x", 1, &observation.x); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadNumbers("y", 1, &observation.y); !status.ok()) {
+    if (Status status = ReadFields({{"x", 1, &observation.x}, {"y", 1, &observation.y}});
+        !status.ok()) {
       return status;
     }
     // What the simulator knows and no estimator is told.

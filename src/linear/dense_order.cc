@@ -4,6 +4,7 @@
 #include <numeric>
 #include <utility>
 
+#include "linear/block_neighbors.h"
 #include "linear/envelope_order.h"
 #include "linear/group_order.h"
 
@@ -21,35 +22,29 @@ namespace inceres::internal {
 
 namespace {
 
-// The graph of S: per block row the others it is coupled to.
 class FrontOrdering {
  public:
   explicit FrontOrdering(const BlockPattern& pattern)
       : pattern_(pattern),
-        coupled_(pattern.num_blocks()),
+        graph_(pattern),
         growth_(pattern.num_blocks(), 0),
         state_(pattern.num_blocks(), kAhead) {
-    for (int row = 0; row < pattern.num_blocks(); ++row) {
-      for (int k = pattern.row_begin[row]; k + 1 < pattern.row_begin[row + 1]; ++k) {
-        const int column = pattern.columns[k];
-        coupled_[row].push_back(column);
-        coupled_[column].push_back(row);
-        growth_[row] += pattern.block_size(column);
-        growth_[column] += pattern.block_size(row);
-      }
-    }
+    ForEachCoupling(pattern, [this](int row, int column) {
+      growth_[row] += pattern_.block_size(column);
+      growth_[column] += pattern_.block_size(row);
+    });
   }
 
   std::vector<int> Order() {
     std::vector<int> order;
-    order.reserve(coupled_.size());
-    while (order.size() < coupled_.size()) {
+    order.reserve(state_.size());
+    while (order.size() < state_.size()) {
       // An empty front means that a component of the graph is done, or that nothing has begun: then
       // the row with the fewest neighbors begins another one.
       const int next = SmallestGrowth(front_size_ > 0 ? kInFront : kAhead);
       EnterFront(next);
-      for (const int other : coupled_[next]) {
-        EnterFront(other);
+      for (int k = graph_.begin[next]; k < graph_.begin[next + 1]; ++k) {
+        EnterFront(graph_.rows[k]);
       }
       state_[next] = kDone;
       --front_size_;
@@ -77,15 +72,15 @@ class FrontOrdering {
     if (state_[block] == kAhead) {
       state_[block] = kInFront;
       ++front_size_;
-      for (const int other : coupled_[block]) {
+      for (int k = graph_.begin[block]; k < graph_.begin[block + 1]; ++k) {
         // Whoever is coupled to this block has one neighbor less that would enter on his account.
-        growth_[other] -= pattern_.block_size(block);
+        growth_[graph_.rows[k]] -= pattern_.block_size(block);
       }
     }
   }
 
   const BlockPattern& pattern_;
-  std::vector<std::vector<int>> coupled_;
+  BlockNeighbors<int> graph_;
   std::vector<int> growth_;  // scalar rows that would enter the front if it were next
   std::vector<State> state_;
   int front_size_ = 0;

@@ -1,11 +1,11 @@
 #include "linear/envelope_cholesky.h"
 
 #include <algorithm>
-#include <type_traits>
 
 #include "base/growth_count.h"
 #include "linear/envelope_order.h"
 #include "linear/small_cholesky.h"
+#include "simd/pack_block.h"
 
 namespace inceres::internal {
 
@@ -39,23 +39,6 @@ void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
       }
       row[c] = sum * inverse_pivots[c];
     }
-  }
-}
-
-// A padded block of S. Rows of poses are copied without a call.
-void CopyBlock(int rows, int columns, const double* block, double* out, std::ptrdiff_t stride) {
-  const auto copy = [&](auto constant_columns) {
-    for (int r = 0; r < rows; ++r) {
-      std::copy_n(block + r * PadToQuad(constant_columns), int{constant_columns}, out + r * stride);
-    }
-  };
-  switch (columns) {
-    case 3:
-      return copy(std::integral_constant<int, 3>());
-    case 6:
-      return copy(std::integral_constant<int, 6>());
-    default:
-      return copy(columns);
   }
 }
 
@@ -152,7 +135,7 @@ void EnvelopeCholesky::CopyBlocks(const SymmetricBlockRows& S, const RowOrder& o
       continue;
     }
     // In S this block is left of the diagonal, or on it, and its place comes before or is i.
-    CopyBlock(size, BlockSize(j), S.values(entry.offset), row.values + offsets_[j] - row.start,
+    PackBlock(size, BlockSize(j), S.values(entry.offset), row.values + offsets_[j] - row.start,
               row.stride);
   }
   for (const int other : S.below(order.row(i))) {
@@ -268,15 +251,6 @@ void EnvelopeCholesky::BackSubstituteRow(int i, double* rest, double* x) const {
   // The block row stored by rows is its transpose stored by columns.
   BestKernels().subtract_outer(length, 1, size, row.values, row.stride, x_i, 1, rest + row.start,
                                length);
-}
-
-// With the padding of rows and the gap before their first column: what a pass over L reads.
-std::int64_t EnvelopeCholesky::NumEntries() const {
-  std::int64_t entries = 0;
-  for (int i = 0; i < num_rows_; ++i) {
-    entries += static_cast<std::int64_t>(memory_[i].values.size());
-  }
-  return entries;
 }
 
 }  // namespace inceres::internal

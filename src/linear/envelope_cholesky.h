@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
 #include "base/aligned_vector.h"
@@ -58,8 +57,6 @@ class EnvelopeCholesky {
   int FirstColumn(int i) const { return rows_[i].first_column; }
   /// First scalar row of each block row, one more: the total.
   const std::vector<int>& offsets() const { return offsets_; }
-  /// Scalars of L inside the envelope.
-  std::int64_t NumEntries() const;
   /// Memory held.
   std::size_t Bytes() const {
     return rows_.capacity() * sizeof(EnvelopeRow) + memory_.capacity() * sizeof(RowMemory) +

@@ -26,17 +26,12 @@ RowWork WorkOfRows(const int* first, const int* offset, int begin, int end);
 /// those rows span; no allocation beyond the growth of the workspace.
 RowWork EnvelopeWork(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
                      int first_place, std::vector<int>* workspace);
-inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
-                            int first_place) {
-  std::vector<int> workspace;
-  return EnvelopeWork(S, held, order, first_place, &workspace).flops;
-}
 
 /// An order of the rows from some place on that keeps the envelope small, for when the order as it
 /// is has aged (old frames seen again). The given rows come last, in the order they have, so that a
 /// change like theirs finds the end of the factor; the others by their distance from those in S
 /// (Cuthill-McKee, reversed). A row coupled to very many (shared intrinsics) comes after all: there
-/// it lengthens its own row only. Compare by EnvelopeFlops: it need not be better.
+/// it lengthens its own row only. Compare by EnvelopeWork: it need not be better.
 ///
 /// Cost: that of sorting the neighbors of every row. Deterministic; no allocation beyond the growth
 /// of what it keeps. Source: Cuthill & McKee 1969; George & Liu 1981, chapter 4.

@@ -1,6 +1,8 @@
-#include "linear/front_values.h"
-
 #include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "linear/front_tree.h"
 
 namespace inceres::internal {
 

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <vector>
 
+#include "base/sort_unique.h"
 #include "linear/block_rows.h"
 
 namespace inceres::internal {
@@ -12,8 +13,7 @@ namespace inceres::internal {
 /// has no use for one without members.
 inline std::vector<int> RanksOf(const std::vector<int>& groups) {
   std::vector<int> levels = groups;
-  std::sort(levels.begin(), levels.end());
-  levels.erase(std::unique(levels.begin(), levels.end()), levels.end());
+  SortUnique(&levels);
   std::vector<int> ranks;
   ranks.reserve(groups.size());
   std::transform(groups.begin(), groups.end(), std::back_inserter(ranks), [&levels](int group) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/counting_sort.h"
+#include "base/sort_unique.h"
 
 namespace inceres::internal {
 
@@ -102,8 +103,7 @@ void PathPlan::MakeRestPattern() {
       add(index_[path.anchor], index_[path.next]);
     }
   }
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  SortUnique(&pairs);
   rest_pattern_.offsets.assign(1, 0);
   for (const int node : rest_nodes_) {
     int size = 0;

@@ -72,11 +72,4 @@ class RowOrder {
   SeenRows seen_;            // by Follow
 };
 
-/// The rows as they arrived.
-inline RowOrder ArrivalOrder(const SymmetricBlockRows& S) {
-  RowOrder order;
-  order.Follow(S, 0);
-  return order;
-}
-
 }  // namespace inceres::internal

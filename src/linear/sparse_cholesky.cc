@@ -5,7 +5,6 @@
 
 #include "linear/dense_panel.h"
 #include "linear/front_elimination.h"
-#include "linear/front_values.h"
 #include "linear/not_positive_definite.h"
 
 namespace inceres::internal {

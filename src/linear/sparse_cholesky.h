@@ -29,7 +29,7 @@ class SparseCholesky final : public ReducedSolver {
   }
   /// For who forms S anew for each factorization, and reads none of it afterwards: from now on its
   /// values are in the returned memory, that of the factor, where pattern->value_begin says
-  /// (linear/front_values.h). The pattern is the one that was analyzed. Before any factorization.
+  /// (PlaceValuesInFactor). The pattern is the one that was analyzed. Before any factorization.
   double* PlaceValues(BlockPattern* pattern);
   Status Factorize(const ReducedMatrix& A, const Rows& changed) override;
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,

@@ -33,25 +33,6 @@ inline void FillWithZeros(double* data, std::size_t count) {
   }
 }
 
-/// Copies a padded block to one without padding.
-template <int kColumns>
-void PackRows(int rows, const double* padded, double* packed) {
-  for (int r = 0; r < rows; ++r) {
-    std::copy_n(padded + r * PadToQuad(kColumns), kColumns, packed + r * kColumns);
-  }
-}
-inline void PackBlock(int rows, int columns, const double* padded, double* packed) {
-  if (columns == 3) {
-    return PackRows<3>(rows, padded, packed);
-  }
-  if (columns == 6) {
-    return PackRows<6>(rows, padded, packed);
-  }
-  for (int r = 0; r < rows; ++r) {
-    std::copy_n(padded + r * PadToQuad(columns), columns, packed + r * columns);
-  }
-}
-
 /// A zeroed padded block for a kernel to sum into: on the stack for the usual sizes, on the heap
 /// for frames above 16.
 class BlockScratch {

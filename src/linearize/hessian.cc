@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "linearize/widened.h"
+#include "simd/pack_block.h"
 
 namespace inceres::internal {
 
@@ -48,7 +49,7 @@ void PackDiagonal(int size, double* padded, double* packed) {
     return PackSymmetric<6>(padded, packed);
   }
   MirrorLowerTriangle(size, PadToQuad(size), padded);
-  PackBlock(size, size, padded, packed);
+  PackBlock(size, size, padded, packed, size);
 }
 
 }  // namespace
@@ -227,7 +228,7 @@ void Hessian::AccumulateFrameBlocks(int begin, int end) {
       PackDiagonal(rows, sum, C_.data() + C_begin_[k]);
       AccumulateGradient(plans_.block_row[k], &scratch);
     } else {
-      PackBlock(rows, columns, sum, C_.data() + C_begin_[k]);
+      PackBlock(rows, columns, sum, C_.data() + C_begin_[k], columns);
     }
   }
 }

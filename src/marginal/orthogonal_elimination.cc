@@ -7,6 +7,7 @@
 
 #include <Eigen/Dense>
 
+#include "base/sort_unique.h"
 #include "linear/rows_by_size.h"
 
 namespace inceres::internal {
@@ -90,9 +91,8 @@ RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) cons
       }
     }
   }
-  std::sort(rows.blocks.begin(), rows.blocks.end());
   // Ascending, each once: columns of T and J* are in this order.
-  rows.blocks.erase(std::unique(rows.blocks.begin(), rows.blocks.end()), rows.blocks.end());
+  SortUnique(&rows.blocks);
   const Index columns =
       std::accumulate(rows.blocks.begin(), rows.blocks.end(), Index{0},
                       [this](Index sum, int frame) { return sum + layout_.TangentSize(frame); });

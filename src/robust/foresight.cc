@@ -5,6 +5,7 @@
 
 #include <Eigen/LU>
 
+#include "base/sort_unique.h"
 #include "linearize/factor_linearizer.h"
 
 namespace inceres::internal {
@@ -35,8 +36,7 @@ void Foresight::ListVariables(const FactorGraph& graph, const std::vector<Factor
     std::copy_if(ids, ids + family.num_slots(), std::back_inserter(variables_),
                  [&](VariableId variable) { return !graph.IsConstant(variable); });
   }
-  std::sort(variables_.begin(), variables_.end());
-  variables_.erase(std::unique(variables_.begin(), variables_.end()), variables_.end());
+  SortUnique(&variables_);
 }
 
 // Without their losses, which let them weigh nothing. Columns are those of the joint covariance.

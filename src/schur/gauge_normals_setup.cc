@@ -1,9 +1,9 @@
 // Which factors tell how frames follow their landmarks.
-#include <algorithm>
 #include <utility>
 #include <vector>
 
 #include "base/counting_sort.h"
+#include "base/sort_unique.h"
 #include "linear/pattern_rows.h"
 #include "schur/gauge_normals.h"
 
@@ -79,8 +79,7 @@ void GaugeNormals::BuildPattern() {
         }
       }
       // After each source, so that the list does not grow beyond what one of them repeats.
-      std::sort(columns.begin(), columns.end());
-      columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+      SortUnique(&columns);
     }
     AppendRow(columns, &pattern_);
   }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/counting_sort.h"
+#include "base/sort_unique.h"
 #include "linear/aggregation.h"
 
 namespace inceres::internal {
@@ -223,8 +224,7 @@ std::vector<std::pair<int, int>> FindPaths(const Visibility& visibility,
       seen.push_back(cluster_of[visibility.frames[q]]);
     }
     // A landmark counts once for a pair of clusters, however many of their frames see it.
-    std::sort(seen.begin(), seen.end());
-    seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+    SortUnique(&seen);
     for (std::size_t a = 0; a < seen.size(); ++a) {
       for (std::size_t b = a + 1; b < seen.size(); ++b) {
         // The lower cluster first: one number for a pair.

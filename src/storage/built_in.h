@@ -9,5 +9,8 @@ namespace inceres::internal {
 void AddBuiltInManifolds(GraphFormats* formats);
 void AddBuiltInLosses(GraphFormats* formats);
 void AddBuiltInFamilies(GraphFormats* formats);
+/// Those of them whose measurements differ in size: diagonal and linear priors, preintegrated IMU
+/// samples.
+void AddVectorFamilies(GraphFormats* formats);
 
 }  // namespace inceres::internal

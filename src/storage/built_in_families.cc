@@ -1,3 +1,4 @@
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -18,7 +19,6 @@
 #include "inceres/factors/relative_similarity.h"
 #include "inceres/factors/stereo_reprojection.h"
 #include "storage/built_in.h"
-#include "storage/vector_families.h"
 
 namespace inceres::internal {
 
@@ -146,50 +146,47 @@ void AddReprojections(GraphFormats* formats) {
   AddPlainFamily<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
 }
 
+// A family that sees landmarks with one camera, whose fields stand in the file in this order.
+template <typename Family, typename Camera, std::size_t num_fields>
+void AddCameraFamily(const char* name, const std::array<double Camera::*, num_fields>& fields,
+                     GraphFormats* formats) {
+  Add<Family>(
+      name, formats,
+      [fields](const Family& family, GraphWriter* writer) {
+        WriteLandmark(family, writer);
+        for (double Camera::*const field : fields) {
+          writer->WriteDouble(family.camera().*field);
+        }
+      },
+      [fields](GraphReader* reader) {
+        const LandmarkKind landmark = ReadLandmark(reader);
+        const Perturbation side = ReadSide(reader);
+        Camera camera;
+        for (double Camera::*const field : fields) {
+          camera.*field = reader->ReadDouble();
+        }
+        return std::make_shared<Family>(camera, landmark, side);
+      });
+}
+
 void AddPointFamilies(GraphFormats* formats) {
   Add<BearingFamily>("bearing", formats, WriteLandmark<BearingFamily>, [](GraphReader* reader) {
     const LandmarkKind landmark = ReadLandmark(reader);
     // One read a statement: arguments are evaluated in no order that is known.
     return std::make_shared<BearingFamily>(landmark, ReadSide(reader));
   });
-  Add<PointReprojectionFamily>(
-      "point_reprojection", formats,
-      [](const PointReprojectionFamily& family, GraphWriter* writer) {
-        WriteLandmark(family, writer);
-        const PinholeCamera& c = family.camera();
-        // The order in the file; the list for reading is the same.
-        for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.k1, c.k2, c.p1, c.p2}) {
-          writer->WriteDouble(value);
-        }
-      },
-      [](GraphReader* reader) {
-        const LandmarkKind landmark = ReadLandmark(reader);
-        const Perturbation side = ReadSide(reader);
-        PinholeCamera c;
-        for (double* value : {&c.f_x, &c.f_y, &c.c_x, &c.c_y, &c.k1, &c.k2, &c.p1, &c.p2}) {
-          *value = reader->ReadDouble();
-        }
-        return std::make_shared<PointReprojectionFamily>(c, landmark, side);
-      });
-  Add<StereoReprojectionFamily>(
-      "stereo_reprojection", formats,
-      [](const StereoReprojectionFamily& family, GraphWriter* writer) {
-        WriteLandmark(family, writer);
-        const StereoCamera& c = family.camera();
-        // Without distortion: stereo images are rectified.
-        for (const double value : {c.f_x, c.f_y, c.c_x, c.c_y, c.baseline}) {
-          writer->WriteDouble(value);
-        }
-      },
-      [](GraphReader* reader) {
-        const LandmarkKind landmark = ReadLandmark(reader);
-        const Perturbation side = ReadSide(reader);
-        StereoCamera c;
-        for (double* value : {&c.f_x, &c.f_y, &c.c_x, &c.c_y, &c.baseline}) {
-          *value = reader->ReadDouble();
-        }
-        return std::make_shared<StereoReprojectionFamily>(c, landmark, side);
-      });
+  using Pinhole = PinholeCamera;
+  AddCameraFamily<PointReprojectionFamily>(
+      "point_reprojection",
+      std::array{&Pinhole::f_x, &Pinhole::f_y, &Pinhole::c_x, &Pinhole::c_y, &Pinhole::k1,
+                 &Pinhole::k2, &Pinhole::p1, &Pinhole::p2},
+      formats);
+  // Without distortion: stereo images are rectified.
+  using Stereo = StereoCamera;
+  AddCameraFamily<StereoReprojectionFamily>(
+      "stereo_reprojection",
+      std::array{&Stereo::f_x, &Stereo::f_y, &Stereo::c_x, &Stereo::c_y, &Stereo::baseline},
+      formats);
 }
 
 // A family that is made with one enumeration, which `get` reads: `last` is its last enumerator.

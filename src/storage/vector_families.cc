@@ -1,5 +1,3 @@
-#include "storage/vector_families.h"
-
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -9,6 +7,7 @@
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/solver/linear_prior.h"
+#include "storage/built_in.h"
 
 // The formats of families whose measurements differ in size from family to family or from factor to
 // factor: diagonal priors, linear priors of marginalization, preintegrated IMU samples. A family's

@@ -313,13 +313,10 @@ void IterativeModel::Describe(WorkCounts* work) const {
   work->reduced_size = plans_.pattern.size();
   work->num_landmarks = incidences_.num_landmarks();
   work->num_schur_products = plans_.num_schur_products();
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
-                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
-                                                                  plans_.schur.terms.size()));
   work->bytes += elimination_.Bytes() + product_.Bytes() +
                  (preconditioner_ != nullptr ? preconditioner_->Bytes() : 0) +
                  static_cast<std::int64_t>(iteration_.Bytes());
-  CountDynamicSizes(evaluator_, work);
+  DescribeHessian(evaluator_, hessian_, plans_, work);
 }
 
 }  // namespace inceres::internal

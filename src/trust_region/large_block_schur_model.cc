@@ -401,10 +401,8 @@ void LargeBlockSchurModel::Describe(WorkCounts* work) const {
   for (const int variable : kept_) {
     work->reduced_size += Size(variable);
   }
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
-                 static_cast<std::int64_t>(sizeof(ProductTerm) * plans_.hessian.terms.size()) +
-                 static_cast<std::int64_t>(iteration_.Bytes()) + preconditioner_->Bytes();
-  CountDynamicSizes(evaluator_, work);
+  work->bytes += static_cast<std::int64_t>(iteration_.Bytes()) + preconditioner_->Bytes();
+  DescribeHessian(evaluator_, hessian_, plans_, work);
 }
 
 }  // namespace inceres::internal

@@ -32,7 +32,11 @@ Status CheckBlockOffsets(const Evaluator& evaluator, const LandmarkIncidences& i
                              "of one landmark, exceed 32 GiB");
 }
 
-void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work) {
+void DescribeHessian(const Evaluator& evaluator, const Hessian& hessian, const FramePlans& plans,
+                     WorkCounts* work) {
+  work->bytes += static_cast<std::int64_t>(
+      sizeof(double) * hessian.C().size() +
+      sizeof(ProductTerm) * (plans.hessian.terms.size() + plans.schur.terms.size()));
   for (const Linearization& cache : evaluator.families()) {
     // Kernels are sized at compile time up to residuals of 4; longer ones take the loop of run-time
     // length.
@@ -115,10 +119,7 @@ std::vector<int> PlainModel::EliminationOrder() const {
 void PlainModel::Describe(WorkCounts* work) const {
   work->num_frames = plans_.pattern.num_blocks();
   work->reduced_size = plans_.pattern.size();
-  work->bytes += static_cast<std::int64_t>(sizeof(double) * hessian_.C().size()) +
-                 static_cast<std::int64_t>(sizeof(ProductTerm) * (plans_.hessian.terms.size() +
-                                                                  plans_.schur.terms.size()));
-  CountDynamicSizes(evaluator_, work);
+  DescribeHessian(evaluator_, hessian_, plans_, work);
 }
 
 // A sparse factor reads each block of S once, and before it writes there. Where it writes is the

@@ -12,8 +12,10 @@ namespace inceres::internal {
 /// Blocks are found by 32-bit counts of quads; a target in Y spends one bit on a flag.
 Status CheckBlockOffsets(const Evaluator& evaluator, const LandmarkIncidences& incidences);
 
-/// Counts factors whose residuals are too long for kernels that are sized at compile time.
-void CountDynamicSizes(const Evaluator& evaluator, WorkCounts* work);
+/// What any model has to say of H: the bytes of C and of its plans, and how many factors have
+/// residuals too long for kernels that are sized at compile time.
+void DescribeHessian(const Evaluator& evaluator, const Hessian& hessian, const FramePlans& plans,
+                     WorkCounts* work);
 
 /// S = H: nothing to eliminate (pose graphs, curve fitting). Also the frame half of the Schur
 /// model.

@@ -4,7 +4,6 @@
 
 #include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
-#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -17,7 +16,7 @@ namespace inceres::internal {
 // slot, so that the blocks of a row are summed by one task, in the order of the subset: no two
 // tasks add to the same block, and the sums have one order for any number of threads.
 //
-// Conjugate gradients have padded vectors, the factor packed ones: Apply copies both ways.
+// The factor is that of clusters of frames, with all frames in one.
 
 namespace {
 
@@ -38,7 +37,7 @@ bool AreThere(const FactorGraph& graph, const std::vector<FactorId>& subset) {
 
 SubsetPreconditioner::SubsetPreconditioner(const Evaluator& evaluator,
                                            const std::vector<FactorId>& subset, Status* status)
-    : evaluator_(evaluator), factor_(evaluator.executor()) {
+    : evaluator_(evaluator) {
   if (!AreThere(evaluator.graph(), subset)) {
     *status = Status::Error(StatusCode::kInvalidArgument,
                             "conjugate_gradients.subset names a factor that is not there");
@@ -47,10 +46,10 @@ SubsetPreconditioner::SubsetPreconditioner(const Evaluator& evaluator,
   CollectTerms(subset);
   BuildPattern();
   values_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
-  packed_r_.resize(static_cast<std::size_t>(pattern_.size()));
-  packed_z_.resize(static_cast<std::size_t>(pattern_.size()));
-  // A pattern without values: the symbolic analysis, once for all dampings.
-  *status = factor_.Analyze(ReducedMatrix(pattern_, nullptr, nullptr));
+  FrameClusters all;
+  all.cluster_of.assign(static_cast<std::size_t>(pattern_.num_blocks()), 0);
+  // The symbolic analysis, once for all dampings.
+  factor_.emplace(pattern_, all, evaluator.executor(), status);
 }
 
 // −1 of a slot whose variable does not move.
@@ -79,23 +78,21 @@ void SubsetPreconditioner::BuildPattern() {
   const Layout& layout = evaluator_.layout();
   pattern_ = PatternWithoutBlocks(
       {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
-  std::vector<int> columns;
+  RowColumns columns(layout.num_frames);
   for (int row = 0; row < layout.num_frames; ++row) {
-    columns.assign(1, row);
+    columns.Begin(row);
     for (int k = terms_begin_[row]; k < terms_begin_[row + 1]; ++k) {
       const Linearization& cache = evaluator_.families()[terms_[k].family];
       for (int s = 0; s < cache.num_slots; ++s) {
         const int other = FrameThrough(cache, terms_[k].factor, s);
         // The lower triangle, with the diagonal block always there, so that frames without a factor
         // of the subset have the damping alone.
-        if (other >= 0 && other < row) {
-          columns.push_back(other);
+        if (other >= 0) {
+          columns.Add(other);
         }
       }
     }
-    std::sort(columns.begin(), columns.end());
-    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-    AppendRow(columns, &pattern_);
+    AppendRow(columns.Ascending(), &pattern_);
   }
 }
 
@@ -139,33 +136,16 @@ void SubsetPreconditioner::Refresh() {
 }
 
 Status SubsetPreconditioner::Prepare(const double* damping) {
-  return factor_.Factorize(ReducedMatrix(pattern_, values_.data(), damping), {});
+  return factor_->Factorize(values_.data(), damping);
 }
 
 void SubsetPreconditioner::Apply(const double* r, double* z) {
-  const auto for_each_frame = [&](const auto& visit) {
-    int padded = 0;
-    for (int i = 0; i < pattern_.num_blocks(); ++i) {
-      visit(pattern_.offsets[i], padded, pattern_.block_size(i));
-      padded += PadToQuad(pattern_.block_size(i));
-    }
-  };
-  for_each_frame([&](int packed, int padded, int size) {
-    std::copy_n(r + padded, size, packed_r_.data() + packed);
-  });
-  // Factorize has succeeded: there is nothing left to fail.
-  static_cast<void>(factor_.Solve(packed_r_.data(), {}, {}, packed_z_.data()));
-  for_each_frame([&](int packed, int padded, int size) {
-    // The padding goes back as zeros: sums of the iteration run over it.
-    std::fill(std::copy_n(packed_z_.data() + packed, size, z + padded),
-              z + padded + PadToQuad(size), 0.0);
-  });
+  factor_->Apply(r, z);
 }
 
 std::int64_t SubsetPreconditioner::Bytes() const {
-  return static_cast<std::int64_t>(factor_.Bytes() + terms_.size() * sizeof(Term) +
-                                   (values_.size() + packed_r_.size() + packed_z_.size()) *
-                                       sizeof(double));
+  return factor_->Bytes() +
+         static_cast<std::int64_t>(terms_.size() * sizeof(Term) + values_.size() * sizeof(double));
 }
 
 }  // namespace inceres::internal

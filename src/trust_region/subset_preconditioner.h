@@ -1,10 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "inceres/problem/factor_graph.h"
-#include "linear/sparse_cholesky.h"
+#include "linear/cluster_cholesky.h"
 #include "trust_region/preconditioner.h"
 
 namespace inceres::internal {
@@ -40,9 +41,7 @@ class SubsetPreconditioner final : public Preconditioner {
   std::vector<Term> terms_;
   BlockPattern pattern_;
   std::vector<double> values_;
-  SparseCholesky factor_;
-  std::vector<double> packed_r_;
-  std::vector<double> packed_z_;
+  std::optional<ClusterCholesky> factor_;
 };
 
 }  // namespace inceres::internal

@@ -122,8 +122,7 @@ const char* ToString(Termination termination) {
 
 // All fields are there whatever the solve came to. Numbers have 17 digits; null stands for what
 // JSON has no number for. In the order of docs/json.md: how it ended, costs, steps, how it was
-// solved, sizes, work, seconds and the trace. Flags are words of JSON, true and false, and written
-// as such.
+// solved, sizes, work, seconds and the trace. Flags are words of JSON, true and false.
 std::string Summary::ToJson() const {
   return JsonObject()
       .AddString("termination", ToString(termination))
@@ -136,10 +135,10 @@ std::string Summary::ToJson() const {
       .Add("discarded_cost_change", discarded_cost_change)
       .Add("num_successful_steps", num_successful_steps)
       .Add("num_unsuccessful_steps", num_unsuccessful_steps)
-      .AddRaw("is_constrained", is_constrained ? "true" : "false")
+      .Add("is_constrained", is_constrained)
       .AddRaw("line_search", inceres::ToJson(line_search))
-      .AddRaw("structure_reused", structure_reused ? "true" : "false")
-      .AddRaw("recomputed_jacobians", recomputed_jacobians ? "true" : "false")
+      .Add("structure_reused", structure_reused)
+      .Add("recomputed_jacobians", recomputed_jacobians)
       .AddString("reduced_solver", reduced_solver)
       .AddString("kernels", kernels)
       .AddString("strategy", strategy)

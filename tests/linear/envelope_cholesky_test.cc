@@ -10,6 +10,8 @@
 #include <Eigen/Core>
 #include <gtest/gtest.h>
 
+#include "linear/growing_system.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -157,7 +159,9 @@ TEST(EnvelopeCholesky, ALoopLengthensOnlyItsOwnRow) {
   double* block = loop.S().values(loop.S().FindOrAdd(60, 0));
   block[0] = 0.1;
   ASSERT_TRUE(loop_factor.Factorize(loop.S(), ArrivalOrder(loop.S()), damping.data(), 0));
-  EXPECT_EQ(loop_factor.NumEntries() - chain_factor.NumEntries(), 6 * (58 * 6));
+  for (int i = 0; i < 100; ++i) {
+    EXPECT_EQ(loop_factor.FirstColumn(i), i == 60 ? 0 : chain_factor.FirstColumn(i));
+  }
 }
 
 TEST(EnvelopeCholesky, NamesTheSingularRowAndRecovers) {

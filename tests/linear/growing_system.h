@@ -9,9 +9,24 @@
 
 #include "inceres/linear/reduced_solver.h"
 #include "linear/block_rows.h"
+#include "linear/envelope_order.h"
+#include "linear/row_order.h"
 #include "support/random_values.h"
 
 namespace inceres::internal {
+
+/// The rows as they arrived.
+inline RowOrder ArrivalOrder(const SymmetricBlockRows& S) {
+  RowOrder order;
+  order.Follow(S, 0);
+  return order;
+}
+
+inline double EnvelopeFlops(const SymmetricBlockRows& S, const char* held, const RowOrder& order,
+                            int first_place) {
+  std::vector<int> workspace;
+  return EnvelopeWork(S, held, order, first_place, &workspace).flops;
+}
 
 /// A living S of mixed block sizes, symmetric positive definite and well conditioned: each row
 /// coupled to a few recent ones and now and then to a far one. With damping, a mask and a

@@ -1,6 +1,4 @@
 // How far thresholds are off, as the errors of inliers tell.
-#include "robust/threshold_scale.h"
-
 #include <cmath>
 #include <random>
 #include <vector>
@@ -8,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "robust/gnc_worlds.h"
+#include "robust/scaled_thresholds.h"
 
 namespace inceres {
 namespace {

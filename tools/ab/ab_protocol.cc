@@ -186,7 +186,7 @@ double AbResult::LowestCost() const {
   return std::min(ours.first().final_cost, LowestStockCost());
 }
 
-Spread AbResult::RatioToBestStock() const {
+Spread AbResult::RatioTo(const ContenderRuns& theirs) const {
   const auto seconds = [](const ContenderRuns& runs) {
     std::vector<double> values;
     for (const SolveRecord& record : runs.rounds) {
@@ -194,7 +194,7 @@ Spread AbResult::RatioToBestStock() const {
     }
     return values;
   };
-  return SummarizeRatios(seconds(ours), seconds(FastestStock()));
+  return SummarizeRatios(seconds(ours), seconds(theirs));
 }
 
 double AbResult::RelativeCostDifference() const {

@@ -54,8 +54,10 @@ struct AbResult {
   const ContenderRuns& FastestStock() const;  ///< lowest median
   double LowestStockCost() const;             ///< lowest final cost of the stock runs
   double LowestCost() const;                  ///< of all
-  /// Ours against the fastest stock, round by round.
-  Spread RatioToBestStock() const;
+  /// Ours against these runs, round by round.
+  Spread RatioTo(const ContenderRuns& theirs) const;
+  /// The same against the fastest stock.
+  Spread RatioToBestStock() const { return RatioTo(FastestStock()); }
   /// (our final cost − lowest stock final cost) / lowest stock final cost. Costs below 1e-16 of the
   /// initial cost are rounding and count as that.
   double RelativeCostDifference() const;

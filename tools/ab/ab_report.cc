@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdarg>
-#include <cstdio>
 #include <optional>
 
+#include "src/base/formatted.h"
+#include "tools/command_line/json_values.h"
 #include "tools/draw/gap_curves_svg.h"
 
 namespace inceres::tools {
 namespace {
 
+using internal::Formatted;
 using nlohmann::json;
 
 struct Gap {
@@ -20,33 +21,13 @@ struct Gap {
 constexpr std::array<Gap, 4> kGaps = {
     {{"1e-2", 1e-2}, {"1e-3", 1e-3}, {"1e-4", 1e-4}, {"1e-5", 1e-5}}};
 
-[[gnu::format(printf, 1, 2)]] std::string Format(const char* format, ...) {
-  char line[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line, sizeof(line), format, arguments);
-  va_end(arguments);
-  return line;
-}
-
 std::string TableRow(const ContenderRuns& runs, const Spread& ratio) {
   const Spread seconds = runs.Seconds();
   const SolveRecord& record = runs.first();
-  return Format("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n",
-                runs.solver.c_str(), runs.configuration.c_str(), seconds.median, seconds.min,
-                seconds.max, 1e3 * runs.SecondsPerIteration(), record.initial_cost,
-                record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
-}
-
-// Ours against these runs, round by round.
-Spread RatioOfOursTo(const AbResult& result, const ContenderRuns& runs) {
-  std::vector<double> ours;
-  std::vector<double> theirs;
-  for (std::size_t i = 0; i < result.ours.rounds.size(); ++i) {
-    ours.push_back(result.ours.rounds[i].seconds);
-    theirs.push_back(runs.rounds[i].seconds);
-  }
-  return SummarizeRatios(ours, theirs);
+  return Formatted("%-8s %-26s %9.4f %9.4f %9.4f %8.2f  %13.6e  %17.11e %5d  %-14s %6.3f\n",
+                   runs.solver.c_str(), runs.configuration.c_str(), seconds.median, seconds.min,
+                   seconds.max, 1e3 * runs.SecondsPerIteration(), record.initial_cost,
+                   record.final_cost, record.iterations, record.termination.c_str(), ratio.median);
 }
 
 json ToJson(const Spread& spread) {
@@ -64,8 +45,7 @@ std::optional<double> MedianToGap(const ContenderRuns& runs, double lowest_cost,
 json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
   json times = json::object();
   for (const Gap& gap : kGaps) {
-    const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
-    times[gap.name] = median ? json(*median) : json(nullptr);
+    times[gap.name] = OrNull(MedianToGap(runs, lowest_cost, gap.value));
   }
   return times;
 }
@@ -74,30 +54,22 @@ json TimesToGaps(const ContenderRuns& runs, double lowest_cost) {
 std::string GapTable(const AbResult& result) {
   const double lowest_cost = result.LowestCost();
   std::string text = "\nmedian seconds until the cost was so near the lowest, relative:\n";
-  text += Format("%-8s %-26s", "solver", "configuration");
+  text += Formatted("%-8s %-26s", "solver", "configuration");
   for (const Gap& gap : kGaps) {
-    text += Format(" %10s", gap.name);
+    text += Formatted(" %10s", gap.name);
   }
   text += "\n";
   const auto add = [&](const ContenderRuns& runs) {
-    text += Format("%-8s %-26s", runs.solver.c_str(), runs.configuration.c_str());
+    text += Formatted("%-8s %-26s", runs.solver.c_str(), runs.configuration.c_str());
     for (const Gap& gap : kGaps) {
       const std::optional<double> median = MedianToGap(runs, lowest_cost, gap.value);
-      text += median ? Format(" %10.4f", *median) : Format(" %10s", "-");
+      text += median ? Formatted(" %10.4f", *median) : Formatted(" %10s", "-");
     }
     text += "\n";
   };
   add(result.ours);
   std::for_each(result.stock.begin(), result.stock.end(), add);
   return text;
-}
-
-json StagesJson(const ContenderRuns& runs) {
-  json stages = json::object();
-  for (const auto& [name, seconds] : runs.StageSeconds()) {
-    stages[name] = seconds;
-  }
-  return stages;
 }
 
 json RunJson(const ContenderRuns& runs, double lowest_cost) {
@@ -107,7 +79,7 @@ json RunJson(const ContenderRuns& runs, double lowest_cost) {
           {"linear_solver", record.linear_solver},
           {"seconds", ToJson(runs.Seconds())},
           {"seconds_per_iteration", runs.SecondsPerIteration()},
-          {"stage_seconds", StagesJson(runs)},
+          {"stage_seconds", JsonObject(runs.StageSeconds())},
           {"initial_cost", record.initial_cost},
           {"final_cost", record.final_cost},
           {"final_cost_spread", runs.FinalCostSpread()},
@@ -132,24 +104,25 @@ std::string Header(const AbContext& context, const AbResult& result) {
 
 std::string AbTable(const AbContext& context, const AbResult& result) {
   std::string text = Header(context, result);
-  text += Format("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver",
-                 "configuration", "median s", "min s", "max s", "ms/iter", "initial cost",
-                 "final cost", "iter", "termination", "ours/x");
+  text += Formatted("%-8s %-26s %9s %9s %9s %8s  %13s  %17s %5s  %-14s %6s\n", "solver",
+                    "configuration", "median s", "min s", "max s", "ms/iter", "initial cost",
+                    "final cost", "iter", "termination", "ours/x");
   text += TableRow(result.ours, {1.0, 1.0, 1.0});
   for (const ContenderRuns& runs : result.stock) {
-    text += TableRow(runs, RatioOfOursTo(result, runs));
+    text += TableRow(runs, result.RatioTo(runs));
   }
   for (const Dropped& dropped : result.dropped) {
-    text += Format("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
-                   dropped.reason.c_str());
+    text += Formatted("%-8s %-26s dropped: %s\n", "ceres", dropped.configuration.c_str(),
+                      dropped.reason.c_str());
   }
   text += GapTable(result);
   const Spread ratio = result.RatioToBestStock();
-  text += Format("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
-                 result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
-  text += Format("relative difference of final costs (ours - lowest stock): %.3e\n",
-                 result.RelativeCostDifference());
-  text += Format(
+  text +=
+      Formatted("\nratio to the best stock (%s): median %.3f, min %.3f, max %.3f\n",
+                result.FastestStock().configuration.c_str(), ratio.median, ratio.min, ratio.max);
+  text += Formatted("relative difference of final costs (ours - lowest stock): %.3e\n",
+                    result.RelativeCostDifference());
+  text += Formatted(
       "largest parameter difference, gauge removed: positions %.2e and points %.2e of the scene "
       "size, rotations %.2e rad\n",
       context.difference.positions, context.difference.points, context.difference.rotations);
@@ -196,8 +169,7 @@ json AbJson(const AbContext& context, const AbResult& result) {
             {"points", context.difference.points},
             {"rotations", context.difference.rotations}}},
           {"options_without_effect", result.ours.first().options_without_effect},
-          {"environment", json(std::map<std::string, std::string>(context.environment.begin(),
-                                                                  context.environment.end()))}};
+          {"environment", JsonObject(context.environment)}};
 }
 
 }  // namespace inceres::tools

@@ -6,6 +6,8 @@
 
 #include <gflags/gflags.h>
 
+#include "tools/command_line/command_line.h"
+
 DEFINE_bool(quiet, false,
             "Print nothing where all goes well; files that were asked for are written.");
 DEFINE_string(progress, "auto",
@@ -45,12 +47,10 @@ std::FILE* ProgressOutputBesideTable() {
 
 Status ApplyOutputFlags() {
   if (FLAGS_progress != "auto" && FLAGS_progress != "always" && FLAGS_progress != "never") {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--progress '" + FLAGS_progress + "': use auto, always or never");
+    return Invalid("--progress '" + FLAGS_progress + "': use auto, always or never");
   }
   if (FLAGS_quiet && FLAGS_progress == "always") {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "--quiet and --progress always contradict each other");
+    return Invalid("--quiet and --progress always contradict each other");
   }
   if (FLAGS_quiet) {  // no such flag, no effect: not every program has glog's
     gflags::SetCommandLineOptionWithMode("minloglevel", "2", gflags::SET_FLAG_IF_DEFAULT);

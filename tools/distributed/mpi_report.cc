@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/command_line/json_values.h"
 #include "tools/command_line/output.h"
 
 namespace inceres::tools {
@@ -108,10 +109,6 @@ void PrintTable(const MpiReport& report) {
 }
 
 std::string ToJson(const MpiReport& report) {
-  nlohmann::json stages = nlohmann::json::object();
-  for (const auto& [stage, seconds] : StagesOf(report)) {
-    stages[stage] = seconds;
-  }
   nlohmann::json ranks = nlohmann::json::array();
   for (const RankReport& rank : report.summary.ranks) {
     ranks.push_back(ToJson(rank));
@@ -129,7 +126,7 @@ std::string ToJson(const MpiReport& report) {
                                {"iterations", IterationsOf(solve)},
                                {"message", solve.message},
                                {"seconds", solve.seconds.total},
-                               {"stage_seconds", stages},
+                               {"stage_seconds", JsonObject(StagesOf(report))},
                                {"partition",
                                 {{"by", report.partition.by},
                                  {"imbalance", report.partition.imbalance},

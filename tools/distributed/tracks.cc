@@ -4,6 +4,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/text.h"
 #include "distributed/exchange.h"
 #include "io/bal_binary.h"
 #include "io/bal_share.h"

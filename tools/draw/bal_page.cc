@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "src/base/formatted.h"
 #include "tools/draw/cost_curve_svg.h"
 #include "tools/draw/error_histogram.h"
 #include "tools/draw/page_style.h"
@@ -15,6 +16,8 @@
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 const Eigen::Vector2d kTopPanel(560.0, 400.0);
 const Eigen::Vector2d kSidePanel(560.0, 220.0);
@@ -33,8 +36,8 @@ std::string Figure(const std::string& id, double number, const char* format) {
     words = "not finite";
   }
   std::string html;
-  AppendFormat(&html, "<span id=\"%s\" data-value=\"%.17g\">%s</span>", id.c_str(), number,
-               words.c_str());
+  html += Formatted("<span id=\"%s\" data-value=\"%.17g\">%s</span>", id.c_str(), number,
+                    words.c_str());
   return html;
 }
 
@@ -73,22 +76,21 @@ std::string Tiles(const BalPageContent& content) {
 // One panel of a scene, with its upper left corner at `top`.
 void AppendPanel(const std::string& id, const SceneView& view, const BalProblem& bal, double top,
                  std::string* svg) {
-  AppendFormat(svg,
-               "<g id=\"%s\" transform=\"translate(0 %.0f)\"><clipPath id=\"clip_%s\"><rect "
-               "width=\"%.0f\" height=\"%.0f\"/></clipPath>"
-               "<rect class=\"frame\" width=\"%.0f\" height=\"%.0f\"/>\n",
-               id.c_str(), top, id.c_str(), view.panel.x(), view.panel.y(), view.panel.x(),
-               view.panel.y());
+  *svg += Formatted(
+      "<g id=\"%s\" transform=\"translate(0 %.0f)\"><clipPath id=\"clip_%s\"><rect "
+      "width=\"%.0f\" height=\"%.0f\"/></clipPath>"
+      "<rect class=\"frame\" width=\"%.0f\" height=\"%.0f\"/>\n",
+      id.c_str(), top, id.c_str(), view.panel.x(), view.panel.y(), view.panel.x(), view.panel.y());
   *svg += "<g clip-path=\"url(#clip_" + id + ")\">\n" + SceneSvg(view, bal, kLimits) + "</g></g>\n";
 }
 
 std::string SceneCard(const char* when, const char* title, const SceneViews& views,
                       const BalProblem& bal) {
   std::string svg;
-  AppendFormat(&svg,
-               "<svg viewBox=\"-1 -1 %.0f %.0f\" role=\"img\" aria-label=\"Cameras and points %s, "
-               "from above and from the side\">\n",
-               kTopPanel.x() + 2.0, kTopPanel.y() + kGap + kSidePanel.y() + 2.0, when);
+  svg += Formatted(
+      "<svg viewBox=\"-1 -1 %.0f %.0f\" role=\"img\" aria-label=\"Cameras and points %s, "
+      "from above and from the side\">\n",
+      kTopPanel.x() + 2.0, kTopPanel.y() + kGap + kSidePanel.y() + 2.0, when);
   AppendPanel(std::string(when) + "_top", views.top, bal, 0.0, &svg);
   AppendPanel(std::string(when) + "_side", views.side, bal, kTopPanel.y() + kGap, &svg);
   return std::string("<section class=\"card half\" id=\"") + when + "\"><h2>" + title +
@@ -121,9 +123,9 @@ template <typename Shapes>
 std::string TwoWidths(const char* label, double left, const Shapes& shapes) {
   std::string html = "<figure>";
   for (const auto& [style, width] : {std::pair("wide", 500.0), std::pair("narrow", 320.0)}) {
-    AppendFormat(&html,
-                 "<svg class=\"%s\" viewBox=\"0 0 %.0f 260\" role=\"img\" aria-label=\"%s\">\n",
-                 style, width, label);
+    html +=
+        Formatted("<svg class=\"%s\" viewBox=\"0 0 %.0f 260\" role=\"img\" aria-label=\"%s\">\n",
+                  style, width, label);
     html += shapes(SvgFrame{left, 10.0, width - left - 12.0, 225.0}, width) + "</svg>";
   }
   return html + "</figure>";
@@ -181,7 +183,7 @@ std::string FactsCard(const BalPageContent& content) {
                      Row("end", record.termination + ": " + record.message);
   for (const auto& [stage, seconds] : record.stage_seconds) {
     std::string text;
-    AppendFormat(&text, "%.4g ms", 1e3 * seconds);
+    text += Formatted("%.4g ms", 1e3 * seconds);
     rows += Row("time of " + stage, text);
   }
   for (const auto& [name, count] : record.work) {

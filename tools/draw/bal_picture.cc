@@ -1,5 +1,6 @@
 #include "tools/draw/bal_picture.h"
 
+#include "src/base/formatted.h"
 #include "tools/draw/cost_curve_svg.h"
 #include "tools/draw/scene_view.h"
 #include "tools/draw/svg_text.h"
@@ -7,6 +8,8 @@
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr double kPanel = 580.0;  // side of a view
 constexpr double kMargin = 20.0;
@@ -19,14 +22,14 @@ constexpr double kHeight = kCurveTop + kCurveHeight + 50.0;
 
 void AppendPanel(const char* id, double left, const SceneView& view, const BalProblem& bal,
                  std::string* svg) {
-  AppendFormat(svg,
-               "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" "
-               "width=\"%.0f\" height=\"%.0f\"/>\n",
-               id, left, kTop, kPanel, kPanel);
+  *svg += Formatted(
+      "<g id=\"%s\" transform=\"translate(%.0f %.0f)\">\n<rect class=\"frame\" "
+      "width=\"%.0f\" height=\"%.0f\"/>\n",
+      id, left, kTop, kPanel, kPanel);
   *svg += "<g clip-path=\"url(#panel)\">\n";
   *svg += SceneSvg(view, bal, SceneLimits());
-  AppendFormat(svg, "</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id,
-               RmsReprojectionError(bal));
+  *svg += Formatted("</g>\n<text x=\"12\" y=\"26\">%s: %.4g px RMS</text>\n</g>\n", id,
+                    RmsReprojectionError(bal));
 }
 
 }  // namespace
@@ -34,10 +37,10 @@ void AppendPanel(const char* id, double left, const SceneView& view, const BalPr
 std::string BalPictureSvg(const std::string& title, const BalProblem& before,
                           const BalProblem& after, const std::vector<CostSample>& trace) {
   std::string svg = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-  AppendFormat(&svg,
-               "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
-               "height=\"%.0f\">\n",
-               kWidth, kHeight, kWidth, kHeight);
+  svg += Formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+      "height=\"%.0f\">\n",
+      kWidth, kHeight, kWidth, kHeight);
   svg +=
       "<style>\n"
       "text{font:15px sans-serif;fill:#333} .title{font-size:20px} "
@@ -48,9 +51,9 @@ std::string BalPictureSvg(const std::string& title, const BalProblem& before,
       ".grid{stroke:#e4e4e0;fill:none} .curve{stroke:#d9541e;stroke-width:2;fill:none}\n"
       ".accepted{fill:#d9541e} .rejected{fill:#fff;stroke:#999}\n"
       "</style>\n";
-  AppendFormat(&svg, "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n",
-               kPanel, kPanel);
-  AppendFormat(&svg, "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kWidth, kHeight);
+  svg += Formatted("<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>\n",
+                   kPanel, kPanel);
+  svg += Formatted("<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kWidth, kHeight);
   svg += "<text class=\"title\" x=\"20\" y=\"42\">" + EscapeXml(title) + "</text>\n";
   const SceneView view = ChooseTopView(after, {kPanel, kPanel});
   AppendPanel("before", kMargin, view, before, &svg);

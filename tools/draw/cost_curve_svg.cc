@@ -4,10 +4,12 @@
 #include <cmath>
 #include <cstddef>
 
-#include "tools/draw/svg_text.h"
+#include "src/base/formatted.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 // Positions in the cost curve: iterations to the right, logarithm of the cost upward.
 struct CurveScale {
@@ -48,11 +50,11 @@ std::string CostCurveShapes(const std::vector<CostSample>& trace, const SvgFrame
   constexpr int kLines = 4;
   for (int k = 0; k <= kLines; ++k) {
     const double cost = std::pow(10.0, scale.low + (scale.high - scale.low) * k / kLines);
-    AppendFormat(&svg,
-                 "<path class=\"grid\" d=\"M%.0f %.1fH%.0f\"/><text class=\"tick\" x=\"%.0f\" "
-                 "y=\"%.1f\">%.4g</text>\n",
-                 frame.left, scale.Y(cost), frame.left + frame.width, frame.left - 8.0,
-                 scale.Y(cost) + 4.0, cost);
+    svg += Formatted(
+        "<path class=\"grid\" d=\"M%.0f %.1fH%.0f\"/><text class=\"tick\" x=\"%.0f\" "
+        "y=\"%.1f\">%.4g</text>\n",
+        frame.left, scale.Y(cost), frame.left + frame.width, frame.left - 8.0, scale.Y(cost) + 4.0,
+        cost);
   }
   std::string line;
   std::string dots;
@@ -60,21 +62,21 @@ std::string CostCurveShapes(const std::vector<CostSample>& trace, const SvgFrame
     const double x = scale.X(i);
     const double y = scale.Y(trace[i].cost);
     if (trace[i].accepted) {
-      AppendFormat(&line, "%s%.1f %.1f", line.empty() ? "M" : "L", x, y);
+      line += Formatted("%s%.1f %.1f", line.empty() ? "M" : "L", x, y);
     }
-    AppendFormat(&dots, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
-                 trace[i].accepted ? "accepted" : "rejected", x, y);
+    dots += Formatted("<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
+                      trace[i].accepted ? "accepted" : "rejected", x, y);
   }
   return svg + "<path class=\"curve\" d=\"" + line + "\"/>\n" + dots;
 }
 
 std::string CostCurveSvg(const std::vector<CostSample>& trace, const SvgFrame& frame) {
   std::string svg = "<g id=\"cost\">\n" + CostCurveShapes(trace, frame);
-  AppendFormat(&svg,
-               "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: "
-               "rejected steps</text>\n</g>\n",
-               frame.left, frame.top + frame.height + 30.0,
-               trace.empty() ? std::size_t{0} : trace.size() - 1);
+  svg += Formatted(
+      "<text x=\"%.0f\" y=\"%.0f\">cost (logarithmic) over %zu iterations; hollow: "
+      "rejected steps</text>\n</g>\n",
+      frame.left, frame.top + frame.height + 30.0,
+      trace.empty() ? std::size_t{0} : trace.size() - 1);
   return svg;
 }
 

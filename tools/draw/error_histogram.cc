@@ -5,10 +5,12 @@
 #include <iterator>
 #include <utility>
 
-#include "tools/draw/svg_text.h"
+#include "src/base/formatted.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr double kSmallest = 1e-12;  // pixels: what an error of exactly 0 counts as
 
@@ -54,12 +56,12 @@ void AppendBars(const char* style, const std::vector<double>& edges,
     const double height =
         0.5 * frame.height * static_cast<double>(counts[k]) / static_cast<double>(largest);
     if (counts[k] > 0) {
-      AppendFormat(svg,
-                   "<rect class=\"%s\" x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\">"
-                   "<title>%s: %zu of %.3g to %.3g px</title></rect>\n",
-                   style, frame.left + width * static_cast<double>(k) + 0.5,
-                   sign > 0.0 ? middle - height : middle, std::max(width - 1.0, 0.5), height, style,
-                   counts[k], edges[k], edges[k + 1]);
+      *svg += Formatted(
+          "<rect class=\"%s\" x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\">"
+          "<title>%s: %zu of %.3g to %.3g px</title></rect>\n",
+          style, frame.left + width * static_cast<double>(k) + 0.5,
+          sign > 0.0 ? middle - height : middle, std::max(width - 1.0, 0.5), height, style,
+          counts[k], edges[k], edges[k + 1]);
     }
   }
 }
@@ -107,19 +109,19 @@ std::string ErrorHistogramShapes(const ErrorHistogram& histogram, const SvgFrame
     const double x = frame.left + share * frame.width;
     const double edge =
         histogram.edges.front() * std::pow(histogram.edges.back() / histogram.edges.front(), share);
-    AppendFormat(&svg,
-                 "<path class=\"grid\" d=\"M%.1f %.0fV%.0f\"/><text class=\"%s\" x=\"%.1f\" "
-                 "y=\"%.0f\">%.2g</text>\n",
-                 x, frame.top, frame.top + frame.height,
-                 k == 0                ? "first"
-                 : k + 1 == num_labels ? "last"
-                                       : "mid",
-                 x, frame.top + frame.height + 16.0, edge);
+    svg += Formatted(
+        "<path class=\"grid\" d=\"M%.1f %.0fV%.0f\"/><text class=\"%s\" x=\"%.1f\" "
+        "y=\"%.0f\">%.2g</text>\n",
+        x, frame.top, frame.top + frame.height,
+        k == 0                ? "first"
+        : k + 1 == num_labels ? "last"
+                              : "mid",
+        x, frame.top + frame.height + 16.0, edge);
   }
   AppendBars("after", histogram.edges, histogram.after, largest, 1.0, frame, &svg);
   AppendBars("before", histogram.edges, histogram.before, largest, -1.0, frame, &svg);
-  AppendFormat(&svg, "<path class=\"zero\" d=\"M%.1f %.1fh%.1f\"/>\n", frame.left,
-               frame.top + 0.5 * frame.height, frame.width);
+  svg += Formatted("<path class=\"zero\" d=\"M%.1f %.1fh%.1f\"/>\n", frame.left,
+                   frame.top + 0.5 * frame.height, frame.width);
   return svg;
 }
 

@@ -4,10 +4,13 @@
 #include <array>
 #include <cmath>
 
+#include "src/base/formatted.h"
 #include "tools/draw/svg_text.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr double kPageWidth = 900.0;
 constexpr double kPlotLeft = 90.0, kPlotTop = 60.0, kPlotWidth = 560.0, kPlotHeight = 380.0;
@@ -55,20 +58,20 @@ GapScale ChooseGapScale(double lowest_cost, const std::vector<GapCurve>& curves)
 }
 
 void AppendGapGrid(const GapScale& scale, std::string* svg) {
-  AppendFormat(svg,
-               "<rect class=\"frame\" x=\"%.0f\" y=\"%.0f\" width=\"%.0f\" height=\"%.0f\"/>\n",
-               kPlotLeft, kPlotTop, kPlotWidth, kPlotHeight);
+  *svg +=
+      Formatted("<rect class=\"frame\" x=\"%.0f\" y=\"%.0f\" width=\"%.0f\" height=\"%.0f\"/>\n",
+                kPlotLeft, kPlotTop, kPlotWidth, kPlotHeight);
   for (const double gap : kGapLines) {
-    AppendFormat(svg,
-                 "<path class=\"grid\" d=\"M%.0f %.1fh%.0f\"/><text class=\"tick\" x=\"%.0f\" "
-                 "y=\"%.1f\">%.0e</text>\n",
-                 kPlotLeft, scale.Y(gap), kPlotWidth, kPlotLeft - 8.0, scale.Y(gap) + 4.0, gap);
+    *svg += Formatted(
+        "<path class=\"grid\" d=\"M%.0f %.1fh%.0f\"/><text class=\"tick\" x=\"%.0f\" "
+        "y=\"%.1f\">%.0e</text>\n",
+        kPlotLeft, scale.Y(gap), kPlotWidth, kPlotLeft - 8.0, scale.Y(gap) + 4.0, gap);
   }
   constexpr int kNumTicks = 4;
   for (int k = 0; k <= kNumTicks; ++k) {
     const double seconds = scale.first * std::pow(scale.last / scale.first, 1.0 * k / kNumTicks);
-    AppendFormat(svg, "<text class=\"second\" x=\"%.1f\" y=\"%.0f\">%.3g s</text>\n",
-                 scale.X(seconds), kPlotTop + kPlotHeight + 20.0, seconds);
+    *svg += Formatted("<text class=\"second\" x=\"%.1f\" y=\"%.0f\">%.3g s</text>\n",
+                      scale.X(seconds), kPlotTop + kPlotHeight + 20.0, seconds);
   }
 }
 
@@ -83,18 +86,18 @@ void AppendGapCurve(const GapScale& scale, double lowest_cost, const GapCurve& c
     x = scale.X(sample.seconds);
     if (line.empty()) {
       y = scale.Y(GapOf(sample, lowest_cost));
-      AppendFormat(&line, "M%.1f %.1f", x, y);
+      line += Formatted("M%.1f %.1f", x, y);
       continue;
     }
     y = std::max(y, scale.Y(GapOf(sample, lowest_cost)));  // the best state so far
-    AppendFormat(&line, "H%.1fV%.1f", x, y);
+    line += Formatted("H%.1fV%.1f", x, y);
   }
   const char* const color = kCurveColors[index % kCurveColors.size()];
   const std::string label = EscapeXml(curve.label);
   *svg += "<path class=\"curve\" data-label=\"" + label + "\" stroke=\"" + color + "\" d=\"" +
           line + "\"/>\n";
-  AppendFormat(svg, "<text x=\"%.0f\" y=\"%.0f\" style=\"fill:%s\">", kPlotLeft + kPlotWidth + 14.0,
-               kPlotTop + 18.0 + 20.0 * static_cast<double>(index), color);
+  *svg += Formatted("<text x=\"%.0f\" y=\"%.0f\" style=\"fill:%s\">", kPlotLeft + kPlotWidth + 14.0,
+                    kPlotTop + 18.0 + 20.0 * static_cast<double>(index), color);
   *svg += label + "</text>\n";
 }
 
@@ -104,10 +107,10 @@ std::string GapCurvesSvg(const std::string& title, double lowest_cost,
                          const std::vector<GapCurve>& curves) {
   const GapScale scale = ChooseGapScale(lowest_cost, curves);
   std::string svg = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-  AppendFormat(&svg,
-               "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
-               "height=\"%.0f\">\n",
-               kPageWidth, kPageHeight, kPageWidth, kPageHeight);
+  svg += Formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+      "height=\"%.0f\">\n",
+      kPageWidth, kPageHeight, kPageWidth, kPageHeight);
   svg +=
       "<style>\n"
       "text{font:13px sans-serif;fill:#333} .title{font-size:16px}\n"
@@ -115,17 +118,17 @@ std::string GapCurvesSvg(const std::string& title, double lowest_cost,
       ".frame{fill:#fbfbf8;stroke:#ccc} .grid{stroke:#ddd;fill:none}\n"
       ".curve{stroke-width:2;fill:none}\n"
       "</style>\n";
-  AppendFormat(&svg, "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kPageWidth,
-               kPageHeight);
+  svg +=
+      Formatted("<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n", kPageWidth, kPageHeight);
   svg += "<text class=\"title\" x=\"20\" y=\"32\">" + EscapeXml(title) + "</text>\n";
   AppendGapGrid(scale, &svg);
   for (std::size_t k = 0; k < curves.size(); ++k) {
     AppendGapCurve(scale, lowest_cost, curves[k], k, &svg);
   }
-  AppendFormat(&svg,
-               "<text x=\"%.0f\" y=\"%.0f\">how far above the lowest cost, relative, over the "
-               "seconds of the solve</text>\n</svg>\n",
-               kPlotLeft, kPlotTop + kPlotHeight + 44.0);
+  svg += Formatted(
+      "<text x=\"%.0f\" y=\"%.0f\">how far above the lowest cost, relative, over the "
+      "seconds of the solve</text>\n</svg>\n",
+      kPlotLeft, kPlotTop + kPlotHeight + 44.0);
   return svg;
 }
 

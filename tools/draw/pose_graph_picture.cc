@@ -7,11 +7,14 @@
 #include <utility>
 
 #include "inceres/io/g2o_graph.h"
+#include "src/base/formatted.h"
 #include "tools/draw/page_style.h"
 #include "tools/draw/svg_text.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr double kSide = 560.0;  // of a panel
 constexpr double kPanelGap = 20.0;
@@ -76,16 +79,16 @@ PanelView ViewOf(const PoseGraph& before, const PoseGraph& after) {
 template <typename Wanted>
 void AppendEdges(const char* style, const PanelView& view, const PoseGraph& graph,
                  const Wanted& wanted, std::string* svg) {
-  AppendFormat(svg, "<path class=\"%s\" d=\"", style);
+  *svg += Formatted("<path class=\"%s\" d=\"", style);
   int at = -1;  // where the pen is
   for (std::size_t i = 0; i < graph.edges.size(); ++i) {
     if (wanted(i)) {
       const double* a = graph.PoseData(graph.edges[i].from);
       const double* b = graph.PoseData(graph.edges[i].to);
       if (graph.edges[i].from != at) {
-        AppendFormat(svg, "M%.1f %.1f", view.X(a), view.Y(a));
+        *svg += Formatted("M%.1f %.1f", view.X(a), view.Y(a));
       }
-      AppendFormat(svg, "L%.1f %.1f", view.X(b), view.Y(b));
+      *svg += Formatted("L%.1f %.1f", view.X(b), view.Y(b));
       at = graph.edges[i].to;
     }
   }
@@ -95,17 +98,17 @@ void AppendEdges(const char* style, const PanelView& view, const PoseGraph& grap
 void AppendGraphPanel(const char* id, double left, const PanelView& view, const PoseGraph& graph,
                       const std::vector<bool>& is_loop, const std::vector<bool>& is_outlier,
                       std::string* svg) {
-  AppendFormat(svg,
-               "<g id=\"%s\" transform=\"translate(%.0f %.0f)\"><rect class=\"frame\" "
-               "width=\"%.0f\" height=\"%.0f\"/><g clip-path=\"url(#panel)\">\n",
-               id, left, kHead, kSide, kSide);
+  *svg += Formatted(
+      "<g id=\"%s\" transform=\"translate(%.0f %.0f)\"><rect class=\"frame\" "
+      "width=\"%.0f\" height=\"%.0f\"/><g clip-path=\"url(#panel)\">\n",
+      id, left, kHead, kSide, kSide);
   AppendEdges(
       "outlier", view, graph, [&](std::size_t i) { return is_outlier[i]; }, svg);
   AppendEdges(
       "loop", view, graph, [&](std::size_t i) { return is_loop[i] && !is_outlier[i]; }, svg);
   AppendEdges(
       "odometry", view, graph, [&](std::size_t i) { return !is_loop[i] && !is_outlier[i]; }, svg);
-  AppendFormat(svg, "</g><text x=\"12\" y=\"26\">%s</text></g>\n", id);
+  *svg += Formatted("</g><text x=\"12\" y=\"26\">%s</text></g>\n", id);
 }
 
 }  // namespace
@@ -115,20 +118,20 @@ std::string PoseGraphPictureSvg(const std::string& title, const PoseGraph& befor
   constexpr double kWidth = 2.0 * kSide + 3.0 * kPanelGap;
   constexpr double kHeight = kHead + kSide + kPanelGap;
   std::string svg;
-  AppendFormat(&svg,
-               "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
-               "height=\"%.0f\">\n",
-               kWidth, kHeight, kWidth, kHeight);
+  svg += Formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+      "height=\"%.0f\">\n",
+      kWidth, kHeight, kWidth, kHeight);
   svg +=
       "<style>text{font:15px sans-serif;fill:#333} .title{font-size:20px} "
       ".frame{fill:#fbfbf8;stroke:#ccc} path{fill:none;stroke-linecap:round}\n"
       ".odometry{stroke:#1f4e79;stroke-width:1.3} "
       ".loop{stroke:#5b9bd5;stroke-width:.6;stroke-opacity:.6} "
       ".outlier{stroke:#d0451b;stroke-width:.5;stroke-opacity:.35;stroke-dasharray:4 3}</style>\n";
-  AppendFormat(&svg,
-               "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>"
-               "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n",
-               kSide, kSide, kWidth, kHeight);
+  svg += Formatted(
+      "<clipPath id=\"panel\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath>"
+      "<rect width=\"%.0f\" height=\"%.0f\" fill=\"#fff\"/>\n",
+      kSide, kSide, kWidth, kHeight);
   svg += "<text class=\"title\" x=\"20\" y=\"42\">" + EscapeXml(title) + "</text>\n";
   std::vector<bool> is_loop(after.edges.size(), false);
   for (const int edge : LoopEdges(after)) {

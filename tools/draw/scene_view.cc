@@ -9,12 +9,14 @@
 #include <Eigen/Geometry>
 #include <ceres/rotation.h>
 
-#include "tools/draw/svg_text.h"
+#include "src/base/formatted.h"
 #include "tools/problems/bal_ceres_problem.h"
 #include "tools/problems/gauge.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -101,8 +103,8 @@ void AppendCamera(const SceneView& view, const BalProblem& bal, int camera, cons
   const Vector2d across(-0.45 * along.y(), 0.45 * along.x());
   const Vector2d a = apex + along + across;
   const Vector2d b = apex + along - across;
-  AppendFormat(svg, "<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(),
-               apex.y(), a.x(), a.y(), b.x(), b.y());
+  *svg += Formatted("<path class=\"camera\" d=\"M%.1f %.1fL%.1f %.1fL%.1f %.1fz\"/>\n", apex.x(),
+                    apex.y(), a.x(), a.y(), b.x(), b.y());
 }
 
 }  // namespace
@@ -141,7 +143,7 @@ std::string SceneSvg(const SceneView& view, const BalProblem& bal, const SceneLi
   for (std::size_t i = 0; i < scene.points.size(); i += point_stride) {
     const Vector2d p = view.Apply(scene.points[i]);
     if (IsVisible(view, p)) {
-      AppendFormat(&svg, "M%.1f %.1fh0", p.x(), p.y());
+      svg += Formatted("M%.1f %.1fh0", p.x(), p.y());
     }
   }
   svg += "\"/>\n";

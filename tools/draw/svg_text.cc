@@ -1,18 +1,6 @@
 #include "tools/draw/svg_text.h"
 
-#include <cstdarg>
-#include <cstdio>
-
 namespace inceres::tools {
-
-void AppendFormat(std::string* svg, const char* format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  *svg += text;
-}
 
 std::string EscapeXml(const std::string& text) {
   std::string escaped;

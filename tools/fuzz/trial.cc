@@ -2,23 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <limits>
 #include <vector>
 
+#include "src/base/formatted.h"
 #include "tools/fuzz/trial_checks.h"
 
 namespace inceres::fuzz {
 namespace {
 
+using internal::Formatted;
+
 // Final costs and initial ones are those of the memory, relative.
 constexpr double kSameCost = 1e-9;
 
 std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summary) {
-  std::string lines = Text("  %s, %s\n", whose, summary.message.c_str());
+  std::string lines = Formatted("  %s, %s\n", whose, summary.message.c_str());
   for (const ceres::IterationSummary& i : summary.iterations) {
-    lines += Text("  %4d%s cost %.14g change %.3g ratio %.3g gradient %.2g step %.2g radius %.2g\n",
+    lines +=
+        Formatted("  %4d%s cost %.14g change %.3g ratio %.3g gradient %.2g step %.2g radius %.2g\n",
                   i.iteration, i.step_is_successful ? " " : "!", i.cost, i.cost_change,
                   i.relative_decrease, i.gradient_max_norm, i.step_norm, i.trust_region_radius);
   }
@@ -28,21 +30,12 @@ std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summar
 std::string StepsOf(const std::vector<double>& costs, double tolerance) {
   std::string lines = costs.empty() ? "" : "  judge, gains in tolerances:";
   for (std::size_t i = 1; i < costs.size(); ++i) {
-    lines += Text(" %.2g", (costs[i - 1] - costs[i]) / (tolerance * costs[i]));
+    lines += Formatted(" %.2g", (costs[i - 1] - costs[i]) / (tolerance * costs[i]));
   }
   return lines + (costs.empty() ? "" : "\n");
 }
 
 }  // namespace
-
-std::string Text(const char* format, ...) {
-  char text[500];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 void Trial::LookAtStart() {
   std::vector<double> gradient;
@@ -96,12 +89,13 @@ std::optional<Finding> Trial::Run() {
 std::optional<Finding> Trial::Calls() {
   const CallWatch& watch = TheCallWatch();
   if (watch.calls_too_late > 0 || watch.active > 0) {
-    return Finding{"called_after_return", Text("%ld calls of cost functions after Solve returned",
-                                               watch.calls_too_late.load())};
+    return Finding{
+        "called_after_return",
+        Formatted("%ld calls of cost functions after Solve returned", watch.calls_too_late.load())};
   }
   if (watch.overlapping_calls > 0) {
-    return Finding{"called_concurrently",
-                   Text("%ld calls at a time with num_threads 1", watch.overlapping_calls.load())};
+    return Finding{"called_concurrently", Formatted("%ld calls at a time with num_threads 1",
+                                                    watch.overlapping_calls.load())};
   }
   return std::nullopt;
 }
@@ -114,11 +108,11 @@ std::optional<Finding> Trial::Memory() {
     const World::Block& block = *world_->blocks()[b];
     for (int j = 0; j < block.size; ++j, ++i) {
       if (!std::isfinite(values[i])) {
-        return Finding{"not_a_number", Text("block %zu has %g", b, values[i])};
+        return Finding{"not_a_number", Formatted("block %zu has %g", b, values[i])};
       }
       if (values[i] != start_[i] && (failed || block.constant)) {
         return Finding{failed ? "failure_moved_values" : "constant_moved",
-                       Text("block %zu: %.17g became %.17g", b, start_[i], values[i])};
+                       Formatted("block %zu: %.17g became %.17g", b, start_[i], values[i])};
       }
     }
   }
@@ -130,7 +124,7 @@ std::optional<Finding> Trial::Bounds() {
     for (int j = 0; j < block->size && summary_.termination_type != ceres::FAILURE; ++j) {
       if (block->x[j] < world_->problem().GetParameterLowerBound(block->x, j) ||
           block->x[j] > world_->problem().GetParameterUpperBound(block->x, j)) {
-        return Finding{"beyond_bound", Text("a value of %.17g", block->x[j])};
+        return Finding{"beyond_bound", Formatted("a value of %.17g", block->x[j])};
       }
     }
   }
@@ -164,13 +158,13 @@ std::optional<Finding> Trial::Costs() {
       return std::nullopt;
     }
     return Finding{"wrong_final_cost",
-                   Text("the summary says %s with %.17g, memory has %.17g%s",
-                        ceres::TerminationTypeToString(summary_.termination_type),
-                        summary_.final_cost, cost, evaluated ? "" : " (cannot be evaluated)")};
+                   Formatted("the summary says %s with %.17g, memory has %.17g%s",
+                             ceres::TerminationTypeToString(summary_.termination_type),
+                             summary_.final_cost, cost, evaluated ? "" : " (cannot be evaluated)")};
   }
   if (!options_.use_nonmonotonic_steps && start_has_cost_ &&
       cost > start_cost_ * (1.0 + kSameCost) + rounding) {
-    return Finding{"went_up", Text("from %.17g to %.17g", start_cost_, cost)};
+    return Finding{"went_up", Formatted("from %.17g to %.17g", start_cost_, cost)};
   }
   return std::nullopt;
 }

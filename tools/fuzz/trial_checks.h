@@ -10,9 +10,6 @@
 
 namespace inceres::fuzz {
 
-/// printf into a string of up to 500 characters.
-__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...);
-
 /// One solve and the checks of it, in trial.cc (memory, calls, costs) and trial_end.cc (how and
 /// where it ended).
 class Trial {

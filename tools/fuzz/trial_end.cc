@@ -3,10 +3,13 @@
 #include <cmath>
 #include <vector>
 
+#include "src/base/formatted.h"
 #include "tools/fuzz/trial_checks.h"
 
 namespace inceres::fuzz {
 namespace {
+
+using internal::Formatted;
 
 // A solver that has used up at least this many iterations, where stock needs less than a fifth of
 // them, does not converge.
@@ -32,9 +35,10 @@ std::optional<Finding> Trial::Termination() {
   // What remembers need not ask for Jacobians.
   const bool start_will_do = solver_->follows_stock() ? start_evaluates_ : start_has_cost_;
   if (!start_will_do && Stock().summary().termination_type == ceres::FAILURE) {
-    return Finding{"no_failure", Text("%s from a start that cannot be evaluated: ",
-                                      ceres::TerminationTypeToString(summary_.termination_type)) +
-                                     summary_.message};
+    return Finding{"no_failure",
+                   Formatted("%s from a start that cannot be evaluated: ",
+                             ceres::TerminationTypeToString(summary_.termination_type)) +
+                       summary_.message};
   }
   if (summary_.termination_type != ceres::NO_CONVERGENCE) {
     return std::nullopt;
@@ -74,10 +78,11 @@ std::optional<Finding> Trial::CheckLimit() {
   }
   return Finding{
       is_there ? "does_not_end" : "slow",
-      Text("no convergence in %d iterations, cost %.12g, plain LM goes to %.12g (tolerance %.2g); "
-           "stock %.12g in %zu",
-           options_.max_num_iterations, verdict.cost, verdict.best, options_.function_tolerance,
-           of_stock.cost, stock.iterations.size())};
+      Formatted(
+          "no convergence in %d iterations, cost %.12g, plain LM goes to %.12g (tolerance %.2g); "
+          "stock %.12g in %zu",
+          options_.max_num_iterations, verdict.cost, verdict.best, options_.function_tolerance,
+          of_stock.cost, stock.iterations.size())};
 }
 
 const StockTraces& Trial::Stock() {
@@ -128,7 +133,7 @@ std::optional<Finding> Trial::Repetition() {
   }
   return Finding{
       "not_repeated",
-      Text(
+      Formatted(
           "with %d threads %s, cost %.17g, with %d threads %s, cost %.17g; values differ by %.3g%s",
           options_.num_threads, ceres::TerminationTypeToString(summary_.termination_type),
           summary_.final_cost, other.num_threads,
@@ -182,14 +187,15 @@ std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
                            : is_no_worse      ? "excess_as_stock"
                                               : "excess";
   return Finding{
-      kind, Text("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, "
-                 "%.12g (tolerance "
-                 "%.2g, %zu iterations); stock "
-                 "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
-                 ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
-                 options_.function_tolerance, summary_.iterations.size(), stock.cost,
-                 stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
-                summary_.message};
+      kind,
+      Formatted("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, "
+                "%.12g (tolerance "
+                "%.2g, %zu iterations); stock "
+                "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
+                ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
+                options_.function_tolerance, summary_.iterations.size(), stock.cost,
+                stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
+          summary_.message};
 }
 
 }  // namespace inceres::fuzz

@@ -1,22 +1,14 @@
 #include "tools/pose_graph/pose_graph_report.h"
 
 #include <algorithm>
-#include <cstdarg>
-#include <cstdio>
 
 #include "inceres/factors/pose_edge.h"
+#include "src/base/formatted.h"
 
 namespace inceres::tools {
 namespace {
 
-[[gnu::format(printf, 1, 2)]] std::string Text(const char* format, ...) {
-  char text[256];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  return text;
-}
+using internal::Formatted;
 
 // Where nothing can move, both counts are -1, as in Ceres.
 int NumIterations(const PoseGraphRun& run) {
@@ -59,55 +51,44 @@ nlohmann::json GncJson(const PoseGraphRun& run) {
 }  // namespace
 
 std::string Describe(const PoseGraphRun& run) {
-  return Text("%d poses in %dD, %zu edges, %zu loops", run.before.NumVertices(),
-              run.before.dimension, run.before.edges.size(), run.loops.size());
+  return Formatted("%d poses in %dD, %zu edges, %zu loops", run.before.NumVertices(),
+                   run.before.dimension, run.before.edges.size(), run.loops.size());
 }
 
 std::vector<std::pair<std::string, std::string>> Figures(const PoseGraphRun& run) {
   std::vector<std::pair<std::string, std::string>> rows = {
       {"problem", Describe(run)},
-      {"cost", Text("%.10e -> %.10e", run.initial_cost, run.final_cost)},
+      {"cost", Formatted("%.10e -> %.10e", run.initial_cost, run.final_cost)},
       {"iterations", std::to_string(NumIterations(run))},
       {"termination", TerminationOf(run) + ": " + MessageOf(run)}};
-  rows.emplace_back("time", Text("%.6f s", run.seconds));
+  rows.emplace_back("time", Formatted("%.6f s", run.seconds));
   if (run.gnc.has_value()) {
     rows.emplace_back("weighted problems", std::to_string(run.gnc->rounds.size()));
-    rows.emplace_back("found to be wrong",
-                      Text("%d of %zu suspects", run.gnc->num_outliers, run.gnc->verdicts.size()));
+    rows.emplace_back("found to be wrong", Formatted("%d of %zu suspects", run.gnc->num_outliers,
+                                                     run.gnc->verdicts.size()));
   }
   if (run.score.has_value() && !run.gnc.has_value()) {
-    rows.emplace_back("wrong loops", Text("%d, not looked for (--gnc)", run.score->num_wrong));
+    rows.emplace_back("wrong loops", Formatted("%d, not looked for (--gnc)", run.score->num_wrong));
   } else if (run.score.has_value()) {
     rows.emplace_back("wrong loops found",
-                      Text("%d of %d", run.score->num_wrong_found, run.score->num_wrong));
+                      Formatted("%d of %d", run.score->num_wrong_found, run.score->num_wrong));
     rows.emplace_back("right loops lost",
-                      Text("%d of %d", run.score->num_right_lost, run.score->num_right));
+                      Formatted("%d of %d", run.score->num_right_lost, run.score->num_right));
   }
   if (run.score.has_value()) {
     rows.emplace_back("RMS from without them",
-                      Text("%.6g, %.4g %% of the extent", run.score->rms_difference,
-                           100.0 * run.score->rms_difference / run.score->extent));
+                      Formatted("%.6g, %.4g %% of the extent", run.score->rms_difference,
+                                100.0 * run.score->rms_difference / run.score->extent));
   }
   if (run.bound.has_value()) {
-    rows.emplace_back("chordal cost", Text("%.10e (isotropic noise)", run.bound->cost));
+    rows.emplace_back("chordal cost", Formatted("%.10e (isotropic noise)", run.bound->cost));
     rows.emplace_back("  its lower bound",
-                      Text("%.10e, gap %.3g", run.bound->lower_bound, run.bound->gap));
-    rows.emplace_back("  smallest eigenvalue", Text("%.3e", run.bound->smallest_eigenvalue));
+                      Formatted("%.10e, gap %.3g", run.bound->lower_bound, run.bound->gap));
+    rows.emplace_back("  smallest eigenvalue", Formatted("%.3e", run.bound->smallest_eigenvalue));
     rows.emplace_back("  rotations apart",
-                      Text("%.3g rad at most, from this solution", run.bound->largest_angle));
+                      Formatted("%.3g rad at most, from this solution", run.bound->largest_angle));
   }
   return rows;
-}
-
-PoseGraph WithoutOutliers(const PoseGraphRun& run) {
-  PoseGraph kept = run.after;
-  kept.edges.clear();
-  for (std::size_t i = 0; i < run.after.edges.size(); ++i) {
-    if (!run.is_outlier[i]) {
-      kept.edges.push_back(run.after.edges[i]);
-    }
-  }
-  return kept;
 }
 
 nlohmann::json PoseGraphJson(const std::string& input, const PoseGraphPlan& plan,

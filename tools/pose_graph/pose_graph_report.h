@@ -20,7 +20,4 @@ std::vector<std::pair<std::string, std::string>> Figures(const PoseGraphRun& run
 nlohmann::json PoseGraphJson(const std::string& input, const PoseGraphPlan& plan,
                              const PoseGraphRun& run);
 
-/// The solved graph without the edges that were found to be wrong.
-PoseGraph WithoutOutliers(const PoseGraphRun& run);
-
 }  // namespace inceres::tools

@@ -1,7 +1,6 @@
 #include "tools/pose_graph/pose_graph_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -9,6 +8,7 @@
 
 #include "inceres/io/pose_graph_start.h"
 #include "inceres/solver/solver.h"
+#include "src/base/stopwatch.h"
 #include "tools/problems/wrong_loops.h"
 
 namespace inceres::tools {
@@ -18,10 +18,6 @@ namespace {
 constexpr double kWrongness = 4.0;
 // The solution without wrong loops is sought to the end.
 constexpr double kReferenceTolerance = 1e-12;
-
-double SecondsNow() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 Status StartPoses(PoseGraphStart start, int num_threads, PoseGraph* graph) {
   switch (start) {
@@ -159,6 +155,17 @@ Status WithWrongLoops(const PoseGraphPlan& plan, PoseGraph* graph, PoseGraph* re
   return AddWrongLoops(wrong, *reference, graph);
 }
 
+PoseGraph WithoutOutliers(const PoseGraphRun& run) {
+  PoseGraph kept = run.after;
+  kept.edges.clear();
+  for (std::size_t i = 0; i < run.after.edges.size(); ++i) {
+    if (!run.is_outlier[i]) {
+      kept.edges.push_back(run.after.edges[i]);
+    }
+  }
+  return kept;
+}
+
 Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraphRun* run) {
   run->before = graph;
   run->first_wrong_edge = static_cast<int>(graph.edges.size());
@@ -169,7 +176,7 @@ Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraph
   }
   run->loops = LoopEdges(run->before);
   run->is_outlier.assign(run->before.edges.size(), false);
-  const double start = SecondsNow();
+  const double start = internal::NowInSeconds();
   status = StartPoses(plan.start, plan.solver.num_threads, &run->before);
   FactorGraph factors;
   G2oGraph ids;
@@ -180,22 +187,15 @@ Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraph
   if (!status.ok()) {
     return status;
   }
-  run->seconds = SecondsNow() - start;
+  run->seconds = internal::NowInSeconds() - start;
   run->after = run->before;
   TakePoses(factors, ids, &run->after);
   if (plan.outliers > 0.0) {
     run->score = Score(*run, reference);
   }
   if (plan.certificate) {
-    PoseGraph inliers = run->after;
-    inliers.edges.clear();
-    for (std::size_t i = 0; i < run->after.edges.size(); ++i) {
-      if (!run->is_outlier[i]) {
-        inliers.edges.push_back(run->after.edges[i]);
-      }
-    }
     ChordalBound bound;
-    status = BoundChordalCost(inliers, &bound);
+    status = BoundChordalCost(WithoutOutliers(*run), &bound);
     run->bound = bound;
   }
   return status;

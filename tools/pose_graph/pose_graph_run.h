@@ -57,6 +57,9 @@ struct PoseGraphRun {
 /// Carries the plan out. An error says which part of it could not be done.
 Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraphRun* run);
 
+/// The solved graph without the edges that were found to be wrong.
+PoseGraph WithoutOutliers(const PoseGraphRun& run);
+
 /// The graph with wrong loops as `plan` says, none if plan.outliers is 0, and the solution without
 /// them, at which they are wrong: squared errors are above four times the threshold of GNC.
 Status WithWrongLoops(const PoseGraphPlan& plan, PoseGraph* graph, PoseGraph* reference);

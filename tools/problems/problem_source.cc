@@ -4,6 +4,7 @@
 
 #include "inceres/io/bal_graph.h"
 #include "inceres/io/g2o.h"
+#include "tools/command_line/command_line.h"
 #include "tools/command_line/output.h"
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
@@ -31,9 +32,7 @@ class PoseGraphSource : public ProblemSource {
   }
   Status MakeGraph(const LossSpec& /*loss*/,
                    std::unique_ptr<FactorGraph>* /*graph*/) const override {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
-        "--builtin_factors: there are built-in factors for bal: and vio: problems only");
+    return Invalid("--builtin_factors: there are built-in factors for bal: and vio: problems only");
   }
   std::vector<double> ParametersOf(const FactorGraph& graph) const override {
     return graph.state();
@@ -110,9 +109,8 @@ Status OpenProblem(const std::string& specification, std::unique_ptr<ProblemSour
   const std::string kind = specification.substr(0, colon);
   if (colon == std::string::npos || colon + 1 == specification.size() ||
       (kind != "bal" && kind != "g2o" && kind != "vio")) {
-    return Status::Error(
-        StatusCode::kInvalidArgument,
-        "--problem '" + specification + "': use bal:FILE, g2o:FILE, vio:FILE or vio:PRESET");
+    return Invalid("--problem '" + specification +
+                   "': use bal:FILE, g2o:FILE, vio:FILE or vio:PRESET");
   }
   const std::string path = specification.substr(colon + 1);
   if (kind == "bal") {

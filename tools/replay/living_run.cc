@@ -1,12 +1,11 @@
 #include "tools/replay/living_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <memory>
-#include <numeric>
 
-#include "tools/ab/statistics.h"
+#include "src/base/stopwatch.h"
+#include "tools/replay/replay_report.h"
 
 namespace inceres::tools {
 namespace {
@@ -40,10 +39,8 @@ std::size_t NumParameters(const ReplayScript& script, std::size_t num_steps) {
 // The seconds that a run took, whatever its outcome.
 template <typename Run>
 Status Time(const Run& run, LivingReport* report) {
-  const auto start = std::chrono::steady_clock::now();
-  Status status = run();
-  report->total_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Status status;
+  report->total_seconds = internal::SecondsOf([&] { status = run(); });
   return status;
 }
 
@@ -149,13 +146,8 @@ nlohmann::json ToJson(const LivingReport& report) {
     ms.push_back(1e3 * report.solves[i].seconds);
     cost_sum += report.solves[i].final_cost;
   }
-  const Spread spread = Summarize(ms);
   return {{"solves", solves},
-          {"solve_ms",
-           {{"median", spread.median},
-            {"p95", Percentile(ms, 0.95)},
-            {"max", spread.max},
-            {"total", std::accumulate(ms.begin(), ms.end(), 0.0)}}},
+          {"solve_ms", ToJson(LatencyOf(ms))},
           {"total_s", report.total_seconds},
           {"final_cost", report.solves.back().final_cost},
           {"final_cost_sum", cost_sum}};

@@ -1,9 +1,11 @@
 #include "tools/replay/replay_ceres_solve.h"
 
 #include <algorithm>
-#include <cctype>
-#include <chrono>
 #include <cstdint>
+
+#include "src/base/stopwatch.h"
+#include "src/base/text.h"
+#include "tools/command_line/command_line.h"
 
 namespace inceres::tools {
 namespace {
@@ -16,10 +18,7 @@ bool IsSchur(ceres::LinearSolverType type) {
 }
 
 std::string NameOf(ceres::LinearSolverType type) {
-  std::string name = ceres::LinearSolverTypeToString(type);
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
+  return internal::LowerCase(ceres::LinearSolverTypeToString(type));
 }
 
 ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
@@ -68,10 +67,8 @@ ceres::Solver::Options CeresOptions(
 ReplayOutcome TimeCeresSolve(const ceres::Solver::Options& options, ceres::Problem* problem,
                              const CeresSolveFunction& solve) {
   ceres::Solver::Summary summary;
-  const auto start = std::chrono::steady_clock::now();
-  solve(options, problem, &summary);
-  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-  return OutcomeOf(summary, elapsed.count());
+  const double seconds = internal::SecondsOf([&] { solve(options, problem, &summary); });
+  return OutcomeOf(summary, seconds);
 }
 
 ReplayOutcome SolveGrowing(const ReplaySettings& settings, ReplayCeresProblem* living,
@@ -93,7 +90,7 @@ Status ParseReplayLinearSolver(const std::string& flag, const std::string& name,
       return Status::Ok();
     }
   }
-  return Status::Error(StatusCode::kInvalidArgument, flag + " '" + name + "': use one of " + known);
+  return Invalid(flag + " '" + name + "': use one of " + known);
 }
 
 }  // namespace inceres::tools

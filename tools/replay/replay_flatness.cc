@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "src/base/formatted.h"
 #include "tools/ab/statistics.h"
-#include "tools/draw/svg_text.h"
+#include "tools/command_line/json_values.h"
 
 namespace inceres::tools {
 namespace {
+
+using internal::Formatted;
 
 constexpr char kBytes[] = "bytes";
 
@@ -44,10 +47,6 @@ ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, int first, int last) {
   return window;
 }
 
-nlohmann::json OrNull(const std::optional<double>& value) {
-  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
-}
-
 std::optional<double> BytesGrowth(const ReplayFlatness& flatness) {
   return flatness.early.bytes_per_step.has_value() && flatness.late.bytes_per_step.has_value()
              ? GrowthInPercent(*flatness.early.bytes_per_step, *flatness.late.bytes_per_step)
@@ -55,23 +54,19 @@ std::optional<double> BytesGrowth(const ReplayFlatness& flatness) {
 }
 
 nlohmann::json ToJson(const ReplayWindow& window) {
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : window.work) {
-    work[name] = count;
-  }
   return {{"first", window.first},
           {"last", window.last},
           {"ms", window.ms},
           {"growth_ms", window.growth_ms},
           {"iterations", window.iterations},
-          {"work", work},
+          {"work", JsonObject(window.work)},
           {"bytes_per_step", OrNull(window.bytes_per_step)}};
 }
 
 void AppendLine(std::string* text, const std::string& name, double early, double late) {
-  AppendFormat(text, "%-30s %14.4g %14.4g", name.c_str(), early, late);
+  *text += Formatted("%-30s %14.4g %14.4g", name.c_str(), early, late);
   if (const std::optional<double> growth = GrowthInPercent(early, late)) {
-    AppendFormat(text, " %+9.1f %%", *growth);
+    *text += Formatted(" %+9.1f %%", *growth);
   }
   *text += "\n";
 }
@@ -93,8 +88,8 @@ std::string FlatnessText(const ReplayFlatness& flatness) {
   std::string text;
   const std::string ranges[] = {std::to_string(early.first) + "-" + std::to_string(early.last),
                                 std::to_string(late.first) + "-" + std::to_string(late.last)};
-  AppendFormat(&text, "\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(),
-               ranges[1].c_str());
+  text += Formatted("\nours, median of steps          %14s %14s     growth\n", ranges[0].c_str(),
+                    ranges[1].c_str());
   AppendLine(&text, "ms", early.ms, late.ms);
   AppendLine(&text, "ms to add the step", early.growth_ms, late.growth_ms);
   AppendLine(&text, "iterations", early.iterations, late.iterations);

@@ -2,23 +2,15 @@
 
 #include <cstddef>
 
-#include "tools/draw/svg_text.h"
+#include "src/base/formatted.h"
+#include "tools/command_line/json_values.h"
 
 namespace inceres::tools {
 namespace {
 
+using internal::Formatted;
+
 constexpr std::size_t kListedRanges = 12;
-
-nlohmann::json OrNull(const std::optional<double>& value) {
-  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
-}
-
-nlohmann::json ToJson(const ReplayLatency& latency) {
-  return {{"median", latency.median},
-          {"p95", latency.p95},
-          {"max", latency.max},
-          {"total", latency.total}};
-}
 
 nlohmann::json StepsJson(const ReplaySideSummary& side) {
   return {{"failed", side.failed},
@@ -39,10 +31,6 @@ nlohmann::json ToJson(const ReplayBesideBatch& beside) {
 }
 
 nlohmann::json ToJson(const ReplaySide& side) {
-  nlohmann::json work = nlohmann::json::object();
-  for (const auto& [name, count] : side.outcome.work) {
-    work[name] = count;
-  }
   return {{"ms", 1e3 * side.outcome.seconds},
           {"processor_ms", 1e3 * side.outcome.processor_seconds},
           {"growth_ms", 1e3 * side.growth_seconds},
@@ -53,7 +41,7 @@ nlohmann::json ToJson(const ReplaySide& side) {
           {"usable", side.outcome.usable},
           {"termination", side.outcome.termination},
           {"message", side.outcome.message},
-          {"work", work}};
+          {"work", JsonObject(side.outcome.work)}};
 }
 
 nlohmann::json ToJson(const ReplayRow& row) {
@@ -77,28 +65,35 @@ nlohmann::json ToJson(const ReplayRow& row) {
 
 void AppendSide(std::string* text, const char* name, const ReplaySideSummary& side) {
   if (!side.failed.empty()) {
-    AppendFormat(text, "%s: %zu steps whose solve failed: %s\n", name, side.failed.size(),
-                 StepList(side.failed).c_str());
+    *text += Formatted("%s: %zu steps whose solve failed: %s\n", name, side.failed.size(),
+                       StepList(side.failed).c_str());
   }
   if (side.unconverged > 0) {
-    AppendFormat(text, "%s: %d steps ended before they converged\n", name, side.unconverged);
+    *text += Formatted("%s: %d steps ended before they converged\n", name, side.unconverged);
   }
   if (side.invalid_steps > 0) {
-    AppendFormat(text, "%s: %lld iterations of %d whose linear solve or evaluation failed\n", name,
-                 static_cast<long long>(side.invalid_steps), side.iterations);
+    *text += Formatted("%s: %lld iterations of %d whose linear solve or evaluation failed\n", name,
+                       static_cast<long long>(side.invalid_steps), side.iterations);
   }
   if (side.max_report_error > 1e-6) {
-    AppendFormat(text, "%s: reports a cost that is not its state's: off by up to %.1e, relative\n",
-                 name, side.max_report_error);
+    *text += Formatted("%s: reports a cost that is not its state's: off by up to %.1e, relative\n",
+                       name, side.max_report_error);
   }
 }
 
 void AppendTimes(std::string* text, const char* name, const ReplayLatency& latency) {
-  AppendFormat(text, "%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95,
-               latency.max, latency.total);
+  *text += Formatted("%-30s %9.2f %9.2f %9.2f %10.1f\n", name, latency.median, latency.p95,
+                     latency.max, latency.total);
 }
 
 }  // namespace
+
+nlohmann::json ToJson(const ReplayLatency& latency) {
+  return {{"median", latency.median},
+          {"p95", latency.p95},
+          {"max", latency.max},
+          {"total", latency.total}};
+}
 
 std::string ReplayTableHeader() {
   return "  step frames landmarks factors |  ours ms iter            cost | stock ms iter          "
@@ -108,17 +103,17 @@ std::string ReplayTableHeader() {
 std::string ReplayTableLine(const ReplayRow& row) {
   const ReplayOutcome& ours = row.ours.outcome;
   std::string line;
-  AppendFormat(&line, "%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames,
-               row.num_landmarks, row.num_factors, 1e3 * ours.seconds, ours.iterations,
-               row.ours.cost);
+  line +=
+      Formatted("%6d %6d %9d %7d | %8.2f %4d %15.8e |", row.step, row.num_frames, row.num_landmarks,
+                row.num_factors, 1e3 * ours.seconds, ours.iterations, row.ours.cost);
   if (row.stock.has_value()) {
-    AppendFormat(&line, " %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds,
-                 row.stock->outcome.iterations, row.stock->cost);
+    line += Formatted(" %8.2f %4d %15.8e |", 1e3 * row.stock->outcome.seconds,
+                      row.stock->outcome.iterations, row.stock->cost);
   } else {
-    AppendFormat(&line, " %8s %4s %15s |", "-", "-", "-");
+    line += Formatted(" %8s %4s %15s |", "-", "-", "-");
   }
   if (const std::optional<double> excess = row.RelativeCostExcess()) {
-    AppendFormat(&line, " %+.1e", *excess);
+    line += Formatted(" %+.1e", *excess);
   }
   line += row.closes_loop ? "  loop" : "";
   line += ours.usable ? "" : "  ours failed: " + ours.message;
@@ -148,43 +143,42 @@ std::string StepList(const std::vector<int>& steps) {
 
 std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary& summary) {
   std::string text;
-  AppendFormat(&text,
-               "\n%d steps, %d threads, ms a step    median       p95       max      total\n",
-               summary.steps, context.threads);
+  text += Formatted("\n%d steps, %d threads, ms a step    median       p95       max      total\n",
+                    summary.steps, context.threads);
   AppendTimes(&text, "ours", summary.ours.ms);
   if (summary.stock.has_value()) {
     AppendTimes(&text, "stock", summary.stock->ms);
-    AppendFormat(&text, "%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median,
-                 *summary.ratio_total);
+    text += Formatted("%-30s %9.4f %30.4f\n", "ours / stock", *summary.ratio_median,
+                      *summary.ratio_total);
   }
   AppendTimes(&text, "ours, adding the step", summary.ours.growth_ms);
   if (summary.stock.has_value()) {
     AppendTimes(&text, "stock, adding the step", summary.stock->growth_ms);
   }
   if (summary.worst_loop_ratio.has_value()) {
-    AppendFormat(&text, "ours / stock, worst step that closes a loop: %.4f\n",
-                 *summary.worst_loop_ratio);
+    text +=
+        Formatted("ours / stock, worst step that closes a loop: %.4f\n", *summary.worst_loop_ratio);
   }
   if (summary.beside_batch.has_value()) {
     const ReplayBesideBatch& beside = *summary.beside_batch;
-    AppendFormat(&text,
-                 "a batch solve from the same values: %.2f %% of steps take at most %g times as "
-                 "long, %d more than twice, the worst (%d) %.2f times, all %.3f times\n",
-                 100.0 * beside.within, kBatchSlack, beside.num_above_twice, beside.worst_step,
-                 beside.worst, beside.total);
+    text += Formatted(
+        "a batch solve from the same values: %.2f %% of steps take at most %g times as "
+        "long, %d more than twice, the worst (%d) %.2f times, all %.3f times\n",
+        100.0 * beside.within, kBatchSlack, beside.num_above_twice, beside.worst_step, beside.worst,
+        beside.total);
   }
   if (summary.max_relative_cost_excess.has_value()) {
-    AppendFormat(&text, "largest relative excess of our cost over the batch optimum: %.2e\n",
-                 *summary.max_relative_cost_excess);
+    text += Formatted("largest relative excess of our cost over the batch optimum: %.2e\n",
+                      *summary.max_relative_cost_excess);
   }
   if (!summary.in_excess.empty()) {
-    AppendFormat(&text, "steps whose excess is above the tolerance: %s\n",
-                 StepList(summary.in_excess).c_str());
+    text += Formatted("steps whose excess is above the tolerance: %s\n",
+                      StepList(summary.in_excess).c_str());
   }
   if (summary.ours_lower + summary.stock_lower > 0) {
-    AppendFormat(&text,
-                 "steps that left one side lower by more than the tolerance: ours %d, stock %d\n",
-                 summary.ours_lower, summary.stock_lower);
+    text +=
+        Formatted("steps that left one side lower by more than the tolerance: ours %d, stock %d\n",
+                  summary.ours_lower, summary.stock_lower);
   }
   AppendSide(&text, "ours", summary.ours);
   if (summary.stock.has_value()) {
@@ -196,10 +190,6 @@ std::string ReplaySummaryText(const ReplayContext& context, const ReplaySummary&
 
 nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& summary,
                           const std::vector<ReplayRow>& rows) {
-  nlohmann::json environment = nlohmann::json::object();
-  for (const auto& [name, value] : context.environment) {
-    environment[name] = value;
-  }
   nlohmann::json json_rows = nlohmann::json::array();
   for (const ReplayRow& row : rows) {
     json_rows.push_back(ToJson(row));
@@ -229,7 +219,7 @@ nlohmann::json ReplayJson(const ReplayContext& context, const ReplaySummary& sum
             {"stock", both ? nlohmann::json(summary.stock->failed.size()) : null}}},
           {"ours_steps", StepsJson(summary.ours)},
           {"stock_steps", both ? StepsJson(*summary.stock) : null},
-          {"environment", environment},
+          {"environment", JsonObject(context.environment)},
           {"rows", json_rows}};
 }
 

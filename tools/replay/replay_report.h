@@ -11,6 +11,9 @@
 
 namespace inceres::tools {
 
+/// {"median", "p95", "max", "total"}
+nlohmann::json ToJson(const ReplayLatency& latency);
+
 /// The header of the table and a row's line, for people.
 std::string ReplayTableHeader();
 std::string ReplayTableLine(const ReplayRow& row);

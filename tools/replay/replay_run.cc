@@ -1,18 +1,17 @@
 #include "tools/replay/replay_run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <ctime>
+
+#include "src/base/stopwatch.h"
 
 namespace inceres::tools {
 namespace {
 
 Status Grow(const ReplayStep& step, ReplaySolver* solver, ReplaySide* side) {
-  const auto start = std::chrono::steady_clock::now();
-  Status status = solver->AddStep(step);
-  side->growth_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Status status;
+  side->growth_seconds = internal::SecondsOf([&] { status = solver->AddStep(step); });
   if (!status.ok()) {
     status.message = solver->Name() + ": " + status.message;
   }

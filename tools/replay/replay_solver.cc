@@ -1,7 +1,6 @@
 #include "tools/replay/replay_solver.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -10,6 +9,7 @@
 #include "inceres/solver/gnc.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
+#include "src/base/stopwatch.h"
 #include "tools/replay/replay_ceres_problem.h"
 #include "tools/replay/replay_ceres_solve.h"
 #include "tools/replay/replay_graph.h"
@@ -17,12 +17,7 @@
 namespace inceres::tools {
 namespace {
 
-template <typename Function>
-double Seconds(Function function) {
-  const auto start = std::chrono::steady_clock::now();
-  function();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
+using internal::SecondsOf;
 
 SolverOptions CoreOptions(const ReplaySettings& settings) {
   SolverOptions options;
@@ -117,7 +112,7 @@ class CoreReplaySolver : public ReplaySolver {
   ReplayOutcome Solve() override {
     Summary summary;
     const double seconds =
-        Seconds([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
+        SecondsOf([&] { summary = inceres::Solve(CoreOptions(settings_), &graph_); });
     return OutcomeOf(summary, seconds);
   }
   std::vector<double> State() const override { return graph_.state(); }
@@ -166,7 +161,7 @@ class IncrementalReplaySolver : public ReplaySolver {
     }
     UpdateSummary summary;
     ReplayOutcome outcome;
-    outcome.seconds = Seconds([&] { summary = solver_.Update(); });
+    outcome.seconds = SecondsOf([&] { summary = solver_.Update(); });
     WriteEnd(summary, &outcome);
     outcome.work = {{"rejected_steps", summary.num_unsuccessful_steps},
                     {"relinearised_factors", summary.num_relinearized_factors},
@@ -224,7 +219,7 @@ class IncrementalReplaySolver : public ReplaySolver {
       const char* const name = id == newest ? "newest" : "any";
       Status status;
       const double seconds =
-          Seconds([&] { status = solver_.MarginalCovariance(id, {}, &covariance); });
+          SecondsOf([&] { status = solver_.MarginalCovariance(id, {}, &covariance); });
       if (status.ok() && covariance.size() > 0) {
         outcome->work.emplace_back(std::string("covariance_ns_") + name,
                                    static_cast<std::int64_t>(1e9 * seconds));
@@ -236,7 +231,7 @@ class IncrementalReplaySolver : public ReplaySolver {
   ReplayOutcome SolveRobustly() {
     GncSummary summary;
     ReplayOutcome outcome;
-    outcome.seconds = Seconds([&] { summary = gnc_.Update(); });
+    outcome.seconds = SecondsOf([&] { summary = gnc_.Update(); });
     WriteEnd(summary, &outcome);
     std::int64_t num_relinearized = 0, num_wrong = 0, num_found = 0, num_lost = 0;
     for (const GncRound& round : summary.rounds) {

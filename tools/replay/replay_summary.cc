@@ -11,15 +11,13 @@ namespace inceres::tools {
 namespace {
 
 template <typename Seconds>
-ReplayLatency LatencyOf(const std::vector<const ReplaySide*>& steps, Seconds&& seconds) {
+ReplayLatency LatencyOfSteps(const std::vector<const ReplaySide*>& steps, Seconds&& seconds) {
   std::vector<double> milliseconds;
   milliseconds.reserve(steps.size());
   for (const ReplaySide* step : steps) {
     milliseconds.push_back(1e3 * seconds(*step));
   }
-  const Spread spread = Summarize(milliseconds);
-  return {spread.median, Percentile(milliseconds, 0.95), spread.max,
-          std::accumulate(milliseconds.begin(), milliseconds.end(), 0.0)};
+  return LatencyOf(milliseconds);
 }
 
 void RaiseTo(std::optional<double>* largest, double value) {
@@ -30,8 +28,9 @@ void RaiseTo(std::optional<double>* largest, double value) {
 ReplaySideSummary SummarizeSide(const std::vector<const ReplaySide*>& steps,
                                 const std::vector<double>& rounding) {
   ReplaySideSummary summary;
-  summary.ms = LatencyOf(steps, [](const ReplaySide& side) { return side.outcome.seconds; });
-  summary.growth_ms = LatencyOf(steps, [](const ReplaySide& side) { return side.growth_seconds; });
+  summary.ms = LatencyOfSteps(steps, [](const ReplaySide& side) { return side.outcome.seconds; });
+  summary.growth_ms =
+      LatencyOfSteps(steps, [](const ReplaySide& side) { return side.growth_seconds; });
   for (std::size_t i = 0; i < steps.size(); ++i) {
     const ReplayOutcome& outcome = steps[i]->outcome;
     if (!outcome.usable) {
@@ -101,6 +100,12 @@ std::optional<ReplayBesideBatch> CompareWithBatch(const std::vector<ReplayRow>& 
 }
 
 }  // namespace
+
+ReplayLatency LatencyOf(const std::vector<double>& milliseconds) {
+  const Spread spread = Summarize(milliseconds);
+  return {spread.median, Percentile(milliseconds, 0.95), spread.max,
+          std::accumulate(milliseconds.begin(), milliseconds.end(), 0.0)};
+}
 
 ReplaySummary Summarize(const std::vector<ReplayRow>& rows, double tolerance) {
   ReplaySummary summary;

@@ -16,6 +16,9 @@ struct ReplayLatency {
   double total = 0.0;
 };
 
+/// Of solves that took so long, one or more.
+ReplayLatency LatencyOf(const std::vector<double>& milliseconds);
+
 /// How one side got through a replay.
 struct ReplaySideSummary {
   ReplayLatency ms;

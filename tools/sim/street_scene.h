@@ -54,15 +54,12 @@ struct StreetScene {
   std::vector<int> outliers;  ///< indices of the observations that are outliers, ascending
 };
 
-/// Names of the presets, in the order of the documentation: "ladybug-like" (49 cameras, 7,776
-/// points, 31,843 observations), "venice11" (11, 8,366, 20,271), "cathedral" (92, 57,957, 422,163),
-/// and paths with loops that are closed along a tenth of the way: "path-400" (400, 16,000, 80,000),
-/// "path-1800" (1,800, 72,000, 360,000), "path-1000" (1,000, 40,000, 200,000) and "path-10000"
-/// (10,000, 400,000, 2,000,000).
-std::vector<std::string> StreetScenePresets();
-
 /// Sets `*options` to a preset; kInvalidArgument listing the known names if there is none of this
-/// name (options unchanged).
+/// name (options unchanged). They are, in the order of the documentation, "ladybug-like" (49
+/// cameras, 7,776 points, 31,843 observations), "venice11" (11, 8,366, 20,271), "cathedral" (92,
+/// 57,957, 422,163), and paths with loops that are closed along a tenth of the way: "path-400"
+/// (400, 16,000, 80,000), "path-1800" (1,800, 72,000, 360,000), "path-1000" (1,000, 40,000,
+/// 200,000) and "path-10000" (10,000, 400,000, 2,000,000).
 Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options);
 
 /// Simulates a camera that moves through a street of points: facades on both sides and the ground

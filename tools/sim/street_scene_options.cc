@@ -66,10 +66,6 @@ Status StreetSceneOptions::Validate() const {
                                  track_length);
 }
 
-std::vector<std::string> StreetScenePresets() {
-  return internal::PresetNames(kPresets);
-}
-
 Status GetStreetScenePreset(const std::string& name, StreetSceneOptions* options) {
   const Preset* preset = nullptr;
   if (Status status = internal::FindPreset(kPresets, name, &preset, ", city-N, collection-N");

@@ -168,14 +168,6 @@ Status TrajectoryOptions::Validate() const {
   return internal::CheckRanges("TrajectoryOptions", ranges);
 }
 
-std::vector<std::string> TrajectoryNames() {
-  std::vector<std::string> names;
-  for (const auto& [name, shape] : internal::kShapes) {
-    names.emplace_back(name);
-  }
-  return names;
-}
-
 Status GetTrajectoryShape(const std::string& name, TrajectoryOptions::Shape* shape) {
   std::string known;
   for (const auto& [candidate, value] : internal::kShapes) {

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <string>
-#include <vector>
 
 #include "inceres/status.h"
 
@@ -51,10 +50,8 @@ struct Motion {
   std::array<double, 3> angular_rate{};  ///< in the body's frame, rad/s
 };
 
-/// "circle", "figure_eight", "ellipse".
-std::vector<std::string> TrajectoryNames();
-
-/// kInvalidArgument listing the known names if there is none of this name (shape unchanged).
+/// The shape named "circle", "figure_eight" or "ellipse". kInvalidArgument listing the known names
+/// if there is none of this name (shape unchanged).
 Status GetTrajectoryShape(const std::string& name, TrajectoryOptions::Shape* shape);
 
 /// The motion at a time ≥ 0 s, by closed formulas. Between standing and moving lies a second of a

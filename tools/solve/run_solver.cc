@@ -1,6 +1,5 @@
 #include "tools/solve/run_solver.h"
 
-#include <chrono>
 #include <iostream>
 #include <memory>
 #include <type_traits>
@@ -11,16 +10,12 @@
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres::tools {
 namespace {
 
-template <typename Solve>
-double Seconds(Solve solve) {
-  const auto start = std::chrono::steady_clock::now();
-  solve();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
+using internal::SecondsOf;
 
 Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* outcome) {
   ceres::Solver::Options options;
@@ -42,7 +37,7 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
   ceres::Solver::Summary summary;
   if (plan.engine == Engine::kStock) {
     const double seconds =
-        Seconds([&] { ceres::Solve(options, instance.problem.get(), &summary); });
+        SecondsOf([&] { ceres::Solve(options, instance.problem.get(), &summary); });
     outcome->record = RecordOf(summary, seconds);
   } else {
     SolveOptions asked;
@@ -53,8 +48,8 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
     if (plan.settings.incremental && plan.settings.two_level) {
       asked.conjugate_gradients = TwoLevels(plan.settings);
     }
-    const double seconds =
-        Seconds([&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
+    const double seconds = SecondsOf(
+        [&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
     outcome->record = RecordOf(summary, asked.mode, report, seconds);
   }
   outcome->parameters = std::move(instance.parameters);
@@ -78,7 +73,7 @@ Status RunCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* out
     return status;
   }
   Summary summary;
-  const double seconds = Seconds([&] { summary = inceres::Solve(options, graph.get()); });
+  const double seconds = SecondsOf([&] { summary = inceres::Solve(options, graph.get()); });
   outcome->record = RecordOf(summary, seconds);
   outcome->parameters = source.ParametersOf(*graph);
   return Status::Ok();
@@ -123,7 +118,7 @@ Status RunIncrementalCore(const RunPlan& plan, const ProblemSource& source, RunO
   }
   IncrementalSolver solver(options);
   UpdateSummary summary;
-  const double seconds = Seconds([&] {
+  const double seconds = SecondsOf([&] {
     status = CopyInto(&solver, *graph);
     if (status.ok()) {
       summary = solver.Update();

@@ -1,11 +1,11 @@
 #include "tools/solve/solver_flags.h"
 
 #include <algorithm>
-#include <cctype>
 
 #include <ceres/types.h>
 #include <gflags/gflags.h>
 
+#include "src/base/text.h"
 #include "tools/command_line/command_line.h"
 
 DEFINE_string(trust_region, "lm", "Trust-region strategy: lm (Levenberg-Marquardt) or dogleg.");
@@ -45,14 +45,10 @@ DEFINE_bool(builtin_factors, false,
 namespace inceres::tools {
 namespace {
 
+using internal::LowerCase;
+
 constexpr double kBytesPerGibibyte = 1073741824.0;
 constexpr double kMostMemory = 1e9;  // GiB: as good as no limit
-
-std::string LowerCase(std::string name) {
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
-}
 
 Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType* type) {
   if (text != "lm" && text != "dogleg") {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "adapters/ceres/read/index.h"
+#include "src/base/sort_unique.h"
 
 namespace inceres::internal {
 
@@ -28,8 +29,7 @@ BlockGraph::BlockGraph(const ProblemView& view) : neighbors_(view.blocks.size())
   }
   for (const int b : order_) {
     std::vector<int>& list = neighbors_[At(b)];
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
+    SortUnique(&list);
   }
 }
 

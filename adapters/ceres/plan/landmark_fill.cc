@@ -10,6 +10,7 @@
 #include "adapters/ceres/plan/reduced_graph.h"
 #include "adapters/ceres/read/index.h"
 #include "src/linear/reduced_prediction.h"
+#include "src/simd/kernels.h"
 
 namespace inceres::internal {
 namespace {
@@ -72,7 +73,7 @@ class FillChooser {
       double row = 2.0;
       double pairs = 0.0;
       for (int s = 0; s < residual.num_slots; ++s) {
-        const int padded_size = (view_.block(view_.SlotsOf(residual)[s]).tangent_size + 3) / 4 * 4;
+        const int padded_size = PadToQuad(view_.block(view_.SlotsOf(residual)[s]).tangent_size);
         row += padded_size;
         pairs += s + 1;
       }

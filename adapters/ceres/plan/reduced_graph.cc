@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "src/linear/pattern_rows.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -165,20 +167,14 @@ double ReducedGraph::SampleFill() const {
 }
 
 BlockPattern ReducedGraph::Pattern() const {
-  BlockPattern pattern;
-  pattern.offsets = offsets_;
-  pattern.row_begin.push_back(0);
-  pattern.value_begin.push_back(0);
+  BlockPattern pattern = PatternWithoutBlocks(offsets_);
   std::vector<int> seen(At(num_frames()), -1);
+  std::vector<int> columns;
   for (int row = 0; row < num_frames(); ++row) {
-    const auto begin = static_cast<std::ptrdiff_t>(pattern.columns.size());
-    ForEachNeighbor(row, row, &seen, [&](int column) { pattern.columns.push_back(column); });
-    std::sort(pattern.columns.begin() + begin, pattern.columns.end());
-    for (auto column = pattern.columns.begin() + begin; column != pattern.columns.end(); ++column) {
-      pattern.value_begin.push_back(pattern.value_begin.back() +
-                                    std::int64_t{SizeOf(row)} * SizeOf(*column));
-    }
-    pattern.row_begin.push_back(static_cast<int>(pattern.columns.size()));
+    columns.clear();
+    ForEachNeighbor(row, row, &seen, [&](int column) { columns.push_back(column); });
+    std::sort(columns.begin(), columns.end());
+    AppendRow(columns, &pattern);
   }
   return pattern;
 }

@@ -2,8 +2,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <vector>
+
+#include "src/base/counting_sort.h"
 
 namespace inceres::internal {
 
@@ -34,12 +35,7 @@ struct CompressedRows {
 template <typename ForEach>
 CompressedRows SortIntoRows(std::size_t num_rows, const ForEach& for_each) {
   CompressedRows rows;
-  rows.begin.assign(num_rows + 1, 0);
-  for_each([&](int row, int /*item*/) { ++rows.begin[At(row) + 1]; });
-  std::partial_sum(rows.begin.begin(), rows.begin.end(), rows.begin.begin());
-  rows.items.resize(At(rows.begin.back()));
-  std::vector<int> next(rows.begin.begin(), rows.begin.end() - 1);
-  for_each([&](int row, int item) { rows.items[At(next[At(row)]++)] = item; });
+  CountingSort(num_rows, for_each, &rows.begin, &rows.items);
   return rows;
 }
 
