@@ -1,4 +1,4 @@
-// Whoever solves the reduced system, the minimum is the same; conjugate gradients included.
+// A user's own solver of the reduced system, as an IncrementalSolver calls it.
 
 #include <gtest/gtest.h>
 
@@ -11,63 +11,6 @@ namespace {
 
 using test::IncrementalBundle;
 
-class IncrementalReducedSolvers : public testing::TestWithParam<ReducedSolverKind> {};
-
-TEST_P(IncrementalReducedSolvers, EndAtTheBatchMinimum) {
-  IncrementalOptions options;
-  options.function_tolerance = 1e-9;
-  options.max_num_iterations = 200;
-  options.batch_share = 1.0;
-  options.reduced_solver = GetParam();
-  IncrementalBundle bundle(options, 11);
-  const auto expect_minimum = [&bundle](const char* when) {
-    const UpdateSummary summary = bundle.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kConvergence) << when << ": " << summary.message;
-    const double minimum = bundle.SolveInBatch(true).final_cost;
-    EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum) << when;
-    EXPECT_EQ(summary.num_pcg_iterations > 0, GetParam() == ReducedSolverKind::kPcg) << when;
-  };
-  bundle.Grow(10, 60, 3);
-  expect_minimum("at first");
-  const FactorId pins[] = {bundle.AddPrior(bundle.frames()[0], 1e7),
-                           bundle.AddPrior(bundle.frames()[5], 1e7)};
-  bundle.Apply();
-  expect_minimum("with priors of weight 1e14");
-  bundle.Grow(4, 20, 3, std::make_shared<HuberLoss>(0.2));
-  expect_minimum("grown beside them");
-  bundle.SetConstant(bundle.frames()[2], true);
-  bundle.RemoveFactor(pins[0]);
-  bundle.Apply();
-  expect_minimum("without one of them, a frame held");
-  bundle.RemoveVariable(bundle.frames()[5]);
-  bundle.Apply();
-  expect_minimum("without a frame");
-}
-
-std::string NameOf(const testing::TestParamInfo<ReducedSolverKind>& info) {
-  switch (info.param) {
-    case ReducedSolverKind::kAutomatic:
-      return "Automatic";
-    case ReducedSolverKind::kResumed:
-      return "Resumed";
-    case ReducedSolverKind::kDense:
-      return "Dense";
-    case ReducedSolverKind::kSparse:
-      return "Sparse";
-    case ReducedSolverKind::kPcg:
-      return "Pcg";
-    case ReducedSolverKind::kAutomaticInexact:
-      break;  // for batch solves
-  }
-  return "";
-}
-
-INSTANTIATE_TEST_SUITE_P(Kinds, IncrementalReducedSolvers,
-                         testing::Values(ReducedSolverKind::kAutomatic, ReducedSolverKind::kResumed,
-                                         ReducedSolverKind::kDense, ReducedSolverKind::kSparse,
-                                         ReducedSolverKind::kPcg),
-                         NameOf);
-
 IncrementalOptions OptionsWith(const ReducedSolverFactory& factory) {
   IncrementalOptions options;
   options.function_tolerance = 1e-9;
@@ -75,25 +18,6 @@ IncrementalOptions OptionsWith(const ReducedSolverFactory& factory) {
   options.batch_share = 1.0;
   options.reduced_solver_factory = factory;
   return options;
-}
-
-TEST(IncrementalReducedSolverFactory, EndsAtTheBatchMinimumAsEditsComeAndGo) {
-  int num_made = 0;
-  IncrementalBundle bundle(OptionsWith([&num_made] {
-                             ++num_made;
-                             return std::make_unique<EigenLdltSolver>();
-                           }),
-                           11);
-  for (int round = 0; round < 3; ++round) {
-    bundle.Grow(4, 25, 3);
-    bundle.SetConstant(bundle.frames()[1], round == 1);
-    bundle.Apply();
-    const UpdateSummary summary = bundle.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-    const double minimum = bundle.SolveInBatch(true).final_cost;
-    EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum) << round;
-  }
-  EXPECT_EQ(num_made, 1);
 }
 
 TEST(IncrementalReducedSolverFactory, ServesTheBatchSolverToo) {
