@@ -32,12 +32,7 @@ struct Conditions {
 };
 
 Conditions Look(const FactorGraph& graph) {
-  std::vector<VariableId> moving;
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    if (!graph.IsConstant(id)) {
-      moving.push_back(id);
-    }
-  }
+  const std::vector<VariableId> moving = MovingVariables(graph);
   const DenseOracle oracle(graph, moving);
   Conditions found;
   Eigen::Index at = 0;
