@@ -1,6 +1,7 @@
 #include "incremental/incremental_bundle.h"
 
 #include <algorithm>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -128,6 +129,26 @@ void IncrementalBundle::SetBounds(VariableId id, const std::vector<double>& lowe
   variables_[id].upper = upper;
 }
 
+void IncrementalBundle::BoundSome(const std::vector<VariableId>& ids, int one_in) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const VariableId id : ids) {
+    if (random_.Below(one_in) > 0) {
+      continue;
+    }
+    const int size = solver.graph().AmbientSize(id);
+    const double* x = solver.Values(id);
+    std::vector<double> lower(x, x + size);
+    std::vector<double> upper(x, x + size);
+    const int side = random_.Below(3);
+    for (int k = 0; k < size; ++k) {
+      const auto entry = static_cast<std::size_t>(k);
+      lower[entry] = side == 1 ? -kInfinity : lower[entry] - 0.05;
+      upper[entry] = side == 2 ? kInfinity : upper[entry] + 0.05;
+    }
+    SetBounds(id, lower, upper);
+  }
+}
+
 void IncrementalBundle::Apply() {
   const Status status = solver.Apply(edit_);
   EXPECT_TRUE(status.ok()) << status.message;
@@ -235,6 +256,21 @@ std::vector<double> IncrementalBundle::Values() const {
     values.insert(values.end(), solver.Values(id), solver.Values(id) + variable.start.size());
   }
   return values;
+}
+
+int CountOnBounds(const FactorGraph& graph) {
+  int count = 0;
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    const VariableBounds* bounds = graph.IsConstant(id) ? nullptr : graph.bounds(id);
+    for (int k = 0; bounds != nullptr && k < graph.AmbientSize(id); ++k) {
+      const double x = graph.Values(id)[k];
+      const auto entry = static_cast<std::size_t>(k);
+      EXPECT_GE(x, bounds->lower[entry]);
+      EXPECT_LE(x, bounds->upper[entry]);
+      count += x == bounds->lower[entry] || x == bounds->upper[entry] ? 1 : 0;
+    }
+  }
+  return count;
 }
 
 }  // namespace inceres::test

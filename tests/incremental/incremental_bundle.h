@@ -12,6 +12,21 @@
 
 namespace inceres::test {
 
+/// What EditAtRandom does.
+enum class EditKind {
+  kGrow,          ///< a frame with landmarks, or a landmark seen from both ends
+  kSlide,         ///< the oldest frame and landmarks go, new ones come
+  kRemove,        ///< landmarks and now and then a frame
+  kViews,         ///< views go
+  kPin,           ///< a prior that outweighs all else comes or goes
+  kLosses,        ///< of views
+  kMeasurements,  ///< of views
+  kValues,        ///< of a variable, constant or not
+  kConstants,     ///< variables are held, or go on
+  kBounds,        ///< come and go
+  kGroups,        ///< of a frame, which may be new
+};
+
 /// A bundle of frames (6) and landmarks (3) that an IncrementalSolver follows, and a plain record
 /// of what it is made of, from which the same problem can be built anew for the batch solver.
 class IncrementalBundle {
@@ -36,6 +51,9 @@ class IncrementalBundle {
   void SetValues(VariableId id, const std::vector<double>& values);
   /// Empty: none on that side.
   void SetBounds(VariableId id, const std::vector<double>& lower, const std::vector<double>& upper);
+  /// Bounds that many of the variables will meet, on one in so many of these: on one side or on
+  /// both, near where they are.
+  void BoundSome(const std::vector<VariableId>& ids, int one_in);
   GraphEdit& edit() { return edit_; }
 
   /// Carries the edit out and begins the next.
@@ -43,6 +61,10 @@ class IncrementalBundle {
   /// Frames and landmarks at once: `views` neighboring frames see each.
   void Grow(int num_frames, int num_landmarks, int views,
             std::shared_ptr<const Loss> loss = nullptr);
+  /// A change of one of these kinds, to one thing or to many, carried out. New views have this
+  /// loss.
+  void EditAtRandom(const std::vector<EditKind>& kinds,
+                    const std::shared_ptr<const Loss>& loss = nullptr);
 
   /// A batch solve of the problem as recorded, from the values held now, or from those the
   /// variables came with.
@@ -88,6 +110,15 @@ class IncrementalBundle {
   using Key = std::pair<FamilyId, int>;
 
   VariableId AddVariable(Role role, int size);
+  VariableId Any(const std::vector<VariableId>& ids) {
+    return ids[static_cast<std::size_t>(random_.Below(static_cast<int>(ids.size())))];
+  }
+  VariableId AnyVariable() { return Any(random_.Below(2) > 0 ? frames_ : landmarks_); }
+  std::vector<FactorId> SomeViews();
+  void RemoveSome();
+  void PinOrLetGo();
+  void SetSomeValues();
+  void HoldOrFreeSome();
   FactorId Add(Factor factor);
   SmoothFamily::Measurement RandomMeasurement(const SmoothFamily& family);
   /// The recorded problem in a graph of its own; ids[new] = old.
@@ -103,5 +134,8 @@ class IncrementalBundle {
   std::map<VariableId, Variable> variables_;
   std::map<Key, Factor> factors_;
 };
+
+/// How many values lie on a bound. Beyond it there is none.
+int CountOnBounds(const FactorGraph& graph);
 
 }  // namespace inceres::test

@@ -9,6 +9,7 @@
 
 #include "inceres/problem/losses.h"
 #include "incremental/incremental_system.h"
+#include "incremental/whole_graph.h"
 #include "support/test_families.h"
 
 namespace inceres::internal {
@@ -42,12 +43,7 @@ class Star {
       const VariableId landmark = graph_.AddVariable(&other, 1, Role::kLandmark);
       graph_.AddFactor(views, 0, {frame, landmark}, loss);
     }
-    for (VariableId v = 0; v < graph_.num_variables(); ++v) {
-      system_.AddVariable(v);
-    }
-    for (int i = 0; i < num_landmarks; ++i) {
-      system_.AddFactor({views, i});
-    }
+    AddWholeGraph(&system_);
     RelinearizeWork work;
     EXPECT_TRUE(system_.Relinearize(landmark_damping, RebuildRule::kNever, &work).ok());
   }
@@ -149,8 +145,7 @@ TEST(DoglegPath, OfNoLengthAtAStationaryPointIsNoStep) {
   const VariableId x = graph.AddVariable(&zero, 1, Role::kFrame);
   graph.AddFactor(family, 0, {x});
   IncrementalSystem system(graph, 1);
-  system.AddVariable(x);
-  system.AddFactor({family, 0});
+  AddWholeGraph(&system);
   RelinearizeWork work;
   ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
   system.step().SetFrame(0, &zero);

@@ -96,44 +96,6 @@ TEST(BatchPhase, TakesAnUpdateWhoseFactorsWereExchangedWhileTheyWaited) {
   EXPECT_EQ(bundle.solver.Update().num_batch_iterations, 0);
 }
 
-struct Variant {
-  const char* name;
-  void (*apply)(IncrementalOptions* options);
-};
-
-class Variants : public testing::TestWithParam<Variant> {};
-
-TEST_P(Variants, EndAtTheBatchMinimum) {
-  IncrementalOptions options;
-  options.function_tolerance = 1e-8;
-  options.max_num_iterations = 300;
-  options.batch_share = 1.0;
-  GetParam().apply(&options);
-  IncrementalBundle bundle(options, 9);
-  bundle.Grow(6, 40, 3, std::make_shared<HuberLoss>(0.2));
-  for (int round = 0; round < 4; ++round) {
-    const UpdateSummary summary = bundle.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-    const double minimum = bundle.SolveInBatch(true).final_cost;
-    EXPECT_LE(summary.final_cost - minimum, 1e-6 * minimum) << "round " << round;
-    bundle.Grow(1, 8, 3, std::make_shared<HuberLoss>(0.2));
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Options, Variants,
-    testing::Values(
-        Variant{"ThesisDamping", [](IncrementalOptions* o) { o->damping = DampingForm::kThesis; }},
-        Variant{"StepSizeRule",
-                [](IncrementalOptions* o) { o->relinearization = RelinearizationRule::kStepSize; }},
-        Variant{"NoLandmarkPasses", [](IncrementalOptions* o) { o->max_landmark_refinements = 0; }},
-        Variant{"NoNewFrameSteps", [](IncrementalOptions* o) { o->max_new_frame_steps = 0; }},
-        Variant{"NothingTruncated", [](IncrementalOptions* o) { o->truncation_share = 0.0; }},
-        Variant{"AlwaysRebuilt",
-                [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kAlways; }},
-        Variant{"NeverRebuilt", [](IncrementalOptions* o) { o->rebuild = RebuildPolicy::kNever; }}),
-    [](const auto& variant) { return std::string(variant.param.name); });
-
 // A large step threshold keeps old Jacobians until convergence is at stake: fewer linearizations
 // than with a tiny one.
 TEST(StepSizeRule, LinearizesByItsThreshold) {

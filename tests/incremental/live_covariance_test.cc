@@ -45,16 +45,6 @@ LiveCovarianceOptions Exact() {
   return options;
 }
 
-std::vector<VariableId> MovingOf(const FactorGraph& graph) {
-  std::vector<VariableId> ids;
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    if (graph.HasVariable(id) && !graph.IsConstant(id)) {
-      ids.push_back(id);
-    }
-  }
-  return ids;
-}
-
 MatrixXd DenseOf(const LiveCovariance& covariance) {
   MatrixXd dense(covariance.size(), covariance.size());
   for (int i = 0; i < covariance.size(); ++i) {
@@ -79,7 +69,7 @@ double LargestError(const MatrixXd& actual, const MatrixXd& expected) {
 // H⁻¹ of all that moves, with what the damping adds to the diagonal of frames and of landmarks.
 MatrixXd DenseInverse(const IncrementalSolver& solver, double mu, double lambda) {
   const FactorGraph graph = AtValuesHeld(solver);
-  const std::vector<VariableId> moving = MovingOf(graph);
+  const std::vector<VariableId> moving = MovingVariables(graph);
   MatrixXd H = DenseOracle(graph, moving).H;
   int row = 0;
   for (const VariableId id : moving) {
@@ -93,7 +83,8 @@ MatrixXd DenseInverse(const IncrementalSolver& solver, double mu, double lambda)
 
 MatrixXd JointOfAll(const IncrementalSolver& solver, const LiveCovarianceOptions& options) {
   LiveCovariance covariance;
-  const Status status = solver.Covariance(MovingOf(AtValuesHeld(solver)), options, &covariance);
+  const Status status =
+      solver.Covariance(MovingVariables(AtValuesHeld(solver)), options, &covariance);
   EXPECT_TRUE(status.ok()) << status.message;
   return DenseOf(covariance);
 }
@@ -143,7 +134,7 @@ TEST(LiveCovariance, ABlockIsThatOfTheWhole) {
   bundle.Grow(7, 15, 3);
   bundle.solver.Update();
   const FactorGraph graph = AtValuesHeld(bundle.solver);
-  const std::vector<VariableId> all = MovingOf(graph);
+  const std::vector<VariableId> all = MovingVariables(graph);
   for (const LiveCovarianceOptions& options : {LiveCovarianceOptions(), AsFactored(), Exact()}) {
     LiveCovariance whole, pair;
     ASSERT_TRUE(bundle.solver.Covariance(all, options, &whole).ok());
@@ -176,7 +167,7 @@ TEST(LiveCovariance, AfterMarginalization) {
             StatusCode::kInvalidArgument);
   ASSERT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
   ASSERT_TRUE(bundle.solver.MarginalCovariance(bundle.frames()[3], {}, &covariance).ok());
-  const std::vector<VariableId> all = MovingOf(AtValuesHeld(bundle.solver));
+  const std::vector<VariableId> all = MovingVariables(AtValuesHeld(bundle.solver));
   ASSERT_TRUE(bundle.solver.Covariance(all, Exact(), &covariance).ok());
   // A fixed linearization point of a prior is no business of the dense oracle's.
   GraphCovariance expected;
@@ -246,7 +237,7 @@ TEST(LiveCovariance, TheErrorOfTheDampingIsBounded) {
   bundle.Grow(30, 0, 1);
   bundle.solver.Update();
   LiveCovariance damped, exact;
-  const std::vector<VariableId> all = MovingOf(AtValuesHeld(bundle.solver));
+  const std::vector<VariableId> all = MovingVariables(AtValuesHeld(bundle.solver));
   ASSERT_TRUE(bundle.solver.Covariance(all, AsFactored(), &damped).ok());
   ASSERT_TRUE(bundle.solver.Covariance(all, Exact(), &exact).ok());
   for (int i = 0; i < damped.size(); ++i) {
@@ -375,7 +366,7 @@ TEST(LiveCovariance, TheErrorOfTheLandmarksDampingIsBounded) {
     LandmarkChain chain;
     const std::vector<VariableId> frames = chain.Add(size);
     chain.Hold(frames[0]);
-    const std::vector<VariableId> all = MovingOf(AtValuesHeld(chain.solver));
+    const std::vector<VariableId> all = MovingVariables(AtValuesHeld(chain.solver));
     const MatrixXd exact = DenseInverse(chain.solver, 0.0, 0.0);
     double worst = 0.0;
     int row = 0;

@@ -14,6 +14,7 @@
 
 #include "incremental/active_set.h"
 #include "incremental/incremental_system.h"
+#include "incremental/whole_graph.h"
 #include "support/random_graph.h"
 
 namespace inceres::internal {
@@ -29,16 +30,7 @@ constexpr double kMu = 1e-3;
 // as dense matrices.
 class Reduced {
  public:
-  explicit Reduced(RandomGraph* graph) : system_(graph->graph(), 1) {
-    for (VariableId id = 0; id < graph->graph().num_variables(); ++id) {
-      system_.AddVariable(id);
-    }
-    for (FamilyId family = 0; family < graph->graph().num_families(); ++family) {
-      for (int i = 0; i < graph->graph().NumFactors(family); ++i) {
-        system_.AddFactor({family, i});
-      }
-    }
-  }
+  explicit Reduced(RandomGraph* graph) : system_(graph->graph(), 1) { AddWholeGraph(&system_); }
 
   void Linearize() {
     RelinearizeWork work;

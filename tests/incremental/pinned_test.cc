@@ -8,6 +8,7 @@
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
 #include "incremental/incremental_system.h"
+#include "incremental/whole_graph.h"
 #include "support/core_pipeline.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
@@ -108,14 +109,7 @@ TEST(PinnedLinearization, OfTheIncrementalSystem) {
   World world;
   FactorGraph& graph = world.graph();
   internal::IncrementalSystem system(graph, 1);
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    system.AddVariable(id);
-  }
-  for (FamilyId family = 0; family < graph.num_families(); ++family) {
-    for (int i = 0; i < graph.NumFactors(family); ++i) {
-      system.AddFactor({family, i});
-    }
-  }
+  internal::AddWholeGraph(&system);
   internal::RelinearizeWork work;
   const auto diagonals = [&] {
     std::vector<double> entries;

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "incremental/whole_graph.h"
 #include "support/test_families.h"
 
 namespace inceres::internal {
@@ -31,8 +32,7 @@ class MovedSquare {
     const double start = 1.0;
     const VariableId x = graph_.AddVariable(&start, 1, Role::kFrame);
     graph_.AddFactor(family_, 0, {x});
-    system_.AddVariable(x);
-    system_.AddFactor({family_.id, 0});
+    AddWholeGraph(&system_);
     relinearization_.Begin(IncrementalOptions(), /*share=*/0.1);
     Renew();
     const double step = 0.1;

@@ -15,6 +15,7 @@
 #include "inceres/solver/solver.h"
 #include "incremental/incremental_bundle.h"
 #include "incremental/incremental_system.h"
+#include "incremental/whole_graph.h"
 #include "support/test_families.h"
 
 namespace inceres {
@@ -222,9 +223,7 @@ class Bend {
     const VariableId y = graph_.AddVariable(start + 1, 1, Role::kFrame);
     graph_.AddFactor(family_, 0, {x, y});
     graph_.SetLoss(family_.id, 0, std::move(loss));
-    system_.AddVariable(x);
-    system_.AddVariable(y);
-    system_.AddFactor({family_.id, 0});
+    AddWholeGraph(&system_);
     EXPECT_TRUE(Relinearize().ok());
   }
 

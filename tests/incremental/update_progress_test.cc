@@ -57,29 +57,6 @@ TEST(UpdateProgress, RowsAreAsWideAsTheHeading) {
   EXPECT_TRUE(Contains(ProgressRow(row), "landmarks "));
 }
 
-TEST(UpdateProgress, CallbackEndsOrAborts) {
-  for (IncrementalOptions options : BothWays()) {
-    ObserverAction action = ObserverAction::kContinue;
-    options.callback = [&action](const UpdateIteration& iteration) {
-      return iteration.iteration == 1 ? action : ObserverAction::kContinue;
-    };
-    IncrementalBundle bundle(options);
-    bundle.Grow(6, 30, 3);
-    const std::vector<double> start = bundle.Values();
-    action = ObserverAction::kAbort;
-    UpdateSummary summary = bundle.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kUserFailure);
-    EXPECT_EQ(bundle.Values(), start);
-    action = ObserverAction::kTerminateSuccessfully;
-    summary = bundle.solver.Update();
-    EXPECT_EQ(summary.termination, Termination::kUserSuccess);
-    EXPECT_EQ(summary.iterations.size(), 2u);
-    EXPECT_NE(bundle.Values(), start);
-    action = ObserverAction::kContinue;
-    EXPECT_EQ(bundle.solver.Update().termination, Termination::kConvergence);
-  }
-}
-
 TEST(UpdateProgress, WhatIsThrownPassesThroughAndValuesAreThoseOfBefore) {
   for (IncrementalOptions options : BothWays()) {
     bool throws = false;

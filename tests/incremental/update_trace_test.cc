@@ -1,5 +1,5 @@
-// The trace of an Update, one row an iteration, and the observer that sees each row and may end the
-// Update.
+// The trace of an Update, one row an iteration, and who sees each row and may end the Update: an
+// observer, or the callback of the options.
 
 #include <cmath>
 #include <functional>
@@ -27,6 +27,22 @@ class Watcher final : public UpdateObserver {
  private:
   Watch watch_;
 };
+
+UpdateSummary UpdateWatched(bool by_callback, const Watcher::Watch& watch,
+                            IncrementalOptions options, IncrementalBundle* bundle) {
+  UpdateSummary summary;
+  if (by_callback) {
+    options.callback = watch;
+    bundle->solver.SetOptions(options);
+    summary = bundle->solver.Update();
+    options.callback = nullptr;
+    bundle->solver.SetOptions(options);
+  } else {
+    Watcher watcher(watch);
+    bundle->solver.Update(&summary, &watcher);
+  }
+  return summary;
+}
 
 // By the batch solver first; by the incremental one alone; by both, with landmark steps and refused
 // steps on the way.
@@ -168,16 +184,17 @@ TEST(UpdateObserver, SeesEveryRowAndTheBestStateSoFar) {
   }
 }
 
-TEST(UpdateObserver, MayEndAnUpdateAndKeepTheState) {
+class WatchedUpdate : public testing::TestWithParam<bool> {};
+
+TEST_P(WatchedUpdate, MayBeEndedAndKeepsTheState) {
   for (const IncrementalOptions& options : Ways()) {
     IncrementalBundle bundle(options, 12);
     bundle.Grow(10, 60, 3);
-    Watcher second([](const UpdateIteration& row) {
+    const auto ends_at_second = [](const UpdateIteration& row) {
       return row.iteration == 2 ? ObserverAction::kTerminateSuccessfully
                                 : ObserverAction::kContinue;
-    });
-    UpdateSummary stopped;
-    bundle.solver.Update(&stopped, &second);
+    };
+    const UpdateSummary stopped = UpdateWatched(GetParam(), ends_at_second, options, &bundle);
     EXPECT_EQ(stopped.termination, Termination::kUserSuccess);
     EXPECT_EQ(stopped.message, "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.");
     EXPECT_EQ(stopped.iterations.size(), 3U);
@@ -189,18 +206,17 @@ TEST(UpdateObserver, MayEndAnUpdateAndKeepTheState) {
   }
 }
 
-TEST(UpdateObserver, AbortPutsTheValuesBack) {
+TEST_P(WatchedUpdate, AbortedPutsTheValuesBack) {
   for (const IncrementalOptions& options : Ways()) {
     for (const int at : {0, 3}) {
       IncrementalBundle bundle(options, 12);
       bundle.Grow(10, 60, 3);
       IncrementalBundle undisturbed(options, 12);
       undisturbed.Grow(10, 60, 3);
-      Watcher aborts([at](const UpdateIteration& row) {
+      const auto aborts = [at](const UpdateIteration& row) {
         return row.iteration == at ? ObserverAction::kAbort : ObserverAction::kContinue;
-      });
-      UpdateSummary aborted;
-      bundle.solver.Update(&aborted, &aborts);
+      };
+      const UpdateSummary aborted = UpdateWatched(GetParam(), aborts, options, &bundle);
       EXPECT_EQ(aborted.termination, Termination::kUserFailure);
       EXPECT_EQ(aborted.message, "User callback returned SOLVER_ABORT.");
       EXPECT_EQ(aborted.final_cost, aborted.initial_cost);
@@ -213,16 +229,18 @@ TEST(UpdateObserver, AbortPutsTheValuesBack) {
   }
 }
 
-TEST(UpdateObserver, IsAskedInAnUpdateWithNothingToDo) {
-  IncrementalBundle bundle(IncrementalOptions(), 8);
+TEST_P(WatchedUpdate, IsWatchedWithNothingToDo) {
+  const IncrementalOptions options;
+  IncrementalBundle bundle(options, 8);
   bundle.Grow(6, 30, 3);
   const double cost = bundle.solver.Update().final_cost;
-  Watcher aborts([](const UpdateIteration&) { return ObserverAction::kAbort; });
-  UpdateSummary summary;
-  bundle.solver.Update(&summary, &aborts);
+  const auto aborts = [](const UpdateIteration&) { return ObserverAction::kAbort; };
+  const UpdateSummary summary = UpdateWatched(GetParam(), aborts, options, &bundle);
   EXPECT_EQ(summary.termination, Termination::kUserFailure);
   EXPECT_EQ(summary.final_cost, cost);
 }
+
+INSTANTIATE_TEST_SUITE_P(ByCallback, WatchedUpdate, testing::Bool());
 
 }  // namespace
 }  // namespace inceres

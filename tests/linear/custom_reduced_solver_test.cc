@@ -1,10 +1,10 @@
 // A user's own reduced solver through SolverOptions, as docs/reduced_solver.md shows it.
-#include <atomic>
 #include <memory>
 
 #include <gtest/gtest.h>
 
 #include "inceres/solver/solver.h"
+#include "linear/counting_solver.h"
 #include "linear/eigen_ldlt_solver.h"
 #include "support/random_graph.h"
 
@@ -12,6 +12,7 @@ namespace inceres {
 namespace {
 
 using test::BundleOptions;
+using test::CountingSolver;
 using test::MakeBundle;
 
 // [quoted in docs/reduced_solver.md]
@@ -48,40 +49,9 @@ TEST(CustomReducedSolver, GivesTheSameResultAsTheBuiltIn) {
   }
 }
 
-// Counts its calls, and misbehaves on request.
-class CountingSolver final : public ReducedSolver {
- public:
-  struct Record {
-    int num_analyses = 0;
-    int num_factorizations = 0;
-    int num_solves = 0;
-    Status analysis;
-    Status factorization;
-  };
-  explicit CountingSolver(Record* record) : record_(*record) {}
-  const char* Name() const override { return "counting"; }
-  Status Analyze(const ReducedMatrix& A) override {
-    ++record_.num_analyses;
-    return record_.analysis.ok() ? solver_.Analyze(A) : record_.analysis;
-  }
-  Status Factorize(const ReducedMatrix& A, const Rows& changed) override {
-    ++record_.num_factorizations;
-    return record_.factorization.ok() ? solver_.Factorize(A, changed) : record_.factorization;
-  }
-  Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
-               double* x) override {
-    ++record_.num_solves;
-    return solver_.Solve(b, changed_b, truncation, x);
-  }
-
- private:
-  Record& record_;
-  EigenLdltSolver solver_;
-};
-
 Summary SolveCounting(CountingSolver::Record* record, FactorGraph* graph) {
   SolverOptions options;
-  options.reduced_solver_factory = [record] { return std::make_unique<CountingSolver>(record); };
+  options.reduced_solver_factory = test::MakesCountingSolvers(record);
   return Solve(options, graph);
 }
 

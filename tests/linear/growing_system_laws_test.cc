@@ -1,8 +1,10 @@
 // What every solver promises of a reduced system that grows, whatever changed between two calls:
 // the built-in ones, and the example of the documentation.
-#include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -10,6 +12,8 @@
 #include "linear/bayes_tree.h"
 #include "linear/eigen_ldlt_solver.h"
 #include "linear/growing_system.h"
+#include "linear/half_solves.h"
+#include "linear/live_factor.h"
 #include "linear/select_solver.h"
 #include "support/dense_oracle.h"
 
@@ -24,13 +28,37 @@ struct BayesTreeOfOneThread : private OneThread, public BayesTree {
   BayesTreeOfOneThread() : BayesTree(OneThread::executor) {}
 };
 
+// Beside what each solver does, some are HalfSolves, and of some there is a LiveFactor.
+enum Abilities { kSolves, kIsAFactor, kIsAFactorAndHalfSolves };
+
 struct GrowingCase {
   const char* name;
+  Abilities abilities = kSolves;
   ReducedSolverKind kind = ReducedSolverKind::kAutomatic;
   ReducedSolverFactory factory;
 };
 
 constexpr ReducedSolver::Truncation kExact;
+
+// Three columns of two rows of S that are there and free.
+SparseColumns RandomColumns(GrowingSystem* system) {
+  SparseColumns V;
+  int size = 0;
+  for (int k = 0; k < 50 && V.rows.size() < 2; ++k) {
+    const int row = system->random.Below(system->num_rows());
+    if (system->S.size_of(row) > 0 && system->held[row] == 0 &&
+        (V.rows.empty() || V.rows.front() != row)) {
+      V.rows.push_back(row);
+      V.begin.push_back(size);
+      size += system->S.size_of(row);
+    }
+  }
+  V.values.resize(size, 3);
+  for (Eigen::Index k = 0; k < V.values.size(); ++k) {
+    V.values(k) = system->random.Unit();
+  }
+  return V;
+}
 
 class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
  protected:
@@ -48,7 +76,7 @@ class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
 
   static void ExpectSolved(const GrowingSystem& system) {
     const Eigen::VectorXd expected = system.Dense().llt().solve(system.FreeB());
-    EXPECT_LE(test::RelativeError(system.X(), expected), 1e-10);
+    EXPECT_LE(test::RelativeError(system.X(), expected), 1e-11);
     for (int i = 0; i < system.num_rows(); ++i) {
       if (system.held[static_cast<std::size_t>(i)] != 0) {
         EXPECT_TRUE(system.X().segment(system.OffsetOf(i), system.S.size_of(i)).isZero(0.0))
@@ -57,15 +85,47 @@ class GrowingSystemLaws : public testing::TestWithParam<GrowingCase> {
     }
   }
 
+  // Takes up b.
+  static void ExpectGain(const GrowingSystem& system, int first_b, HalfSolves* solver) {
+    const Eigen::VectorXd b = system.FreeB();
+    double gain = -1.0;
+    ASSERT_TRUE(solver->SolveForGain(b.data(), {first_b}, &gain).ok());
+    const double expected = 0.5 * b.dot(system.Dense().llt().solve(b));
+    EXPECT_NEAR(gain, expected, 1e-11 * expected);
+  }
+
+  // Which the solver is not to notice.
+  static void ExpectProductsWithTheInverse(const LiveFactor& factor, GrowingSystem* system) {
+    std::vector<int> offsets;
+    for (int row = 0; row <= system->num_rows(); ++row) {
+      offsets.push_back(system->OffsetOf(row));
+    }
+    const SparseColumns V = RandomColumns(system);
+    Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(system->size(), 3);
+    for (std::size_t k = 0; k < V.rows.size(); ++k) {
+      const int size_of_row = system->S.size_of(V.rows[k]);
+      whole.middleRows(offsets[V.rows[k]], size_of_row) =
+          V.values.middleRows(V.begin[k], size_of_row);
+    }
+    const Eigen::LLT<Eigen::MatrixXd> dense(system->Dense());
+    Eigen::MatrixXd product;
+    ASSERT_TRUE(factor.Product(V, offsets, &product).ok());
+    EXPECT_LE(test::RelativeError(product, whole.transpose() * dense.solve(whole)), 1e-11);
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(system->size());
+    const Eigen::VectorXd b = system->FreeB();
+    ASSERT_TRUE(factor.Solve(offsets, b.data(), x.data()).ok());
+    EXPECT_LE(test::RelativeError(x, dense.solve(b)), 1e-11);
+  }
+
   Executor executor_{1};
   std::unique_ptr<ReducedSolver> solver_;
 };
 
 TEST_P(GrowingSystemLaws, AgreesWithADenseOracleUnderRandomChanges) {
-  for (unsigned seed = 0; seed < 6; ++seed) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
     GrowingSystem system(seed);
     MakeAnew();
-    for (int step = 0; step < 40; ++step) {
+    for (int step = 0; step < 80; ++step) {
       const RandomChange edit(&system, /*may_hold=*/true);
       const Status status = Update(&system, edit.change, edit.first_b);
       ASSERT_TRUE(status.ok()) << status.message;
@@ -75,6 +135,43 @@ TEST_P(GrowingSystemLaws, AgreesWithADenseOracleUnderRandomChanges) {
     EXPECT_EQ(solver_->Bytes() > 0, IsBuiltIn());
     EXPECT_FALSE(std::string(solver_->Name()).empty());
   }
+}
+
+// Factorizations, first halves of solves, products with the inverse and whole solves, in any
+// succession.
+TEST_P(GrowingSystemLaws, WhatItCanDoBesideAgreesAsWell) {
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    GrowingSystem system(seed);
+    MakeAnew();
+    auto* const halves = dynamic_cast<HalfSolves*>(solver_.get());
+    ASSERT_EQ(halves != nullptr, GetParam().abilities == kIsAFactorAndHalfSolves);
+    int first_b = 0;
+    for (int step = 0; step < 60; ++step) {
+      SCOPED_TRACE("seed " + std::to_string(seed) + ", step " + std::to_string(step));
+      const RandomChange edit(&system, /*may_hold=*/true);
+      first_b = std::min(first_b, edit.first_b);
+      ASSERT_TRUE(system.Factorize(edit.change, solver_.get()).ok());
+      if (halves != nullptr && system.random.Below(2) == 0) {
+        ASSERT_NO_FATAL_FAILURE(
+            ExpectGain(system, std::exchange(first_b, system.num_rows()), halves));
+      }
+      const LiveFactor factor(solver_.get());
+      ASSERT_EQ(factor.exists(), GetParam().abilities != kSolves);
+      if (factor.exists()) {
+        ASSERT_NO_FATAL_FAILURE(ExpectProductsWithTheInverse(factor, &system));
+      }
+      if (system.random.Below(2) == 0) {
+        ASSERT_TRUE(
+            system.Solve({std::exchange(first_b, system.num_rows())}, kExact, solver_.get()).ok());
+        ExpectSolved(system);
+      }
+      ASSERT_FALSE(HasFailure());
+    }
+  }
+}
+
+TEST(LiveFactor, OfNoSolverThereIsNone) {
+  EXPECT_FALSE(LiveFactor(nullptr).exists());
 }
 
 TEST_P(GrowingSystemLaws, ChangesMayComeWithoutAListOfRows) {
@@ -165,15 +262,16 @@ TEST_P(GrowingSystemLaws, AnIndefiniteCouplingIsSingular) {
 
 INSTANTIATE_TEST_SUITE_P(
     Solvers, GrowingSystemLaws,
-    testing::Values(GrowingCase{"Automatic", ReducedSolverKind::kAutomatic, nullptr},
-                    GrowingCase{"Resumed", ReducedSolverKind::kResumed, nullptr},
-                    GrowingCase{"Dense", ReducedSolverKind::kDense, nullptr},
-                    GrowingCase{"Sparse", ReducedSolverKind::kSparse, nullptr},
-                    GrowingCase{"Pcg", ReducedSolverKind::kPcg, nullptr},
-                    GrowingCase{"BayesTree", ReducedSolverKind::kAutomatic,
-                                [] { return std::make_unique<BayesTreeOfOneThread>(); }},
-                    GrowingCase{"EigenLdlt", ReducedSolverKind::kAutomatic,
-                                [] { return std::make_unique<EigenLdltSolver>(); }}),
+    testing::Values(
+        GrowingCase{"Automatic", kIsAFactorAndHalfSolves, ReducedSolverKind::kAutomatic, nullptr},
+        GrowingCase{"Resumed", kIsAFactorAndHalfSolves, ReducedSolverKind::kResumed, nullptr},
+        GrowingCase{"Dense", kIsAFactor, ReducedSolverKind::kDense, nullptr},
+        GrowingCase{"Sparse", kIsAFactor, ReducedSolverKind::kSparse, nullptr},
+        GrowingCase{"Pcg", kSolves, ReducedSolverKind::kPcg, nullptr},
+        GrowingCase{"BayesTree", kIsAFactorAndHalfSolves, ReducedSolverKind::kAutomatic,
+                    [] { return std::make_unique<BayesTreeOfOneThread>(); }},
+        GrowingCase{"EigenLdlt", kSolves, ReducedSolverKind::kAutomatic,
+                    [] { return std::make_unique<EigenLdltSolver>(); }}),
     [](const auto& instance) { return instance.param.name; });
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include "linear/path_cholesky.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -10,42 +9,12 @@
 #include <gtest/gtest.h>
 
 #include "linear/growing_system.h"
-#include "linear/random_system.h"
+#include "linear/random_scenes.h"
 #include "linear/select_solver.h"
 #include "support/dense_oracle.h"
 
 namespace inceres::internal {
 namespace {
-
-// Poses of so many rows, each row coupled to all of the poses beside it; loops between some, a
-// branch that ends freely, and a ring that hangs on one pose.
-RandomSystem Odometry(int num_poses, const std::vector<int>& rows_of_pose, unsigned seed) {
-  const int num_rows = static_cast<int>(rows_of_pose.size());
-  std::vector<int> sizes;
-  for (int pose = 0; pose < num_poses; ++pose) {
-    sizes.insert(sizes.end(), rows_of_pose.begin(), rows_of_pose.end());
-  }
-  test::Random random(seed);
-  std::vector<std::pair<int, int>> loops;
-  for (int k = 0; k < num_poses / 12; ++k) {
-    loops.emplace_back(random.Below(num_poses / 2), random.Below(num_poses / 2));
-  }
-  // The branch begins in the middle, the ring before the last fifth.
-  const int branch = num_poses / 2, ring = num_poses - num_poses / 5;
-  return {sizes,
-          [=](int i, int j) {
-            const int a = i / num_rows, b = j / num_rows;
-            const bool in_turn = a - b <= 1 && a != branch;
-            const bool at_branch = a == branch && (b == branch || b == 2);
-            const bool closes_ring = a == num_poses - 1 && b == ring;
-            return in_turn || at_branch || closes_ring ||
-                   std::any_of(loops.begin(), loops.end(), [&](const auto& loop) {
-                     return std::max(loop.first, loop.second) == a &&
-                            std::min(loop.first, loop.second) == b;
-                   });
-          },
-          seed};
-}
 
 Eigen::VectorXd SolveBy(ReducedSolver* solver, const RandomSystem& system,
                         const std::vector<double>& b) {
@@ -78,21 +47,6 @@ TEST(PathCholesky, SolvesAsADenseFactorDoes) {
   }
 }
 
-// Several tasks of paths.
-TEST(PathCholesky, SameBitsForAnyNumberOfThreads) {
-  RandomSystem system = Odometry(900, {3, 3}, 5);
-  EXPECT_GT(FindBlockPaths(system.pattern).paths.size(), 60u);
-  const auto b = system.random.Vector(static_cast<std::size_t>(system.pattern.size()));
-  const Executor one(1);
-  PathCholesky solver(one);
-  const Eigen::VectorXd x = SolveBy(&solver, system, b);
-  for (const int num_threads : {2, 4}) {
-    const Executor several(num_threads);
-    PathCholesky on_several(several);
-    EXPECT_EQ(x, SolveBy(&on_several, system, b)) << num_threads << " threads";
-  }
-}
-
 // Where it is the whole of S, and where there is none.
 TEST(PathCholesky, SolvesOnePathAndNone) {
   for (const bool has_path : {true, false}) {
@@ -105,26 +59,6 @@ TEST(PathCholesky, SolvesOnePathAndNone) {
                   SolveBy(&solver, system, b),
                   system.Dense().llt().solve(Eigen::Map<const Eigen::VectorXd>(b.data(), 27))),
               1e-12);
-  }
-}
-
-TEST(PathCholesky, NamesTheRowThatIsNotDefinite) {
-  for (const int row : {0, 7, 20, 59, 77, 119}) {
-    RandomSystem system = Odometry(60, {3, 3}, 2);
-    const Executor executor(1);
-    PathCholesky solver(executor);
-    ASSERT_TRUE(solver.Analyze(system.Matrix()).ok());
-    ASSERT_TRUE(solver.Factorize(system.Matrix(), {}).ok());
-    system.Spoil(3 * row + 1);
-    const Status failed = solver.Factorize(system.Matrix(), {});
-    EXPECT_EQ(failed.code, StatusCode::kSingular);
-    // Of a node of the rest its first row is told.
-    const bool is_named =
-        failed.message.find("frame " + std::to_string(row)) != std::string::npos ||
-        failed.message.find("frame " + std::to_string(row - row % 2)) != std::string::npos;
-    EXPECT_TRUE(is_named) << row << ": " << failed.message;
-    std::vector<double> x(static_cast<std::size_t>(system.pattern.size()));
-    EXPECT_EQ(solver.Solve(system.diagonal.data(), {}, {}, x.data()).code, StatusCode::kSingular);
   }
 }
 

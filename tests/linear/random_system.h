@@ -87,6 +87,25 @@ struct RandomSystem {
     return S;
   }
 
+  // (S + diag) x
+  Eigen::VectorXd Times(const Eigen::VectorXd& x) const {
+    using Block =
+        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+    Eigen::VectorXd product =
+        Eigen::Map<const Eigen::VectorXd>(diagonal.data(), pattern.size()).cwiseProduct(x);
+    Matrix().ForEachBlock([&](int i, int j, const double* values_of_block, int /*stride*/) {
+      const int rows = pattern.block_size(i), columns = pattern.block_size(j);
+      const int at = pattern.offsets[static_cast<std::size_t>(i)];
+      const int column = pattern.offsets[static_cast<std::size_t>(j)];
+      const Block block(values_of_block, rows, columns);
+      product.segment(at, rows) += block * x.segment(column, columns);
+      if (i != j) {
+        product.segment(column, columns) += block.transpose() * x.segment(at, rows);
+      }
+    });
+    return product;
+  }
+
   ReducedMatrix Matrix() const { return {pattern, values.data(), diagonal.data()}; }
 
   // Makes the matrix indefinite at scalar row `at`.

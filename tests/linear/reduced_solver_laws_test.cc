@@ -1,9 +1,9 @@
 // What every ReducedSolver promises, checked for the built-in ones and for the example of the
 // documentation.
-#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include "linear/dense_cholesky.h"
 #include "linear/eigen_ldlt_solver.h"
 #include "linear/path_cholesky.h"
-#include "linear/random_system.h"
+#include "linear/random_scenes.h"
 #include "linear/sparse_cholesky.h"
 #include "support/dense_oracle.h"
 
@@ -155,23 +155,134 @@ TEST_P(ReducedSolverLaws, HasAName) {
   EXPECT_FALSE(std::string(solver_->Name()).empty());
 }
 
+template <typename Solver>
+std::unique_ptr<ReducedSolver> Make(const Executor& executor) {
+  return std::make_unique<Solver>(executor);
+}
+
+INSTANTIATE_TEST_SUITE_P(Solvers, ReducedSolverLaws,
+                         testing::Values(SolverCase{"DenseCholesky", Make<DenseCholesky>},
+                                         SolverCase{"SparseCholesky", Make<SparseCholesky>},
+                                         SolverCase{"PathCholesky", Make<PathCholesky>},
+                                         SolverCase{"EigenLdlt",
+                                                    [](const Executor&) {
+                                                      return std::make_unique<EigenLdltSolver>();
+                                                    }}),
+                         [](const auto& instance) { return instance.param.name; });
+
+// Large enough for several threads.
+struct SceneCase {
+  std::string name;
+  std::function<std::unique_ptr<ReducedSolver>(const Executor&)> make;
+  const char* solver;
+  std::function<RandomSystem()> scene;
+  int rows_of_node = 1;  // by the first of which a solver may name what fails
+};
+
+class ReducedSolverScenes : public testing::TestWithParam<SceneCase> {
+ protected:
+  ReducedSolverScenes()
+      : system_(GetParam().scene()),
+        b_(system_.random.Vector(static_cast<std::size_t>(system_.pattern.size()))) {}
+
+  std::unique_ptr<ReducedSolver> Analyzed(const Executor& executor) const {
+    std::unique_ptr<ReducedSolver> solver = GetParam().make(executor);
+    EXPECT_TRUE(solver->Analyze(system_.Matrix()).ok());
+    EXPECT_STREQ(solver->Name(), GetParam().solver);
+    return solver;
+  }
+  std::vector<double> SolveBy(ReducedSolver* solver) const {
+    const Status factored = solver->Factorize(system_.Matrix(), {});
+    EXPECT_TRUE(factored.ok()) << factored.message;
+    std::vector<double> x(b_.size());
+    EXPECT_TRUE(solver->Solve(b_.data(), {}, {}, x.data()).ok());
+    return x;
+  }
+  std::vector<double> SolveOn(int num_threads) const {
+    const Executor executor(num_threads);
+    return SolveBy(Analyzed(executor).get());
+  }
+
+  RandomSystem system_;
+  std::vector<double> b_;
+};
+
+TEST_P(ReducedSolverScenes, AreSolvedWithTheSameBitsOnAnyNumberOfThreads) {
+  const std::vector<double> x = SolveOn(1);
+  const auto n = static_cast<Eigen::Index>(b_.size());
+  EXPECT_LT(test::RelativeError(system_.Times(Eigen::Map<const Eigen::VectorXd>(x.data(), n)),
+                                Eigen::Map<const Eigen::VectorXd>(b_.data(), n)),
+            1e-12);
+  EXPECT_EQ(SolveOn(1), x);
+  for (int repetition = 0; repetition < 3; ++repetition) {
+    EXPECT_EQ(SolveOn(2), x);
+    EXPECT_EQ(SolveOn(4), x);
+  }
+}
+
+TEST_P(ReducedSolverScenes, TheFrameThatFailsIsNamedAndTheSolverWorksAgain) {
+  const std::vector<double> x = SolveOn(1);
+  const std::vector<double> good = system_.diagonal;
+  const int n = system_.pattern.num_blocks();
+  for (const int num_threads : {1, 2}) {
+    const Executor executor(num_threads);
+    const std::unique_ptr<ReducedSolver> solver = Analyzed(executor);
+    for (const int frame : {0, n / 17, n / 3, (n - 1) / 2, n / 2, 3 * n / 5, n - 1}) {
+      system_.Spoil(system_.pattern.offsets[static_cast<std::size_t>(frame)] +
+                    2 * system_.pattern.block_size(frame) / 3);
+      const Status failed = solver->Factorize(system_.Matrix(), {});
+      EXPECT_EQ(failed.code, StatusCode::kSingular);
+      const std::string message = "the reduced system is not positive definite at frame ";
+      const int first_of_node = frame - frame % GetParam().rows_of_node;
+      EXPECT_TRUE(failed.message == message + std::to_string(frame) ||
+                  failed.message == message + std::to_string(first_of_node))
+          << frame << ": " << failed.message;
+      std::vector<double> none(x.size());
+      EXPECT_EQ(solver->Solve(b_.data(), {}, {}, none.data()).code, StatusCode::kSingular);
+      system_.diagonal = good;
+      EXPECT_EQ(SolveBy(solver.get()), x);
+    }
+  }
+}
+
+// Of a dense solver around the panel, the strip of rows, and the size below which no thread is
+// woken.
+SceneCase DenseScene(const std::string& name, const std::vector<int>& sizes) {
+  return {"Dense" + name, Make<DenseCholesky>, "dense Cholesky",
+          [sizes] { return RandomSystem(sizes, Fill::kDense); }};
+}
+SceneCase SparseScene(const std::string& name, const char* order,
+                      const std::function<RandomSystem()>& scene) {
+  return {"Sparse" + name, Make<SparseCholesky>, order, scene};
+}
+
+constexpr const char* kAmd = "sparse Cholesky, AMD";
+constexpr const char* kDissected = "sparse Cholesky, dissected";
+
 INSTANTIATE_TEST_SUITE_P(
-    Solvers, ReducedSolverLaws,
-    testing::Values(SolverCase{"DenseCholesky",
-                               [](const Executor& executor) {
-                                 return std::make_unique<DenseCholesky>(executor);
-                               }},
-                    SolverCase{"SparseCholesky",
-                               [](const Executor& executor) {
-                                 return std::make_unique<SparseCholesky>(executor);
-                               }},
-                    SolverCase{"PathCholesky",
-                               [](const Executor& executor) {
-                                 return std::make_unique<PathCholesky>(executor);
-                               }},
-                    SolverCase{
-                        "EigenLdlt",
-                        [](const Executor&) { return std::make_unique<EigenLdltSolver>(); }}),
+    Scenes, ReducedSolverScenes,
+    testing::Values(
+        DenseScene("Mixed", {6, 9, 3, 15}), DenseScene("1", {9}),
+        DenseScene("14", std::vector<int>(14, 9)), DenseScene("15", std::vector<int>(15, 9)),
+        DenseScene("33", std::vector<int>(33, 9)), DenseScene("49", std::vector<int>(49, 9)),
+        DenseScene("70", std::vector<int>(70, 9)),
+        SparseScene("Path50", kAmd, [] { return PathWithLoops(50); }),
+        SparseScene("Path300", kAmd, [] { return PathWithLoops(300); }),
+        SparseScene("Path900", kAmd, [] { return PathWithLoops(900); }),
+        SparseScene("Grid", kDissected, [] { return Grid(24, 24, 7); }),
+        SparseScene("FewPoints1", kAmd, [] { return FewPointsSeenByMany(60, 14, 1, 1); }),
+        SparseScene("FewPoints2", kAmd, [] { return FewPointsSeenByMany(60, 14, 2, 2); }),
+        SparseScene("FewPoints3", kAmd, [] { return FewPointsSeenByMany(60, 14, 3, 3); }),
+        // Heavy sets are tasks beside each other.
+        SparseScene("FewPointsInTasks", kDissected,
+                    [] { return FewPointsSeenByMany(150, 40, 3, 4); }),
+        SceneCase{"Path", Make<PathCholesky>, "sparse Cholesky, paths first",
+                  [] {
+                    RandomSystem system = Odometry(900, {3, 3}, 5);
+                    EXPECT_GT(FindBlockPaths(system.pattern).paths.size(), 60u) << "for tasks";
+                    return system;
+                  },
+                  2}),
     [](const auto& instance) { return instance.param.name; });
 
 }  // namespace

@@ -15,7 +15,7 @@ using Eigen::MatrixXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // A path with loops and blocks of several sizes: subtrees beside each other, fronts of many widths.
-RandomSystem PathWithLoops(int num_frames, unsigned seed) {
+RandomSystem PathOfManySizes(int num_frames, unsigned seed) {
   std::vector<int> sizes;
   for (int i = 0; i < num_frames; ++i) {
     sizes.push_back(1 + (i * 7 + static_cast<int>(seed)) % 9);
@@ -26,27 +26,9 @@ RandomSystem PathWithLoops(int num_frames, unsigned seed) {
       seed};
 }
 
-MatrixXd DenseInverse(const RandomSystem& system) {
-  MatrixXd A = MatrixXd::Zero(system.pattern.size(), system.pattern.size());
-  const ReducedMatrix matrix(system.pattern, system.values.data(), system.diagonal.data());
-  const auto& offsets = system.pattern.offsets;
-  matrix.ForEachBlock([&](int i, int j, const double* block, int stride) {
-    for (int r = 0; r < system.pattern.block_size(i); ++r) {
-      for (int c = 0; c < system.pattern.block_size(j); ++c) {
-        A(offsets[i] + r, offsets[j] + c) = A(offsets[j] + c, offsets[i] + r) =
-            block[r * stride + c];
-      }
-    }
-  });
-  for (int k = 0; k < system.pattern.size(); ++k) {
-    A(k, k) += system.diagonal[static_cast<std::size_t>(k)];
-  }
-  return A.inverse();
-}
-
 // Every block that is there, in both orders, against the dense inverse. How many are there.
 int ExpectInverse(const RandomSystem& system, const SelectedInverse& selected) {
-  const MatrixXd inverse = DenseInverse(system);
+  const MatrixXd inverse = system.Dense().inverse();
   const BlockPattern& pattern = system.pattern;
   int count = 0;
   for (int i = 0; i < pattern.num_blocks(); ++i) {
@@ -71,7 +53,7 @@ int ExpectInverse(const RandomSystem& system, const SelectedInverse& selected) {
 
 TEST(SelectedInverse, HasTheBlocksOfTheFactor) {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    const RandomSystem system = PathWithLoops(40 * static_cast<int>(seed), seed);
+    const RandomSystem system = PathOfManySizes(40 * static_cast<int>(seed), seed);
     const Executor executor(1);
     SparseCholesky factor(executor);
     const ReducedMatrix A(system.pattern, system.values.data(), system.diagonal.data());

@@ -52,16 +52,6 @@ GraphCovariance::Pairs AllPairs(const std::vector<VariableId>& ids) {
   return pairs;
 }
 
-std::vector<VariableId> Moving(const FactorGraph& graph) {
-  std::vector<VariableId> ids;
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    if (graph.HasVariable(id) && !graph.IsConstant(id)) {
-      ids.push_back(id);
-    }
-  }
-  return ids;
-}
-
 // Of everything there is in a graph, something for each seed.
 std::unique_ptr<RandomGraph> MakeMixedBundle(unsigned seed) {
   BundleOptions options;
@@ -80,7 +70,7 @@ std::unique_ptr<RandomGraph> MakeMixedBundle(unsigned seed) {
 TEST(Covariance, IsTheInverseOfTheHessian) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     const std::unique_ptr<RandomGraph> bundle = MakeMixedBundle(seed);
-    const std::vector<VariableId> moving = Moving(bundle->graph());
+    const std::vector<VariableId> moving = MovingVariables(bundle->graph());
     GraphCovariance covariance;
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
     ASSERT_TRUE(status.ok()) << status.message;
@@ -140,9 +130,9 @@ TEST(Covariance, AFreeGaugeIsAStatus) {
     double block[9];
     EXPECT_FALSE(covariance.Get(0, 0, block));
     world.AddFactor({size / 2}, MatrixXd::Identity(3, 3), Eigen::VectorXd::Zero(3));
-    const Status anchored = covariance.Compute(world.graph, AllPairs(Moving(world.graph)));
+    const Status anchored = covariance.Compute(world.graph, AllPairs(MovingVariables(world.graph)));
     ASSERT_TRUE(anchored.ok()) << anchored.message;
-    ExpectInverse(world.graph, Moving(world.graph), covariance);
+    ExpectInverse(world.graph, MovingVariables(world.graph), covariance);
   }
 }
 
@@ -192,7 +182,7 @@ struct Path {
 
 TEST(Covariance, OfAllOnAPathComesFromTheFactor) {
   Path path(30, 11);
-  const std::vector<VariableId> moving = Moving(path.random.graph());
+  const std::vector<VariableId> moving = MovingVariables(path.random.graph());
   GraphCovariance covariance;
   // All pairs: what the factor does not have is solved for.
   const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
@@ -304,7 +294,7 @@ TEST(Covariance, ByDenseSingularValues) {
   CovarianceOptions options;
   options.algorithm = CovarianceAlgorithm::kDenseSvd;
   GraphCovariance covariance(options);
-  const std::vector<VariableId> moving = Moving(bundle->graph());
+  const std::vector<VariableId> moving = MovingVariables(bundle->graph());
   ASSERT_TRUE(covariance.Compute(bundle->graph(), AllPairs(moving)).ok());
   ExpectInverse(bundle->graph(), moving, covariance);
   // Two differences of three numbers: (JᵀJ)⁺ of the second is that of its distance from the mean.
@@ -340,7 +330,7 @@ TEST(Covariance, ByOrthogonalTransformations) {
   by_rows.algorithm = CovarianceAlgorithm::kQr;
   for (unsigned seed = 1; seed <= 6; ++seed) {
     const std::unique_ptr<RandomGraph> bundle = MakeMixedBundle(seed);
-    const std::vector<VariableId> moving = Moving(bundle->graph());
+    const std::vector<VariableId> moving = MovingVariables(bundle->graph());
     GraphCovariance covariance(by_rows);
     const Status status = covariance.Compute(bundle->graph(), AllPairs(moving));
     ASSERT_TRUE(status.ok()) << status.message;
@@ -348,7 +338,7 @@ TEST(Covariance, ByOrthogonalTransformations) {
     ExpectInverse(bundle->graph(), moving, covariance);
   }
   Path path(30, 11);
-  const std::vector<VariableId> moving = Moving(path.random.graph());
+  const std::vector<VariableId> moving = MovingVariables(path.random.graph());
   GraphCovariance covariance(by_rows);
   const Status status = covariance.Compute(path.random.graph(), AllPairs(moving));
   ASSERT_TRUE(status.ok()) << status.message;
@@ -402,7 +392,7 @@ double LargestDifference(const FactorGraph& graph, const std::vector<VariableId>
 TEST(Covariance, OfAnOpenPathHasItsDigitsByRows) {
   const OpenPath path(100);
   const FactorGraph& graph = path.world.graph;
-  const std::vector<VariableId> moving = Moving(graph);
+  const std::vector<VariableId> moving = MovingVariables(graph);
   CovarianceOptions options;
   options.algorithm = CovarianceAlgorithm::kDenseSvd;
   options.min_reciprocal_condition_number = 0.0;
@@ -440,7 +430,7 @@ TEST(Covariance, ByRowsWeakFactorsKeepTheirDigitsBesideAStiffOne) {
   CovarianceOptions options;
   options.algorithm = CovarianceAlgorithm::kQr;
   GraphCovariance covariance(options);
-  const Status status = covariance.Compute(world.graph, AllPairs(Moving(world.graph)));
+  const Status status = covariance.Compute(world.graph, AllPairs(MovingVariables(world.graph)));
   ASSERT_TRUE(status.ok()) << status.message;
 
   // In coordinates of which the stiff factor has one, in units of 1e-8, nothing is stiff.
@@ -481,8 +471,8 @@ TEST(Covariance, ByRowsTellsWhatIsNotDetermined) {
   double block[9];
   EXPECT_FALSE(covariance.Get(0, 0, block));
   world.AddFactor({4}, MatrixXd::Identity(3, 3), Eigen::VectorXd::Zero(3));
-  ASSERT_TRUE(covariance.Compute(world.graph, AllPairs(Moving(world.graph))).ok());
-  ExpectInverse(world.graph, Moving(world.graph), covariance);
+  ASSERT_TRUE(covariance.Compute(world.graph, AllPairs(MovingVariables(world.graph))).ok());
+  ExpectInverse(world.graph, MovingVariables(world.graph), covariance);
   const VariableId landmark = world.AddVariable(Eigen::VectorXd::Zero(2), Role::kLandmark);
   world.AddFactor({0, landmark}, RandomMatrix(&random, 1, 5), Eigen::VectorXd::Zero(1));
   const Status seen_once = covariance.Compute(world.graph, {{0, 0}});
@@ -520,7 +510,7 @@ TEST(Covariance, OfALivingProblem) {
   request.dropped = {bundle.landmarks()[7]};
   ASSERT_TRUE(bundle.solver.Marginalize(request, MarginalizationOptions()).status.ok());
   FactorGraph copy = test::AtValuesHeld(bundle.solver);
-  const std::vector<VariableId> moving = Moving(copy);
+  const std::vector<VariableId> moving = MovingVariables(copy);
   GraphCovariance covariance;
   const Status status = covariance.Compute(bundle.solver, AllPairs(moving));
   ASSERT_TRUE(status.ok()) << status.message;

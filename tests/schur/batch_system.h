@@ -21,7 +21,8 @@ class BatchSystem {
 
   /// The law: |S − S_batch|_ij ≤ 1e-10 √(C_ii C_jj), |b − b_batch|_i ≤ 1e-10 √(C_ii 2F), diag(C)
   /// and the cost to 1e-10; and exactly those landmarks take part that are free and have
-  /// information.
+  /// information. Where a row sees a landmark whose damped P is nearer to singular than 1e-5, the
+  /// law is that much wider there.
   void ExpectLaw() const;
 
   /// (S + diag(damping)) δ = b over the frames that are not held; damping = mu · diag(C).
@@ -31,6 +32,8 @@ class BatchSystem {
   void ExpectStep(const std::vector<double>& frame_step, double mu) const;
 
  private:
+  static constexpr double kLaw = 1e-10;
+
   struct Separator {
     int row;
     Matrix W;  // frame × landmark
@@ -39,6 +42,7 @@ class BatchSystem {
     Matrix P;
     Vector l;
     std::vector<Separator> separators;
+    long double smallest = 0.0;  // eigenvalue of the damped P in the units of its coordinates
   };
 
   int size() const { return system_.schur().size(); }
@@ -46,6 +50,7 @@ class BatchSystem {
   void SumFactor(const IncrementalFamily& family, int i);
   void Eliminate(int landmark);
   Matrix Damped(int landmark) const;
+  long double SmallestEigenvalue(int landmark) const;
   double IncrementalS(int row, int column, int r, int c) const;
   void ExpectS() const;
   void ExpectB() const;
@@ -59,6 +64,8 @@ class BatchSystem {
   Matrix S_;
   Vector b_;
   Vector C_diagonal_;
+  std::vector<double> law_;   // per row of S
+  double widest_law_ = kLaw;  // of all that is in S
   long double cost_ = 0.0;
   int num_factors_ = 0;
 };

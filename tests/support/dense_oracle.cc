@@ -118,6 +118,16 @@ FamilyRows EvaluateFamily(const FactorGraph& graph, FamilyId id, const std::vect
 
 }  // namespace
 
+std::vector<VariableId> MovingVariables(const FactorGraph& graph) {
+  std::vector<VariableId> ids;
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    if (graph.HasVariable(id) && !graph.IsConstant(id)) {
+      ids.push_back(id);
+    }
+  }
+  return ids;
+}
+
 DenseOracle::DenseOracle(const FactorGraph& graph, const std::vector<VariableId>& variables) {
   int num_columns = 0;
   const std::vector<int> column = ColumnsOf(graph, variables, &num_columns);

@@ -8,6 +8,9 @@
 
 namespace inceres::test {
 
+/// The variables that are there and not constant.
+std::vector<VariableId> MovingVariables(const FactorGraph& graph);
+
 /// The linearized problem written out as matrices, straight from the graph: families evaluated one
 /// by one, Jacobians projected by products with the manifolds' PlusJacobian, losses applied as
 /// Triggs writes them. Shares no code with src/. Free places of an edited graph are rows of zeros;
