@@ -10,22 +10,9 @@ namespace inceres::test {
 namespace {
 
 // A factor in two variables of size 1: residual and its two derivatives.
-void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, double (*f)(double, double),
-                   double (*df_da)(double, double), double (*df_db)(double, double)) {
-  const auto function = [f, df_da, df_db](int, const double* const* x, double* residuals,
-                                          double** jacobians) {
-    residuals[0] = f(x[0][0], x[1][0]);
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = df_da(x[0][0], x[1][0]);
-    }
-    if (jacobians != nullptr && jacobians[1] != nullptr) {
-      jacobians[1][0] = df_db(x[0][0], x[1][0]);
-    }
-    return true;
-  };
-  auto family = std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-                                                 function);
-  graph->AddFactor(graph->AddFamily(family), 0, {a, b});
+template <typename F, typename DA, typename DB>
+void AddScalarPair(FactorGraph* graph, VariableId a, VariableId b, F f, DA df_da, DB df_db) {
+  graph->AddFactor(graph->AddFamily(ScalarFamily(f, df_da, df_db)), 0, {a, b});
 }
 
 }  // namespace
@@ -37,12 +24,10 @@ void MakePowell(FactorGraph* graph) {
     x[k] = graph->AddVariable(start + k, 1, Role::kFrame);
   }
   AddScalarPair(
-      graph, x[0], x[1], [](double a, double b) { return a + 10.0 * b; },
-      [](double, double) { return 1.0; }, [](double, double) { return 10.0; });
+      graph, x[0], x[1], [](double a, double b) { return a + 10.0 * b; }, 1.0, 10.0);
   AddScalarPair(
       graph, x[2], x[3], [](double a, double b) { return std::sqrt(5.0) * (a - b); },
-      [](double, double) { return std::sqrt(5.0); },
-      [](double, double) { return -std::sqrt(5.0); });
+      std::sqrt(5.0), -std::sqrt(5.0));
   AddScalarPair(
       graph, x[1], x[2], [](double a, double b) { return (a - 2.0 * b) * (a - 2.0 * b); },
       [](double a, double b) { return 2.0 * (a - 2.0 * b); },

@@ -178,15 +178,7 @@ TEST(StandingStill, AFactorThatCannotBeEvaluatedFails) {
 // f = 1 whatever x is: J = 0, no step can lower the model, and five invalid steps in a row end the
 // solve.
 std::shared_ptr<FunctionFamily> FlatFamily() {
-  return std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const*, double* residuals, double** jacobians) {
-        residuals[0] = 1.0;
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 0.0;
-        }
-        return true;
-      });
+  return test::ScalarFamily(1.0, 0.0);
 }
 
 // x ⊞ 0 ≠ x, so the gradient test cannot fire.
@@ -308,15 +300,7 @@ class Fence final : public Manifold {
 };
 
 Summary SolveFenced(double limit, double slope, FactorGraph* graph) {
-  auto family = std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [slope](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = slope * (x[0][0] - 3.0);
-        if (jacobians != nullptr) {
-          jacobians[0][0] = slope;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([slope](double x) { return slope * (x - 3.0); }, slope);
   const double zero = 0.0;
   graph->AddFactor(graph->AddFamily(family), 0,
                    {graph->AddVariable(&zero, 1, Role::kFrame, std::make_shared<Fence>(limit))});
@@ -343,15 +327,7 @@ TEST(PlusFails, AlongTheGradientIsAFailure) {
 // solve ends, nothing moves.
 TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   FactorGraph graph;
-  auto family = std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = 1e200 * x[0][0];
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 1e200;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([](double x) { return 1e200 * x; }, 1e200);
   const double one = 1.0;
   graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&one, 1, Role::kFrame)});
   const Summary summary = Solve(SolverOptions(), &graph);

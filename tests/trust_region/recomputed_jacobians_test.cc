@@ -227,21 +227,16 @@ TEST(RecomputedJacobiansAskedFor, AreEvaluatedByAllThreadsHoweverFewFactorsAChun
   const double one = 1.0;
   std::atomic<int> num_inside = 0;
   std::atomic<bool> met = false;
-  const auto family = graph.AddFamily(std::make_shared<test::FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [&](int, const double* const* parameters, double* residuals, double** jacobians) {
-        ++num_inside;
-        for (int ms = 0; ms < 10000 && !met; ++ms) {
-          met = met || num_inside > 1;
-          std::this_thread::sleep_for(std::chrono::milliseconds(met ? 0 : 1));
-        }
-        --num_inside;
-        residuals[0] = parameters[0][0];
-        if (jacobians != nullptr && jacobians[0] != nullptr) {
-          jacobians[0][0] = 1.0;
-        }
-        return true;
-      }));
+  const auto wait = [&](double x) {
+    ++num_inside;
+    for (int ms = 0; ms < 10000 && !met; ++ms) {
+      met = met || num_inside > 1;
+      std::this_thread::sleep_for(std::chrono::milliseconds(met ? 0 : 1));
+    }
+    --num_inside;
+    return x;
+  };
+  const auto family = graph.AddFamily(test::ScalarFamily(wait, 1.0));
   for (int i = 0; i < kFactors; ++i) {
     graph.AddFactor(family, 0, {graph.AddVariable(&one, 1, Role::kFrame)});
   }
