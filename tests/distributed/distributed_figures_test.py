@@ -3,7 +3,7 @@
 directory."""
 
 import contextlib
-import importlib.util
+import importlib
 import io
 import json
 import pathlib
@@ -13,14 +13,8 @@ import tempfile
 import unittest
 
 SCRIPT, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
-sys.path.insert(0, str(SCRIPT.parent))  # for what the scripts share
-
-
-def load_script():
-    spec = importlib.util.spec_from_file_location("distributed_figures", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+sys.path.insert(0, str(SCRIPT.parent))
+script = importlib.import_module(SCRIPT.stem)
 
 
 def made_up(seconds, peak=100, partition=0.1, exchange=10, cost=1.0):
@@ -33,7 +27,7 @@ class Verdicts(unittest.TestCase):
     def verdict(self, **worse):
         reports = {"1 rank": [made_up(10.0)], "2 ranks": [made_up(**{"seconds": 5.0, "peak": 55, **worse})], "1 thread": [made_up(10.0)],
                    "2 threads": [made_up(5.0)]}
-        script, output = load_script(), io.StringIO()
+        output = io.StringIO()
         with contextlib.redirect_stdout(output):
             fine = script.show("made up", script.figures_of(reports))
         return fine, output.getvalue()
@@ -50,7 +44,6 @@ class Verdicts(unittest.TestCase):
             self.assertIn("**too much**", output)
 
     def test_ratios_are_those_of_each_round(self):
-        script = load_script()
         rounds = lambda *seconds: [made_up(s) for s in seconds]
         figures = script.figures_of({"1 rank": rounds(10.0, 30.0, 10.0), "2 ranks": rounds(6.0, 15.0, 6.0),
                                      "1 thread": rounds(10.0, 30.0, 10.0), "2 threads": rounds(5.0, 15.0, 5.0)})

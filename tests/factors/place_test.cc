@@ -38,76 +38,62 @@ std::vector<double> Residuals(const FactorFamily& family,
   return residuals;
 }
 
-template <typename Family>
-void ExpectPlaces(Family* added, Family* placed, const typename Family::Measurement& a,
-                  const typename Family::Measurement& b,
-                  const std::vector<std::vector<double>>& values) {
-  added->Add(a);
-  added->Add(b);
-  added->Add(a);
-  placed->Place(0, b);
-  placed->Place(1, a);
-  placed->Place(2, a);
-  placed->Place(4, b);
-  EXPECT_EQ(placed->size(), 3);
-  EXPECT_NE(Residuals(*placed, values), Residuals(*added, values));
-  placed->Place(0, a);
-  placed->Place(1, b);
-  EXPECT_EQ(placed->size(), 3);
-  EXPECT_EQ(Residuals(*placed, values), Residuals(*added, values));
+// Of a family that is made with `arguments`.
+template <typename Family, typename... Arguments>
+void ExpectPlaces(const typename Family::Measurement& a, const typename Family::Measurement& b,
+                  const std::vector<std::vector<double>>& values, const Arguments&... arguments) {
+  Family added(arguments...), placed(arguments...);
+  added.Add(a);
+  added.Add(b);
+  added.Add(a);
+  placed.Place(0, b);
+  placed.Place(1, a);
+  placed.Place(2, a);
+  placed.Place(4, b);
+  EXPECT_EQ(placed.size(), 3);
+  EXPECT_NE(Residuals(placed, values), Residuals(added, values));
+  placed.Place(0, a);
+  placed.Place(1, b);
+  EXPECT_EQ(placed.size(), 3);
+  EXPECT_EQ(Residuals(placed, values), Residuals(added, values));
 }
 
 const std::vector<double> kPoseA = {0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0};
 const std::vector<double> kPoseB = {1.1, -0.2, 0.4, 0.0, 0.6, 0.0, 0.8};
 
 TEST(Place, BalReprojection) {
-  BalReprojectionFamily added;
-  BalReprojectionFamily placed;
-  ExpectPlaces(&added, &placed, {1.0, 2.0}, {3.0, -4.0},
-               {{0.1, 0.2, 0.3, 0.0, 0.0, -5.0, 500.0, 0.0, 0.0}, {0.1, 0.2, 0.3}});
+  ExpectPlaces<BalReprojectionFamily>(
+      {1.0, 2.0}, {3.0, -4.0}, {{0.1, 0.2, 0.3, 0.0, 0.0, -5.0, 500.0, 0.0, 0.0}, {0.1, 0.2, 0.3}});
 }
 
 TEST(Place, DiagonalPrior) {
-  DiagonalPriorFamily added(2);
-  DiagonalPriorFamily placed(2);
-  ExpectPlaces(&added, &placed, {{1.0, 2.0}, {3.0, 4.0}}, {{-1.0, 0.0}, {2.0, 1.0}}, {{0.5, 0.25}});
+  ExpectPlaces<DiagonalPriorFamily>({{1.0, 2.0}, {3.0, 4.0}}, {{-1.0, 0.0}, {2.0, 1.0}},
+                                    {{0.5, 0.25}}, 2);
 }
 
 TEST(Place, InverseDepthReprojection) {
-  InverseDepthReprojectionFamily added;
-  InverseDepthReprojectionFamily placed;
   InverseDepthReprojectionFamily::Measurement b;
   b.observed_point[0] = 0.3;
   b.sqrt_information[0] = 2.0;
-  ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, {0.5}});
+  ExpectPlaces<InverseDepthReprojectionFamily>({}, b, {kPoseA, kPoseB, {0.5}});
 }
 
 TEST(Place, BodyReprojection) {
-  BodyReprojectionFamily added;
-  BodyReprojectionFamily placed;
   BodyReprojectionFamily::Measurement b;
   b.point_j[0] = 0.3;
-  ExpectPlaces(&added, &placed, {}, b, {kPoseA, kPoseB, kPoseA, {0.5}});
+  ExpectPlaces<BodyReprojectionFamily>({}, b, {kPoseA, kPoseB, kPoseA, {0.5}});
 }
 
 TEST(Place, PointFamilies) {
   const std::vector<std::vector<double>> values{kPoseA, kPoseB, {0.5, 0.7, 4.0}};
-  PointReprojectionFamily added(PinholeCamera{});
-  PointReprojectionFamily placed(PinholeCamera{});
-  ExpectPlaces(&added, &placed, {}, {{0.3, 0.1}, {1.0, 0.0, 1.0}}, values);
-  StereoReprojectionFamily stereo_added(StereoCamera{});
-  StereoReprojectionFamily stereo_placed(StereoCamera{});
+  ExpectPlaces<PointReprojectionFamily>({}, {{0.3, 0.1}, {1.0, 0.0, 1.0}}, values, PinholeCamera{});
   StereoObservation stereo;
   stereo.right_u = 0.2;
-  ExpectPlaces(&stereo_added, &stereo_placed, {}, stereo, values);
-  BearingFamily bearing_added;
-  BearingFamily bearing_placed;
-  ExpectPlaces(&bearing_added, &bearing_placed, {}, {{0.3, 0.1, 1.0}, {1.0, 0.0, 1.0}}, values);
+  ExpectPlaces<StereoReprojectionFamily>({}, stereo, values, StereoCamera{});
+  ExpectPlaces<BearingFamily>({}, {{0.3, 0.1, 1.0}, {1.0, 0.0, 1.0}}, values);
 }
 
 TEST(Place, RelativePose) {
-  RelativePoseFamily added;
-  RelativePoseFamily placed;
   RelativePoseFamily::Measurement a;
   RelativePoseFamily::Measurement b;
   for (int k = 0; k < 6; ++k) {
@@ -115,12 +101,10 @@ TEST(Place, RelativePose) {
     b.sqrt_information[7 * k] = 2.0;
   }
   b.p_ab[1] = 0.7;
-  ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+  ExpectPlaces<RelativePoseFamily>(a, b, {kPoseA, kPoseB});
 }
 
 TEST(Place, PoseEdge) {
-  PoseEdgeFamily added(PoseErrorConvention::kGtsam);
-  PoseEdgeFamily placed(PoseErrorConvention::kGtsam);
   PoseEdgeFamily::Measurement a;
   PoseEdgeFamily::Measurement b;
   for (int k = 0; k < 6; ++k) {
@@ -128,12 +112,10 @@ TEST(Place, PoseEdge) {
     b.sqrt_information[7 * k] = 2.0;
   }
   b.p_m[1] = 0.7;
-  ExpectPlaces(&added, &placed, a, b, {kPoseA, kPoseB});
+  ExpectPlaces<PoseEdgeFamily>(a, b, {kPoseA, kPoseB}, PoseErrorConvention::kGtsam);
 }
 
 TEST(Place, RelativeSimilarity) {
-  RelativeSimilarityFamily added(SimilarityErrorConvention::kLogarithm);
-  RelativeSimilarityFamily placed(SimilarityErrorConvention::kLogarithm);
   RelativeSimilarityFamily::Measurement a;
   RelativeSimilarityFamily::Measurement b;
   for (int k = 0; k < 7; ++k) {
@@ -144,28 +126,22 @@ TEST(Place, RelativeSimilarity) {
   std::vector<double> from = kPoseA, to = kPoseB;
   from.push_back(1.5);
   to.push_back(0.8);
-  ExpectPlaces(&added, &placed, a, b, {from, to});
+  ExpectPlaces<RelativeSimilarityFamily>(a, b, {from, to}, SimilarityErrorConvention::kLogarithm);
 }
 
 TEST(Place, PosePrior) {
-  PosePriorFamily added;
-  PosePriorFamily placed;
   PosePriorFamily::Measurement b;
   b.sqrt_information[0] = 2.0;
-  ExpectPlaces(&added, &placed, {}, b, {kPoseA});
+  ExpectPlaces<PosePriorFamily>({}, b, {kPoseA});
 }
 
 TEST(Place, SpeedBiasPrior) {
-  SpeedBiasPriorFamily added;
-  SpeedBiasPriorFamily placed;
   SpeedBiasPriorFamily::Measurement b;
   b.sqrt_information[8] = 2.0;
-  ExpectPlaces(&added, &placed, {}, b, {std::vector<double>(9, 0.3)});
+  ExpectPlaces<SpeedBiasPriorFamily>({}, b, {std::vector<double>(9, 0.3)});
 }
 
 TEST(Place, ImuFactor) {
-  ImuFactorFamily added;
-  ImuFactorFamily placed;
   ImuPreintegrator imu[2];
   for (const int k : {0, 1}) {
     std::vector<ImuSample> samples(3);
@@ -175,7 +151,7 @@ TEST(Place, ImuFactor) {
     ASSERT_TRUE(imu[k].Integrate(samples, bias, bias).ok());
   }
   const std::vector<double> speed_bias(9, 0.01);
-  ExpectPlaces(&added, &placed, imu[0], imu[1], {kPoseA, speed_bias, kPoseB, speed_bias});
+  ExpectPlaces<ImuFactorFamily>(imu[0], imu[1], {kPoseA, speed_bias, kPoseB, speed_bias});
 }
 
 }  // namespace

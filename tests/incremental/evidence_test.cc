@@ -75,27 +75,16 @@ class Cone final : public Loss {
   }
 };
 
-bool Identity(int /*factor*/, const double* const* p, double* f, double** J) {
-  f[0] = p[0][0];
-  if (J != nullptr && J[0] != nullptr) {
-    J[0][0] = 1.0;
-  }
-  return true;
+FunctionFamily::Function Identity() {
+  return test::ScalarFunction([](double x) { return x; }, 1.0);
 }
 
 TEST(Evidence, ALossWithoutAWeightIsNamedAndLeavesNothingBehind) {
-  IncrementalFunction one(WithoutBatch(1e-8), Identity, 1, 0.0, std::make_shared<Cone>());
+  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 0.0, std::make_shared<Cone>());
   ASSERT_TRUE(one.applied);
   GraphEdit edit(one.solver.graph());
-  const auto measured = one.solver.AddFamily(
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                       [](int, const double* const* p, double* f, double** J) {
-                                         f[0] = p[0][0] - 3.0;
-                                         if (J != nullptr && J[0] != nullptr) {
-                                           J[0][0] = 1.0;
-                                         }
-                                         return true;
-                                       }));
+  const auto measured =
+      one.solver.AddFamily(test::ScalarFamily([](double x) { return x - 3.0; }, 1.0));
   edit.Restart();
   edit.AddFactor(measured, 0, {one.x});
   ASSERT_TRUE(one.solver.Apply(edit).ok());
@@ -122,7 +111,7 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
       rho[2] = 0.0;
     }
   };
-  IncrementalFunction one(WithoutBatch(1e-8), Identity, 1, 4.0, std::make_shared<Hole>());
+  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 4.0, std::make_shared<Hole>());
   ASSERT_TRUE(one.applied);
   const UpdateSummary summary = one.solver.Update();
   EXPECT_NE(summary.termination, Termination::kFailure) << summary.message;
@@ -135,7 +124,7 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
 // What was converged by looser options has not by these.
 TEST(Evidence, StricterOptionsAskAgain) {
   IncrementalOptions loose = WithoutBatch(1e-6);
-  IncrementalFunction one(loose, Identity);
+  IncrementalFunction one(loose, Identity());
   ASSERT_TRUE(one.applied);
   ASSERT_EQ(one.solver.Update().termination, Termination::kConvergence);
   const auto says_nothing_changed = [&one] {

@@ -137,21 +137,16 @@ TEST(IncrementalLimits, AStopAskedForBeforeAnUpdateWithNothingToDoEndsThatOne) {
 TEST(IncrementalLimits, AStopFromAnotherThreadEndsTheUpdateThatRuns) {
   std::atomic<bool> running{false};
   std::atomic<bool> asked{false};
-  const auto slow = [&](int, const double* const* parameters, double* residuals,
-                        double** jacobians) {
+  const auto slow = [&](double x) {
     running = true;
     while (!asked) {
       std::this_thread::yield();
     }
-    residuals[0] = std::exp(parameters[0][0]);
-    if (jacobians != nullptr) {
-      jacobians[0][0] = residuals[0];
-    }
-    return true;
+    return std::exp(x);
   };
   IncrementalOptions options = WithoutBatch();
   options.function_tolerance = 0.0;
-  IncrementalFunction problem(options, slow);
+  IncrementalFunction problem(options, test::ScalarFunction(slow, slow));
   ASSERT_TRUE(problem.applied);
   IncrementalSolver& solver = problem.solver;
   std::thread stopper([&] {

@@ -175,18 +175,9 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
   IncrementalOptions options;
   options.batch_share = 1.0;  // the batch solver damps it instead
   IncrementalSolver solver(options);
-  const auto blind = [](int, const double* const* parameters, double* residuals,
-                        double** jacobians) {
-    residuals[0] = parameters[0][0] - 2.0;
-    if (jacobians != nullptr) {
-      jacobians[0][0] = 1.0;
-      jacobians[1][0] = 0.0;
-    }
-    return true;
-  };
   const double start = 7.0;
-  const auto family = solver.AddFamily(
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, blind));
+  const auto blind = [](double frame, double) { return frame - 2.0; };
+  const auto family = solver.AddFamily(test::ScalarFamily(blind, 1.0, 0.0));
   GraphEdit edit(solver.graph());
   const VariableId frame = edit.AddVariable(&start, 1, Role::kFrame);
   const VariableId landmark = edit.AddVariable(&start, 1, Role::kLandmark);
@@ -282,15 +273,8 @@ TEST(IncrementalSolver, AManifoldThatFailsAfterAStepKeepsTheStepAndItsCost) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   IncrementalSolver solver(options);
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const* parameters, double* residuals, double** jacobians) {
-        residuals[0] = std::exp(parameters[0][0]);
-        if (jacobians != nullptr) {
-          jacobians[0][0] = residuals[0];
-        }
-        return true;
-      }));
+  const auto exp = [](double x) { return std::exp(x); };
+  const auto family = solver.AddFamily(test::ScalarFamily(exp, exp));
   const double start = 1.0;
   GraphEdit edit(solver.graph());
   const VariableId x = edit.AddVariable(&start, 1, Role::kFrame, std::make_shared<HalfLine>());

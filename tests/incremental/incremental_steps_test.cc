@@ -132,15 +132,7 @@ TEST(DoglegPath, StartsDownTheGradient) {
 // Where the gradient is zero there is no Cauchy point but zero: a path of no length ends there.
 TEST(DoglegPath, OfNoLengthAtAStationaryPointIsNoStep) {
   FactorGraph graph;
-  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = x[0][0];
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 1.0;
-        }
-        return true;
-      }));
+  const auto family = graph.AddFamily(test::ScalarFamily([](double x) { return x; }, 1.0));
   const double zero = 0.0;
   const VariableId x = graph.AddVariable(&zero, 1, Role::kFrame);
   graph.AddFactor(family, 0, {x});

@@ -247,17 +247,8 @@ TEST(IncrementalTrust, RoundingOfAHeavyPriorIsNoToleranceForTheRest) {
     IncrementalSolver solver(options);
     const auto priors = solver.AddFamily(WeighedPrior(weight, {0.1}));
     double measured[kPositions + 1];  // by the places of the factors
-    const auto steps = solver.AddFamily(std::make_shared<FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-        [&measured](int i, const double* const* p, double* f, double** J) {
-          f[0] = p[1][0] - p[0][0] - measured[i];
-          for (int s = 0; J != nullptr && s < 2; ++s) {
-            if (J[s] != nullptr) {
-              J[s][0] = s == 0 ? -1.0 : 1.0;
-            }
-          }
-          return true;
-        }));
+    const auto steps = solver.AddFamily(test::ScalarFamily(
+        [&measured](int i, double a, double b) { return b - a - measured[i]; }, -1.0, 1.0));
     GraphEdit edit(solver.graph());
     std::vector<VariableId> positions;
     for (int k = 0; k < kPositions; ++k) {
@@ -316,13 +307,8 @@ TEST(IncrementalTrust, InfiniteCostIsAFailureThatNamesTheFactor) {
   for (const double batch_share : {0.5, 1.0}) {
     IncrementalOptions options;
     options.batch_share = batch_share;
-    IncrementalFunction world(options, [](int, const double* const* x, double* f, double** J) {
-      f[0] = 1e200 * x[0][0];
-      if (J != nullptr && J[0] != nullptr) {
-        J[0][0] = 1e200;
-      }
-      return true;
-    });
+    IncrementalFunction world(options,
+                              test::ScalarFunction([](double x) { return 1e200 * x; }, 1e200));
     ASSERT_TRUE(world.applied);
     const UpdateSummary summary = world.solver.Update();
     EXPECT_EQ(summary.termination, Termination::kFailure);

@@ -19,10 +19,9 @@ using test::FunctionFamily;
 class Chain {
  public:
   Chain() : solver(NeverInBatch()), edit(solver.graph()) {
-    ties_ = solver.AddFamily(std::make_shared<FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Difference));
-    prior_ = solver.AddFamily(
-        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Prior));
+    ties_ = solver.AddFamily(
+        test::ScalarFamily([](double a, double b) { return b - a - 1.0; }, -1.0, 1.0));
+    prior_ = solver.AddFamily(test::ScalarFamily([](double x) { return x; }, 1.0));
     edit.Restart();
   }
   VariableId AddFrame() { return edit.AddVariable(&start_, 1, Role::kFrame); }
@@ -55,21 +54,6 @@ class Chain {
     IncrementalOptions options;
     options.batch_share = 1.0;
     return options;
-  }
-  static bool Difference(int, const double* const* x, double* residuals, double** jacobians) {
-    residuals[0] = x[1][0] - x[0][0] - 1.0;
-    if (jacobians != nullptr) {
-      jacobians[0][0] = -1.0;
-      jacobians[1][0] = 1.0;
-    }
-    return true;
-  }
-  static bool Prior(int, const double* const* x, double* residuals, double** jacobians) {
-    residuals[0] = x[0][0];
-    if (jacobians != nullptr) {
-      jacobians[0][0] = 1.0;
-    }
-    return true;
   }
 
   const double start_ = 0.5;

@@ -18,15 +18,8 @@ namespace {
 class MovedSquare {
  public:
   MovedSquare()
-      : family_(graph_.AddFamily(std::make_shared<test::FunctionFamily>(
-            1, std::vector<FactorFamily::Slot>{{1, 1}},
-            [](int, const double* const* x, double* f, double** J) {
-              f[0] = x[0][0] * x[0][0];
-              if (J != nullptr && J[0] != nullptr) {
-                J[0][0] = 2.0 * x[0][0];
-              }
-              return true;
-            }))),
+      : family_(graph_.AddFamily(
+            test::ScalarFamily([](double x) { return x * x; }, [](double x) { return 2.0 * x; }))),
         system_(graph_, 1),
         relinearization_(Tuning().relinearize, &system_) {
     const double start = 1.0;

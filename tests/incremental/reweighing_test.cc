@@ -205,18 +205,9 @@ TEST(Reweighing, EndsAtTheBatchMinimum) {
 class Bend {
  public:
   explicit Bend(std::shared_ptr<const Loss> loss)
-      : family_(graph_.AddFamily(std::make_shared<test::FunctionFamily>(
-            1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-            [](int, const double* const* x, double* f, double** J) {
-              f[0] = x[0][0] * x[0][0] + x[1][0];
-              if (J != nullptr && J[0] != nullptr) {
-                J[0][0] = 2.0 * x[0][0];
-              }
-              if (J != nullptr && J[1] != nullptr) {
-                J[1][0] = 1.0;
-              }
-              return true;
-            }))),
+      : family_(
+            graph_.AddFamily(test::ScalarFamily([](double x, double y) { return x * x + y; },
+                                                [](double x, double) { return 2.0 * x; }, 1.0))),
         system_(graph_, 1) {
     const double start[] = {1.0, 2.0};
     const VariableId x = graph_.AddVariable(start, 1, Role::kFrame);

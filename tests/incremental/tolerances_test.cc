@@ -75,15 +75,8 @@ TEST(Tolerances, AGradientThatIsNoNumberEndsNothing) {
   };
   const double start = 0.0;
   IncrementalSolver solver(options);
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int i, const double* const* parameters, double* residuals, double** jacobians) {
-        residuals[0] = 1e300 * parameters[0][0] + (i == 0 ? 1e10 : -1e10);
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 1e300;
-        }
-        return true;
-      }));
+  const auto family = solver.AddFamily(test::ScalarFamily(
+      [](int i, double x) { return 1e300 * x + (i == 0 ? 1e10 : -1e10); }, 1e300));
   GraphEdit edit(solver.graph());
   const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
   edit.AddFactor(family, 0, {x});

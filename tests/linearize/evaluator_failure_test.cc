@@ -15,17 +15,22 @@ using test::FunctionFamily;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// 600 factors (three chunks) in one variable, f = x; `spoil` may change what factor i returns.
+// 600 factors (three chunks) in one variable, f = x; `spoil` may change what factor i returns, and
+// one may write nothing.
 class FailingFactors : public testing::Test {
  protected:
   using Spoil = std::function<bool(int i, double* residuals, double** jacobians)>;
 
-  void Build(Spoil spoil) {
+  void Build(Spoil spoil, int silent = -1) {
+    graph_ = FactorGraph();
     const double one = 1.0;
     const VariableId x = graph_.AddVariable(&one, 1, Role::kFrame);
     const auto family = graph_.AddFamily(std::make_shared<FunctionFamily>(
         1, std::vector<FactorFamily::Slot>{{1, 1}},
-        [spoil](int i, const double* const* parameters, double* residuals, double** jacobians) {
+        [=](int i, const double* const* parameters, double* residuals, double** jacobians) {
+          if (i == silent) {
+            return true;
+          }
           residuals[0] = parameters[0][0];
           if (jacobians != nullptr && jacobians[0] != nullptr) {
             jacobians[0][0] = 1.0;
@@ -37,14 +42,17 @@ class FailingFactors : public testing::Test {
     }
   }
 
-  void ExpectFailure(const std::string& expected) {
+  // `in_all`: and in evaluations without Jacobians.
+  void ExpectFailure(const std::string& expected, bool in_all) {
     for (const JacobianStorage storage : {JacobianStorage::kBySlot, JacobianStorage::kInChunks}) {
       for (const int num_threads : {1, 4}) {
-        const CorePipeline core(graph_, true, num_threads, LandmarkIncidences::kQuadsPerChunk,
-                                storage);
+        CorePipeline core(graph_, true, num_threads, LandmarkIncidences::kQuadsPerChunk, storage);
         EXPECT_EQ(core.status.code, StatusCode::kEvaluationFailed);
         EXPECT_EQ(core.status.message.rfind(expected + "; at variable 0 = (", 0), 0U)
             << core.status.message;
+        double cost = 0.0;
+        const Status candidate = core.evaluator.EvaluateCandidateCost(&cost);
+        EXPECT_EQ(candidate.message, in_all ? core.status.message : "");
       }
     }
   }
@@ -54,30 +62,38 @@ class FailingFactors : public testing::Test {
 
 TEST_F(FailingFactors, FalseNamesTheFirstFactor) {
   Build([](int i, double*, double**) { return i != 300 && i != 550; });
-  ExpectFailure("factor 300 of function (variables 0): the cost function returned false");
+  ExpectFailure("factor 300 of function (variables 0): the cost function returned false", true);
 }
 
-TEST_F(FailingFactors, ResidualsThatAreNotFinite) {
-  Build([](int i, double* residuals, double**) {
-    residuals[0] = i == 17 ? kNaN : residuals[0];
-    return true;
-  });
-  ExpectFailure(
+TEST_F(FailingFactors, ResidualsThatAreNotFiniteOrNotWritten) {
+  const std::string expected =
       "factor 17 of function (variables 0): a residual is not finite or was not written: residual "
-      "0 is nan");
+      "0 ";
+  for (const double bad : {kNaN, HUGE_VAL, -HUGE_VAL}) {
+    Build([bad](int i, double* residuals, double**) {
+      residuals[0] = i == 17 ? bad : residuals[0];
+      return true;
+    });
+    ExpectFailure(expected + "is " + std::to_string(bad), true);
+  }
+  Build([](int, double*, double**) { return true; }, /*silent=*/17);
+  ExpectFailure(expected + "was not written", true);
 }
 
 TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
-  Build([](int i, double*, double** jacobians) {
-    if (jacobians != nullptr && i == 599) {
-      jacobians[0][0] = std::numeric_limits<double>::infinity();
-    }
-    return true;
-  });
-  ExpectFailure(
-      "factor 599 of function (variables 0): a Jacobian entry is not finite or was not written: "
-      "entry (0, 0) of the Jacobian by "
-      "variable 0 is inf");
+  for (const double bad : {kNaN, HUGE_VAL, -HUGE_VAL}) {
+    Build([bad](int i, double*, double** jacobians) {
+      if (jacobians != nullptr && i == 599) {
+        jacobians[0][0] = bad;
+      }
+      return true;
+    });
+    ExpectFailure(
+        "factor 599 of function (variables 0): a Jacobian entry is not finite or was not written: "
+        "entry (0, 0) of the Jacobian by variable 0 is " +
+            std::to_string(bad),
+        false);
+  }
 }
 
 // ρ(s) = (s − 1)²: at s = 1 the first derivative is zero, and the second one is not.
@@ -103,7 +119,8 @@ TEST_F(FailingFactors, LossesWithoutAnyLeastSquaresForm) {
   }
   ExpectFailure(
       "factor 400 of function (variables 0): its loss has a second derivative above zero and a "
-      "first one that is not");
+      "first one that is not",
+      false);
   // The cost alone is that of any other loss.
   CorePipeline core(graph_);
   double cost = 0.0;

@@ -10,7 +10,8 @@
 namespace inceres {
 namespace {
 
-void ExpectSame(const Loss& ours, const ceres::LossFunction& theirs) {
+void ExpectSame(const char* name, const Loss& ours, const ceres::LossFunction& theirs) {
+  SCOPED_TRACE(name);
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> exponent(-6.0, 5.0);
   for (int k = 0; k < 2000; ++k) {
@@ -26,38 +27,19 @@ void ExpectSame(const Loss& ours, const ceres::LossFunction& theirs) {
   }
 }
 
-TEST(LossesAgainstCeres, Huber) {
-  ExpectSame(HuberLoss(1.7), ceres::HuberLoss(1.7));
-}
-
-TEST(LossesAgainstCeres, SoftLOne) {
-  ExpectSame(SoftLOneLoss(1.7), ceres::SoftLOneLoss(1.7));
-}
-
-TEST(LossesAgainstCeres, Cauchy) {
-  ExpectSame(CauchyLoss(1.7), ceres::CauchyLoss(1.7));
-}
-
-TEST(LossesAgainstCeres, Arctan) {
-  ExpectSame(ArctanLoss(1.7), ceres::ArctanLoss(1.7));
-}
-
-TEST(LossesAgainstCeres, Tukey) {
-  ExpectSame(TukeyLoss(1.7), ceres::TukeyLoss(1.7));
-}
-
-TEST(LossesAgainstCeres, Tolerant) {
-  ExpectSame(TolerantLoss(5.0, 0.7), ceres::TolerantLoss(5.0, 0.7));
-}
-
-TEST(LossesAgainstCeres, Scaled) {
-  ExpectSame(ScaledLoss(std::make_shared<HuberLoss>(1.7), 3.0),
+TEST(LossesAgainstCeres, Agree) {
+  ExpectSame("Huber", HuberLoss(1.7), ceres::HuberLoss(1.7));
+  ExpectSame("SoftLOne", SoftLOneLoss(1.7), ceres::SoftLOneLoss(1.7));
+  ExpectSame("Cauchy", CauchyLoss(1.7), ceres::CauchyLoss(1.7));
+  ExpectSame("Arctan", ArctanLoss(1.7), ceres::ArctanLoss(1.7));
+  ExpectSame("Tukey", TukeyLoss(1.7), ceres::TukeyLoss(1.7));
+  ExpectSame("Tolerant", TolerantLoss(5.0, 0.7), ceres::TolerantLoss(5.0, 0.7));
+  ExpectSame("Scaled", ScaledLoss(std::make_shared<HuberLoss>(1.7), 3.0),
              ceres::ScaledLoss(new ceres::HuberLoss(1.7), 3.0, ceres::TAKE_OWNERSHIP));
-  ExpectSame(ScaledLoss(nullptr, 3.0), ceres::ScaledLoss(nullptr, 3.0, ceres::TAKE_OWNERSHIP));
-}
-
-TEST(LossesAgainstCeres, Composed) {
-  ExpectSame(ComposedLoss(std::make_shared<CauchyLoss>(1.7), std::make_shared<HuberLoss>(2.0)),
+  ExpectSame("Scaled identity", ScaledLoss(nullptr, 3.0),
+             ceres::ScaledLoss(nullptr, 3.0, ceres::TAKE_OWNERSHIP));
+  ExpectSame("Composed",
+             ComposedLoss(std::make_shared<CauchyLoss>(1.7), std::make_shared<HuberLoss>(2.0)),
              ceres::ComposedLoss(new ceres::CauchyLoss(1.7), ceres::TAKE_OWNERSHIP,
                                  new ceres::HuberLoss(2.0), ceres::TAKE_OWNERSHIP));
 }

@@ -106,6 +106,10 @@ inline const char* WhatIsWrong(const BalProblem& problem, const BalProblem& trut
     }
     ++per_camera[static_cast<std::size_t>(o.camera)];
   }
+  if (observations.empty() || observations.front().point != 0 ||
+      observations.back().point + 1 != truth.num_points) {
+    return "a point is not seen";
+  }
   if (*std::min_element(per_camera.begin(), per_camera.end()) < 10) {
     return "a camera sees too little";
   }

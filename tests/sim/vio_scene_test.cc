@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -14,6 +13,7 @@
 #include "inceres/factors/imu_preintegrator.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
+#include "tests/sim/option_ranges.h"
 
 namespace inceres {
 namespace {
@@ -535,36 +535,26 @@ TEST(VioScene, ImpossibleWishesAreErrorsThatSaySo) {
 }
 
 TEST(VioScene, EveryOptionHasARange) {
-  const std::pair<double VioSceneOptions::*, const char*> fields[] = {
-      {&VioSceneOptions::frame_rate, "frame_rate"},
-      {&VioSceneOptions::min_depth, "min_depth"},
-      {&VioSceneOptions::max_depth, "max_depth"},
-      {&VioSceneOptions::min_parallax, "min_parallax"},
-      {&VioSceneOptions::loop_fraction, "loop_fraction"},
-      {&VioSceneOptions::dropout, "dropout"},
-      {&VioSceneOptions::pixel_noise, "pixel_noise"},
-      {&VioSceneOptions::outlier_fraction, "outlier_fraction"},
-      {&VioSceneOptions::outlier_pixels, "outlier_pixels"},
-      {&VioSceneOptions::gyr_noise, "gyr_noise"},
-      {&VioSceneOptions::acc_noise, "acc_noise"},
-      {&VioSceneOptions::gyr_bias_walk, "gyr_bias_walk"},
-      {&VioSceneOptions::acc_bias_walk, "acc_bias_walk"},
-      {&VioSceneOptions::initial_gyr_bias, "initial_gyr_bias"},
-      {&VioSceneOptions::initial_acc_bias, "initial_acc_bias"},
-      {&VioSceneOptions::position_drift, "position_drift"},
-      {&VioSceneOptions::rotation_drift, "rotation_drift"},
-      {&VioSceneOptions::point_noise, "point_noise"},
-  };
-  for (const auto& [field, name] : fields) {
-    for (const double value : {-0.5, 1e7, std::nan(""), std::numeric_limits<double>::infinity()}) {
-      VioSceneOptions options;
-      options.*field = value;
-      const Status status = options.Validate();
-      EXPECT_EQ(status.code, StatusCode::kInvalidArgument) << name << " " << value;
-      EXPECT_EQ(status.message.find(std::string("VioSceneOptions: ") + name + " is "), 0u)
-          << status.message;
-    }
-  }
+  using Options = VioSceneOptions;
+  internal::ExpectRanges<Options>("VioSceneOptions", Options(),
+                                  {{&Options::frame_rate, "frame_rate"},
+                                   {&Options::min_depth, "min_depth"},
+                                   {&Options::max_depth, "max_depth"},
+                                   {&Options::min_parallax, "min_parallax"},
+                                   {&Options::loop_fraction, "loop_fraction"},
+                                   {&Options::dropout, "dropout"},
+                                   {&Options::pixel_noise, "pixel_noise"},
+                                   {&Options::outlier_fraction, "outlier_fraction"},
+                                   {&Options::outlier_pixels, "outlier_pixels"},
+                                   {&Options::gyr_noise, "gyr_noise"},
+                                   {&Options::acc_noise, "acc_noise"},
+                                   {&Options::gyr_bias_walk, "gyr_bias_walk"},
+                                   {&Options::acc_bias_walk, "acc_bias_walk"},
+                                   {&Options::initial_gyr_bias, "initial_gyr_bias"},
+                                   {&Options::initial_acc_bias, "initial_acc_bias"},
+                                   {&Options::position_drift, "position_drift"},
+                                   {&Options::rotation_drift, "rotation_drift"},
+                                   {&Options::point_noise, "point_noise"}});
   const std::pair<int VioSceneOptions::*, const char*> counts[] = {
       {&VioSceneOptions::num_frames, "num_frames"},
       {&VioSceneOptions::imu_per_frame, "imu_per_frame"},

@@ -2,7 +2,7 @@
 """benchmarks/drop_in_figures.py on a few frames, and its verdicts on made-up reports. Arguments: the script, the build directory."""
 
 import contextlib
-import importlib.util
+import importlib
 import io
 import json
 import pathlib
@@ -13,14 +13,8 @@ import tempfile
 import unittest
 
 SCRIPT, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
-sys.path.insert(0, str(SCRIPT.parent))  # for what the scripts share
-
-
-def load_script():
-    spec = importlib.util.spec_from_file_location("drop_in_figures", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+sys.path.insert(0, str(SCRIPT.parent))
+script = importlib.import_module(SCRIPT.stem)
 
 
 def run(*flags, build=BUILD):
@@ -40,7 +34,6 @@ class Played(unittest.TestCase):
             self.assertIn(result.returncode, (0, 1), result.stderr)
             (kept,) = pathlib.Path(folder).iterdir()
             reports = json.loads(kept.read_text(encoding="utf-8"))
-        script = load_script()
         self.assertEqual(set(reports), {*script.STOCK, *script.MODES})
         medians = {name: script.median_ms(runs) for name, runs in reports.items()}
         fastest = min(medians[name] for name in script.STOCK)
@@ -66,7 +59,6 @@ class Verdicts(unittest.TestCase):
     """Made-up medians: stock's fastest takes 10 ms."""
 
     def verdict(self, exact_ms, exact_cost=1.0):
-        script = load_script()
         report = lambda ms, cost=1.0: [{"solve_ms": {"median": ms}, "ate_m": 0.1, "final_cost_sum": cost}]
         reports = {name: report(10.0 + k) for k, name in enumerate(script.STOCK)}
         reports |= {"exact": report(exact_ms, exact_cost), "incremental": report(1.0)}

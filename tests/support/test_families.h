@@ -1,7 +1,9 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -65,5 +67,41 @@ class FunctionFamily final : public AmbientFamily<FunctionFamily> {
   Function function_;
   int size_ = 0;
 };
+
+/// f(x…) or f(i, x…), of factor i whose slots are of size 1; a number is the same everywhere.
+template <std::size_t... S, typename F>
+double ValueOf(const F& f, int i, const double* const* x, std::index_sequence<S...> /*slots*/) {
+  if constexpr (std::is_arithmetic_v<F>) {
+    return f;
+  } else if constexpr (std::is_invocable_v<const F&, decltype(x[S][0])...>) {
+    return f(x[S][0]...);
+  } else {
+    return f(i, x[S][0]...);
+  }
+}
+
+/// One residual f of scalars, with its derivative by each of them.
+template <typename F, typename... D>
+FunctionFamily::Function ScalarFunction(F f, D... derivatives) {
+  return [=](int i, const double* const* x, double* residuals, double** jacobians) {
+    constexpr auto kSlots = std::index_sequence_for<D...>();
+    residuals[0] = ValueOf(f, i, x, kSlots);
+    int s = 0;
+    const auto write = [&](const auto& derivative) {
+      if (jacobians != nullptr && jacobians[s] != nullptr) {
+        jacobians[s][0] = ValueOf(derivative, i, x, kSlots);
+      }
+      ++s;
+    };
+    (write(derivatives), ...);
+    return true;
+  };
+}
+
+template <typename F, typename... D>
+std::shared_ptr<FunctionFamily> ScalarFamily(F f, D... derivatives) {
+  return std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>(sizeof...(D), {1, 1}),
+                                          ScalarFunction(f, derivatives...));
+}
 
 }  // namespace inceres::test

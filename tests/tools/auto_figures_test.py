@@ -3,7 +3,7 @@
 call_costs.py finds in a profile. Arguments: the script, the build directory."""
 
 import contextlib
-import importlib.util
+import importlib
 import io
 import json
 import os
@@ -18,7 +18,8 @@ import unittest
 from tool_test_support import write_small_bal, write_small_pose_graph
 
 SCRIPT, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
-sys.path.insert(0, str(SCRIPT.parent))  # for what the scripts share
+sys.path.insert(0, str(SCRIPT.parent))
+script = importlib.import_module(SCRIPT.stem)
 
 # Program /p calls ceres::Solve of /d (300), which calls /p's cost function (40, 2) and the copy of a template in /p (5), and stock's
 # ceres::Solve in /c (100), which calls the cost function too (30). The program itself calls the cost function once (7).
@@ -65,13 +66,6 @@ calls=1 5
 """
 
 
-def load_script():
-    spec = importlib.util.spec_from_file_location("auto_figures", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 class Profiles(unittest.TestCase):
     def test_the_users_functions_are_told_from_the_rest(self):
         from call_costs import solve_costs
@@ -90,7 +84,7 @@ class Verdicts(unittest.TestCase):
         notes = {mode: "" for mode in reports}
         output = io.StringIO()
         with contextlib.redirect_stdout(output):
-            fine = load_script().print_figure((dict(zip(reports, values)), ratio, reports, notes), report([1.0, 2.0]), times)
+            fine = script.print_figure((dict(zip(reports, values)), ratio, reports, notes), report([1.0, 2.0]), times)
         return fine, output.getvalue()
 
     def test_as_asked(self):
@@ -112,7 +106,6 @@ class Verdicts(unittest.TestCase):
         self.assertIn("| +3.3e-02 | +5.0e-02 |", output)
 
     def test_what_is_as_good_as_zero_is_not_compared_with_zero(self):
-        script = load_script()
         report = lambda *costs: {"solves": [{"cost": cost} for cost in costs]}
         self.assertLess(script.worst_excess(report(3e-20, 1.0), report(1e-26, 1.0)), 1e-9)
         self.assertIsNone(script.worst_excess({}, {}))
@@ -124,7 +117,7 @@ class Verdicts(unittest.TestCase):
             def play(self, _command, _mode):
                 return {"solve_ms": {"total": next(self.times)}}
 
-        medians, ratio, _, notes = load_script().measure_times(Player(), [], 3)
+        medians, ratio, _, notes = script.measure_times(Player(), [], 3)
         self.assertEqual(medians, {"exact": 8e-3, "incremental": 2e-3, "auto": 2.2e-3})
         self.assertAlmostEqual(ratio, 1.1)
         self.assertEqual(notes["auto"], "0.0022 to 0.022")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """benchmarks/thesis_table.py on Cubic, and its verdicts on made-up reports. Arguments: the script, the build directory."""
 
-import importlib.util
+import importlib
 import json
 import pathlib
 import subprocess
@@ -10,14 +10,8 @@ import tempfile
 import unittest
 
 SCRIPT, BUILD = (pathlib.Path(argument) for argument in sys.argv[1:3])
-sys.path.insert(0, str(SCRIPT.parent))  # for what the scripts share
-
-
-def load_script():
-    spec = importlib.util.spec_from_file_location("thesis_table", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+sys.path.insert(0, str(SCRIPT.parent))
+script = importlib.import_module(SCRIPT.stem)
 
 
 def run(*flags, build=BUILD):
@@ -35,11 +29,11 @@ class Played(unittest.TestCase):
             self.assertIn(result.returncode, (0, 1), result.stderr)
             reports = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(pathlib.Path(folder).iterdir())]
         table = rows(result.stdout)
-        self.assertEqual([row[1] for row in table], [solver[0] for solver in load_script().SOLVERS])
+        self.assertEqual([row[1] for row in table], [solver[0] for solver in script.SOLVERS])
         for row, report in zip(table, reports):
             medians = {entry["configuration"]: entry["seconds"]["median"] for entry in report["runs"][1:]}
-            self.assertEqual(set(medians), set(load_script().STOCK), "none is dropped")
-            ratio = report["runs"][0]["seconds"]["median"] / min(medians[name] for name in load_script().SPARSE)
+            self.assertEqual(set(medians), set(script.STOCK), "none is dropped")
+            ratio = report["runs"][0]["seconds"]["median"] / min(medians[name] for name in script.SPARSE)
             self.assertEqual(row[4], f"**{ratio:.3f}**")
             self.assertEqual(row[9], row[10], "as many iterations as stock")
             self.assertLess(float(row[11]), 1e-6)
@@ -60,7 +54,7 @@ class Verdicts(unittest.TestCase):
         stock = {"dense_schur": 8.0, "dense_schur_points_first": 20.0, "sparse_schur": 11.0, "sparse_schur_points_first": 10.0}
         runs = [{"solver": "inceres", "configuration": "auto", "seconds": {"median": 1e-3 * ours_ms}, "iterations": iterations}]
         runs += [{"solver": "ceres", "configuration": name, "seconds": {"median": 1e-3 * ms}, "iterations": 7} for name, ms in stock.items()]
-        return load_script().judge({"runs": runs, "relative_cost_difference": excess}, *limits)
+        return script.judge({"runs": runs, "relative_cost_difference": excess}, *limits)
 
     def test_as_asked(self):
         cells, fine = self.judge()

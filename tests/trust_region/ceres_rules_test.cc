@@ -16,15 +16,7 @@ using internal::CeresRules;
 
 // ½ (scale (x − 1))² from x = 3.
 void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph) {
-  auto family = std::make_shared<test::FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [scale](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = scale * (x[0][0] - 1.0);
-        if (jacobians != nullptr) {
-          jacobians[0][0] = scale;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([scale](double x) { return scale * (x - 1.0); }, scale);
   const double start = 3.0;
   graph->AddFactor(graph->AddFamily(family), 0, {graph->AddVariable(&start, 1, Role::kFrame)},
                    std::move(loss));

@@ -7,50 +7,17 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/autodiff/autodiff_family.h"
 #include "inceres/problem/losses.h"
 #include "inceres/solver/solver.h"
-#include "support/closed_curve.h"
 #include "support/random_graph.h"
-#include "support/test_families.h"
-#include "trust_region/same_bits.h"
+#include "trust_region/curve.h"
 #include "trust_region/solver_way.h"
 
 namespace inceres {
 namespace {
 
-using test::ExpectSameBits;
-
-constexpr int kControlPoints = 60;
-constexpr int kObservations = 250;
-
-FactorGraph MakeCurve(unsigned seed, const std::shared_ptr<const Loss>& loss = nullptr,
-                      bool some_constant = false) {
-  const test::ClosedCurveScene scene(seed, kControlPoints, kObservations);
-  FactorGraph graph;
-  std::vector<VariableId> slots = {0};
-  std::vector<FactorFamily::Slot> sizes = {{1, 1}};
-  for (std::size_t k = 0; k < scene.control_points.size(); ++k) {
-    slots.push_back(graph.AddVariable(scene.control_points[k].data(), 2, Role::kFrame));
-    sizes.push_back({2, 2});
-    graph.SetConstant(slots.back(), some_constant && k % 7 == 0);
-  }
-  const auto curve = graph.AddFamily(std::make_shared<test::FunctionFamily>(
-      2, sizes, [observations = scene.observations](int i, const auto& x, double* r, double** J) {
-        return test::EvaluateClosedCurve(kControlPoints,
-                                         observations[static_cast<std::size_t>(i)].point, x, r, J);
-      }));
-  const auto springs =
-      graph.AddFamily(std::make_shared<AutoDiffFamily<test::Spring, 2, 2, 2>>("spring"));
-  for (const auto& observation : scene.observations) {
-    slots[0] = graph.AddVariable(&observation.t, 1, Role::kFrame);
-    graph.AddFactor(curve, 0, slots, loss);
-  }
-  for (std::size_t k = 0; k < scene.control_points.size(); ++k) {
-    graph.AddFactor(springs, {}, {slots[k + 1], slots[(k + 1) % scene.control_points.size() + 1]});
-  }
-  return graph;
-}
+using test::kControlPoints;
+using test::MakeCurve;
 
 // Of each observation, the first control point that counts.
 std::vector<int> Segments(const FactorGraph& graph) {
@@ -121,31 +88,6 @@ TEST(DynamicSparsity, SoItIsWithLossesAndConstants) {
     dynamic.max_num_iterations = whole.max_num_iterations = 8;
     ExpectSameTrace(Solve(dynamic, &a), Solve(whole, &b), 1e-7);
     EXPECT_NE(Segments(a), before);
-  }
-}
-
-TEST(DynamicSparsity, SameBitsForAnyNumberOfThreads) {
-  FactorGraph one = MakeCurve(6, std::make_shared<HuberLoss>(0.5));
-  const Summary expected = Solve(Dynamic(), &one);
-  for (const int num_threads : {2, 4}) {
-    SolverOptions options = Dynamic();
-    options.num_threads = num_threads;
-    FactorGraph graph = MakeCurve(6, std::make_shared<HuberLoss>(0.5));
-    ExpectSameBits(Solve(options, &graph), expected);
-    EXPECT_EQ(graph.state(), one.state());
-  }
-}
-
-// A structure met before: what an earlier solve left in the pattern is not used again.
-TEST(DynamicSparsity, ASolverThatIsUsedAgainHasTheBitsOfANewOne) {
-  Solver solver;
-  for (const unsigned seed : {7U, 8U, 7U}) {
-    FactorGraph ours = MakeCurve(seed);
-    FactorGraph fresh = MakeCurve(seed);
-    ExpectSameBits(solver.Solve(Dynamic(), &ours), Solve(Dynamic(), &fresh));
-    EXPECT_EQ(ours.state(), fresh.state());
-    EXPECT_TRUE(solver.IsReadyFor(Dynamic(), fresh));
-    EXPECT_FALSE(solver.IsReadyFor(Static(), fresh));
   }
 }
 

@@ -23,29 +23,11 @@ class EditedGraph : public testing::Test {
     }
   }
 
-  static bool Draw(int i, const double* const* x, double* residuals, double** jacobians) {
-    residuals[0] = x[0][0] - i;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 1.0;
-    }
-    return true;
-  }
-
-  static bool Join(int, const double* const* x, double* residuals, double** jacobians) {
-    residuals[0] = 2.0 * (x[0][0] - x[1][0]);
-    for (int s = 0; jacobians != nullptr && s < 2; ++s) {
-      if (jacobians[s] != nullptr) {
-        jacobians[s][0] = s == 0 ? 2.0 : -2.0;
-      }
-    }
-    return true;
-  }
-
   FactorGraph graph_;
-  FamilyHandle<FunctionFamily> priors_ = graph_.AddFamily(
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, Draw));
-  FamilyHandle<FunctionFamily> pairs_ = graph_.AddFamily(
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, Join));
+  FamilyHandle<FunctionFamily> priors_ =
+      graph_.AddFamily(ScalarFamily([](int i, double x) { return x - i; }, 1.0));
+  FamilyHandle<FunctionFamily> pairs_ =
+      graph_.AddFamily(ScalarFamily([](double a, double b) { return 2.0 * (a - b); }, 2.0, -2.0));
 };
 
 TEST_F(EditedGraph, FreePlacesAreEmptyAndFilledOnesSolved) {

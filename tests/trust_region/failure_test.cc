@@ -22,32 +22,22 @@ using test::FunctionFamily;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr char kEvaluationFailed[] = "Residual and Jacobian evaluation failed.";
 
-// Rosenbrock's function, and a second factor that costs nothing until it misbehaves: at the n-th
-// cost-only evaluation or at the n-th evaluation with Jacobians (counted from 0).
+// Rosenbrock's function, and a second factor that costs nothing until it fails: where
+// fails(with_jacobians, n) says so of the n-th evaluation of its kind, counted from 0. All that
+// makes an evaluation fail is in linearize/evaluator_failure_test.cc.
 class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
  protected:
-  enum class How { kFalse, kNotANumber, kInfinite, kUnwritten, kJacobianNotANumber };
-
-  void Build(How how, int at_cost, int at_jacobian) {
+  void Build(const std::function<bool(bool, int)>& fails) {
     test::MakeRosenbrock(&graph_);
     start_ = graph_.state();
-    auto family = std::make_shared<FunctionFamily>(
+    const auto family = std::make_shared<FunctionFamily>(
         1, std::vector<FactorFamily::Slot>{{2, 2}},
-        [this, how, at_cost, at_jacobian](int, const double* const*, double* residuals,
-                                          double** jacobians) {
-          const bool now =
-              jacobians == nullptr ? num_costs_++ == at_cost : num_jacobians_++ == at_jacobian;
-          if (how != How::kUnwritten || !now) {
-            residuals[0] = !now || how == How::kJacobianNotANumber ? 0.0
-                           : how == How::kNotANumber               ? kNaN
-                           : how == How::kInfinite                 ? HUGE_VAL
-                                                                   : 0.0;
-          }
+        [this, fails](int, const double* const*, double* residuals, double** jacobians) {
+          residuals[0] = 0.0;
           if (jacobians != nullptr) {
-            jacobians[0][0] = 0.0;
-            jacobians[0][1] = now && how == How::kJacobianNotANumber ? kNaN : 0.0;
+            std::fill_n(jacobians[0], 2, 0.0);
           }
-          return !now || how != How::kFalse;
+          return !fails(jacobians != nullptr, num_calls_[jacobians != nullptr ? 1 : 0]++);
         });
     graph_.AddFactor(graph_.AddFamily(family), 0, {0});
     options_.strategy = GetParam();
@@ -56,74 +46,50 @@ class Failing : public testing::TestWithParam<TrustRegionStrategyKind> {
   FactorGraph graph_;
   std::vector<double> start_;
   SolverOptions options_;
-  int num_costs_ = 0;
-  int num_jacobians_ = 0;
+  int num_calls_[2] = {0, 0};  // without Jacobians and with them
 };
 
 TEST_P(Failing, AtTheStart) {
-  for (const How how :
-       {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten, How::kJacobianNotANumber}) {
-    graph_ = FactorGraph();
-    num_costs_ = num_jacobians_ = 0;
-    Build(how, -1, 0);
-    const Summary summary = Solve(options_, &graph_);
-    EXPECT_EQ(summary.termination, Termination::kFailure);
-    EXPECT_EQ(summary.message, kEvaluationFailed);
-    EXPECT_NE(summary.detail.find("factor 0 of function (variables 0)"), std::string::npos)
-        << summary.detail;
-    EXPECT_TRUE(summary.iterations.empty());
-    EXPECT_EQ(summary.num_successful_steps, 0);
-    EXPECT_EQ(summary.num_unsuccessful_steps, 0);
-    EXPECT_EQ(summary.initial_cost, -1.0);
-    EXPECT_EQ(summary.final_cost, -1.0);
-    EXPECT_EQ(graph_.state(), start_);
-  }
+  Build([](bool with_jacobians, int n) { return with_jacobians && n == 0; });
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, kEvaluationFailed);
+  EXPECT_NE(summary.detail.find("factor 0 of function (variables 0)"), std::string::npos)
+      << summary.detail;
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_EQ(summary.num_successful_steps, 0);
+  EXPECT_EQ(summary.num_unsuccessful_steps, 0);
+  EXPECT_EQ(summary.initial_cost, -1.0);
+  EXPECT_EQ(summary.final_cost, -1.0);
+  EXPECT_EQ(graph_.state(), start_);
 }
 
 // A candidate that cannot be evaluated is a rejected step, and the solve goes on to the minimum.
 TEST_P(Failing, AtATrialPoint) {
-  for (const How how : {How::kFalse, How::kNotANumber, How::kInfinite, How::kUnwritten}) {
-    graph_ = FactorGraph();
-    num_costs_ = num_jacobians_ = 0;
-    Build(how, 1, -1);
-    const Summary summary = Solve(options_, &graph_);
-    EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
-    ASSERT_GT(summary.iterations.size(), 2u);
-    EXPECT_FALSE(summary.iterations[2].step_is_successful);
-    EXPECT_EQ(summary.iterations[2].cost, std::numeric_limits<double>::max());
-    EXPECT_LT(summary.iterations[2].trust_region_radius, summary.iterations[1].trust_region_radius);
-    EXPECT_NEAR(graph_.state()[0], 1.0, 1e-3);
-  }
+  Build([](bool with_jacobians, int n) { return !with_jacobians && n == 1; });
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  ASSERT_GT(summary.iterations.size(), 2u);
+  EXPECT_FALSE(summary.iterations[2].step_is_successful);
+  EXPECT_EQ(summary.iterations[2].cost, std::numeric_limits<double>::max());
+  EXPECT_LT(summary.iterations[2].trust_region_radius, summary.iterations[1].trust_region_radius);
+  EXPECT_NEAR(graph_.state()[0], 1.0, 1e-3);
 }
 
 // All progress is discarded when the Jacobian of an accepted point cannot be had.
 TEST_P(Failing, AtTheJacobianOfAnAcceptedPoint) {
-  for (const How how : {How::kFalse, How::kNotANumber, How::kJacobianNotANumber}) {
-    graph_ = FactorGraph();
-    num_costs_ = num_jacobians_ = 0;
-    Build(how, -1, 3);
-    const Summary summary = Solve(options_, &graph_);
-    EXPECT_EQ(summary.termination, Termination::kFailure);
-    EXPECT_EQ(summary.message, kEvaluationFailed);
-    EXPECT_NE(summary.detail.find("factor 0 of function"), std::string::npos) << summary.detail;
-    EXPECT_EQ(summary.num_successful_steps, 3);
-    EXPECT_LT(summary.final_cost, summary.initial_cost);
-    EXPECT_EQ(graph_.state(), start_);
-  }
+  Build([](bool with_jacobians, int n) { return with_jacobians && n == 3; });
+  const Summary summary = Solve(options_, &graph_);
+  EXPECT_EQ(summary.termination, Termination::kFailure);
+  EXPECT_EQ(summary.message, kEvaluationFailed);
+  EXPECT_NE(summary.detail.find("factor 0 of function"), std::string::npos) << summary.detail;
+  EXPECT_EQ(summary.num_successful_steps, 3);
+  EXPECT_LT(summary.final_cost, summary.initial_cost);
+  EXPECT_EQ(graph_.state(), start_);
 }
 
 TEST_P(Failing, EveryTrialPoint) {
-  Build(How::kFalse, -1, -1);
-  auto never = std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{2, 2}},
-      [](int, const double* const*, double* residuals, double** jacobians) {
-        residuals[0] = 0.0;
-        if (jacobians != nullptr) {
-          std::fill_n(jacobians[0], 2, 0.0);
-        }
-        return jacobians != nullptr;
-      });
-  graph_.AddFactor(graph_.AddFamily(never), 0, {0});
+  Build([](bool with_jacobians, int) { return !with_jacobians; });
   options_.max_num_iterations = 1000;
   const Summary summary = Solve(options_, &graph_);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << "the radius shrinks to its minimum";
@@ -178,15 +144,7 @@ TEST(StandingStill, AFactorThatCannotBeEvaluatedFails) {
 // f = 1 whatever x is: J = 0, no step can lower the model, and five invalid steps in a row end the
 // solve.
 std::shared_ptr<FunctionFamily> FlatFamily() {
-  return std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const*, double* residuals, double** jacobians) {
-        residuals[0] = 1.0;
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 0.0;
-        }
-        return true;
-      });
+  return test::ScalarFamily(1.0, 0.0);
 }
 
 // x ⊞ 0 ≠ x, so the gradient test cannot fire.
@@ -308,15 +266,7 @@ class Fence final : public Manifold {
 };
 
 Summary SolveFenced(double limit, double slope, FactorGraph* graph) {
-  auto family = std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [slope](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = slope * (x[0][0] - 3.0);
-        if (jacobians != nullptr) {
-          jacobians[0][0] = slope;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([slope](double x) { return slope * (x - 3.0); }, slope);
   const double zero = 0.0;
   graph->AddFactor(graph->AddFamily(family), 0,
                    {graph->AddVariable(&zero, 1, Role::kFrame, std::make_shared<Fence>(limit))});
@@ -343,15 +293,7 @@ TEST(PlusFails, AlongTheGradientIsAFailure) {
 // solve ends, nothing moves.
 TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   FactorGraph graph;
-  auto family = std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = 1e200 * x[0][0];
-        if (jacobians != nullptr) {
-          jacobians[0][0] = 1e200;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([](double x) { return 1e200 * x; }, 1e200);
   const double one = 1.0;
   graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&one, 1, Role::kFrame)});
   const Summary summary = Solve(SolverOptions(), &graph);

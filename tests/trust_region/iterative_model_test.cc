@@ -79,33 +79,6 @@ TEST_P(IterativeModelTest, SolvedToTheEndItsStepsAreTheFactorizations) {
   }
 }
 
-TEST_P(IterativeModelTest, HasTheSameBitsForAnyNumberOfThreadsAndInASecondSolve) {
-  struct Way {
-    PreconditionerKind preconditioner;
-    bool formed;
-  };
-  for (const Way& way :
-       {Way{PreconditionerKind::kSchurJacobi, false}, Way{PreconditionerKind::kSchurJacobi, true},
-        Way{PreconditionerKind::kTwoLevel, false}, Way{PreconditionerKind::kTwoLevel, true},
-        Way{PreconditionerKind::kClusterTridiagonal, false}}) {
-    std::vector<std::vector<double>> states;
-    SolverOptions options =
-        ToTheEnd(LinearModelKind::kIterativeSchur, way.preconditioner, way.formed);
-    options.conjugate_gradients.eta = 0.1;
-    Solver solver;
-    for (const int num_threads : {1, 2, 4, 4}) {
-      const auto bundle = MakeBundle(Mixed(GetParam()));
-      options.num_threads = num_threads;
-      const Summary summary = solver.Solve(options, &bundle->graph());
-      ASSERT_NE(summary.termination, Termination::kFailure) << summary.message;
-      states.push_back(bundle->graph().state());
-    }
-    EXPECT_EQ(states[0], states[1]);
-    EXPECT_EQ(states[0], states[2]);
-    EXPECT_EQ(states[0], states[3]);
-  }
-}
-
 TEST_P(IterativeModelTest, StepsThatTakeTooLongAreUsedAndTold) {
   const auto bundle = MakeBundle(Mixed(GetParam()));
   SolverOptions options =

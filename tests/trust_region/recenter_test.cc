@@ -74,28 +74,11 @@ struct Chain {
         anchors{-1, Anchor()} {}
 
   static std::shared_ptr<test::FunctionFamily> Difference(double weight, double offset) {
-    const auto function = [=](int, const double* const* x, double* r, double** J) {
-      r[0] = weight * (x[1][0] - x[0][0] - offset);
-      for (int s = 0; J != nullptr && s < 2; ++s) {
-        if (J[s] != nullptr) {
-          J[s][0] = s == 0 ? -weight : weight;
-        }
-      }
-      return true;
-    };
-    return std::make_shared<test::FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function);
+    return test::ScalarFamily([=](double a, double b) { return weight * (b - a - offset); },
+                              -weight, weight);
   }
   static std::shared_ptr<test::FunctionFamily> Anchor() {
-    const auto function = [](int i, const double* const* x, double* r, double** J) {
-      r[0] = x[0][0] - 0.3 * i - std::cos(3.0 * i);
-      if (J != nullptr && J[0] != nullptr) {
-        J[0][0] = 1.0;
-      }
-      return true;
-    };
-    return std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}},
-                                                  function);
+    return test::ScalarFamily([](int i, double y) { return y - 0.3 * i - std::cos(3.0 * i); }, 1.0);
   }
 
   // Owner is a FactorGraph or an IncrementalSolver.

@@ -1,5 +1,7 @@
 // A second solve of a structure asks for no memory at all, of whatever library.
+#include <algorithm>
 #include <cstdint>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -10,18 +12,8 @@
 namespace inceres {
 namespace {
 
-using test::MakeBundle;
-using Way = test::SolverWay;
-
-class RepeatedAllocations : public testing::TestWithParam<Way> {
+class RepeatedAllocations : public testing::TestWithParam<test::SolverWay> {
  protected:
-  static SolverOptions Iterations(int count) {
-    SolverOptions options;
-    GetParam().Choose(&options);
-    options.max_num_iterations = count;
-    options.function_tolerance = options.gradient_tolerance = options.parameter_tolerance = 0.0;
-    return options;
-  }
   // Allocations of a solve of `graph`.
   std::int64_t Count(const SolverOptions& options, FactorGraph* graph) {
     const std::int64_t before = test::NumAllocations();
@@ -30,7 +22,7 @@ class RepeatedAllocations : public testing::TestWithParam<Way> {
     EXPECT_TRUE(summary_.IsSolutionUsable()) << summary_.message;
     return count;
   }
-  Solver solver_;
+  Solver solver_{std::int64_t{1} << 30};
   Summary summary_;
 };
 
@@ -38,36 +30,35 @@ TEST_P(RepeatedAllocations, NoneInASecondSolve) {
   if (!test::CanCountAllocations()) {
     GTEST_SKIP() << "this build has an allocator of its own";
   }
-  // Jacobians that are not kept are of several chunks.
-  const int num_landmarks = GetParam().recomputes_jacobians ? 8000 : 300;
-  const auto first = MakeBundle(test::MixedBundle(num_landmarks));
-  const auto second = MakeBundle(test::MixedBundle(num_landmarks));
-  EXPECT_GT(Count(Iterations(20), &first->graph()), 100);  // or the counter counts nothing
-  EXPECT_FALSE(summary_.structure_reused);
-  {
-    const test::AllocationTrap trap;
-    EXPECT_EQ(Count(Iterations(15), &second->graph()), 0);
+  for (const int num_threads : {1, 2}) {
+    const auto first = GetParam().make(/*other_numbers=*/false);
+    const auto second = GetParam().make(/*other_numbers=*/true);
+    SolverOptions options = GetParam().options;
+    options.num_threads = num_threads;
+    options.max_num_iterations = 20;
+    EXPECT_GT(Count(options, first.get()), 100);  // or the counter counts nothing
+    EXPECT_FALSE(summary_.structure_reused);
+    options.max_num_iterations = 15;
+    {
+      const test::AllocationTrap trap;
+      EXPECT_EQ(Count(options, second.get()), 0);
+    }
+    EXPECT_TRUE(summary_.structure_reused);
+    EXPECT_GT(summary_.iterations.size(), 10u);
+    EXPECT_GT(summary_.num_successful_steps, 3);
   }
-  EXPECT_TRUE(summary_.structure_reused);
-  EXPECT_EQ(summary_.iterations.size(), 16u);
-  EXPECT_GT(summary_.num_successful_steps, 3);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Ways, RepeatedAllocations,
-    testing::Values(Way{"Schur", LinearModelKind::kSchur, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-                    Way{"SchurDogleg", LinearModelKind::kSchur, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kDogleg, 1},
-                    Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-                    Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 2},
-                    Way{"SchurRecomputed", LinearModelKind::kSchur, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 2, true},
-                    Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
-    test::NameOf);
+std::vector<test::SolverWay> WaysWithoutAllocations() {
+  std::vector<test::SolverWay> ways = test::SolverWays();
+  ways.erase(std::remove_if(ways.begin(), ways.end(),
+                            [](const test::SolverWay& way) { return way.allocates; }),
+             ways.end());
+  return ways;
+}
+
+INSTANTIATE_TEST_SUITE_P(Ways, RepeatedAllocations, testing::ValuesIn(WaysWithoutAllocations()),
+                         test::NameOf);
 
 }  // namespace
 }  // namespace inceres

@@ -1,10 +1,9 @@
-// A Solver that has met a structure sets up nothing again and remembers no number: the same bits as
-// a solve from nothing.
+// Which structures a Solver has met, and what it may not remember of them: the same bits as a solve
+// from nothing. That all ways have them is in solver_laws_test.cc.
 #include <cstdint>
 #include <limits>
 #include <memory>
 #include <stdexcept>
-#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -22,18 +21,9 @@ namespace {
 using test::BundleOptions;
 using test::ExpectSameBits;
 using test::MakeBundle;
-using Way = test::SolverWay;
 
 BundleOptions Options() {
   return test::MixedBundle(80);
-}
-
-// The same structure, other numbers throughout.
-BundleOptions OtherNumbers() {
-  BundleOptions options = Options();
-  options.noise = 0.3;
-  options.perturbation = 0.4;
-  return options;
 }
 
 SolverOptions TenIterations() {
@@ -55,37 +45,6 @@ Summary SolveBothWays(const SolverOptions& options, const BundleOptions& bundle_
   EXPECT_EQ(ours->graph().state(), fresh->graph().state());
   return summary;
 }
-
-class RepeatedSolve : public testing::TestWithParam<Way> {
- protected:
-  static SolverOptions GivenOptions() {
-    SolverOptions options = TenIterations();
-    GetParam().Choose(&options);
-    return options;
-  }
-};
-
-TEST_P(RepeatedSolve, HasTheBitsOfASolveFromNothing) {
-  Solver solver;
-  EXPECT_FALSE(SolveBothWays(GivenOptions(), Options(), &solver).structure_reused);
-  EXPECT_TRUE(SolveBothWays(GivenOptions(), Options(), &solver).structure_reused);
-  EXPECT_TRUE(SolveBothWays(GivenOptions(), OtherNumbers(), &solver).structure_reused);
-  EXPECT_GT(solver.Bytes(), 0);
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Ways, RepeatedSolve,
-    testing::Values(Way{"Schur", LinearModelKind::kAutomatic, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-                    Way{"SchurSparse", LinearModelKind::kSchur, ReducedSolverKind::kSparse,
-                        TrustRegionStrategyKind::kDogleg, 1},
-                    Way{"SchurTwoThreads", LinearModelKind::kSchur, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kDogleg, 2},
-                    Way{"Plain", LinearModelKind::kPlain, ReducedSolverKind::kDense,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1},
-                    Way{"Qr", LinearModelKind::kDenseQr, ReducedSolverKind::kAutomatic,
-                        TrustRegionStrategyKind::kLevenbergMarquardt, 1}),
-    test::NameOf);
 
 TEST(RepeatedSolve, AnotherStructureIsSetUpAnew) {
   Solver solver;
@@ -118,14 +77,7 @@ TEST(RepeatedSolve, OptionsThatSetUpDependsOnCount) {
   options.strategy = TrustRegionStrategyKind::kDogleg;  // the strategy is the minimizer's business
   options.jacobi_scaling = false;
   EXPECT_TRUE(SolveBothWays(options, Options(), &solver).structure_reused);
-}
-
-// Conjugate gradients remember a factor, which a solve from nothing does not have.
-TEST(RepeatedSolve, AReducedSolverThatRemembersIsMadeAnew) {
-  Solver solver;
-  SolverOptions options = TenIterations();
-  options.reduced_solver = ReducedSolverKind::kPcg;
-  SolveBothWays(options, Options(), &solver);
+  options.dynamic_sparsity = true;
   EXPECT_FALSE(SolveBothWays(options, Options(), &solver).structure_reused);
 }
 

@@ -53,23 +53,6 @@ TEST_P(SinglePrecisionSolve, EndsWhereOneInDoubleDoes) {
   }
 }
 
-TEST_P(SinglePrecisionSolve, HasTheSameBitsForAnyNumberOfThreadsAndInASecondSolve) {
-  std::vector<std::vector<double>> states;
-  Solver solver(std::int64_t{1} << 30);
-  SolverOptions options = Options(GetParam(), true);
-  options.max_num_iterations = 5;
-  for (const int num_threads : {1, 2, 4, 4}) {
-    const auto bundle = Bundle();
-    options.num_threads = num_threads;
-    const Summary summary = solver.Solve(options, &bundle->graph());
-    ASSERT_NE(summary.termination, Termination::kFailure) << summary.message;
-    states.push_back(bundle->graph().state());
-  }
-  EXPECT_EQ(states[0], states[1]);
-  EXPECT_EQ(states[0], states[2]);
-  EXPECT_EQ(states[0], states[3]);
-}
-
 INSTANTIATE_TEST_SUITE_P(Preconditioners, SinglePrecisionSolve,
                          ::testing::Values(PreconditionerKind::kIdentity,
                                            PreconditionerKind::kJacobi,

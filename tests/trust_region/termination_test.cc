@@ -123,15 +123,7 @@ TEST(Termination, ParameterToleranceOnlyAfterAnAcceptedStep) {
 TEST(Termination, TrustRegionRadiusAtItsMinimum) {
   // A wrong Jacobian: every step leads uphill.
   FactorGraph graph;
-  auto family = std::make_shared<test::FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{1, 1}},
-      [](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = 10.0 + x[0][0];
-        if (jacobians != nullptr) {
-          jacobians[0][0] = -1.0;
-        }
-        return true;
-      });
+  const auto family = test::ScalarFamily([](double x) { return 10.0 + x; }, -1.0);
   const double zero = 0.0;
   graph.AddFactor(graph.AddFamily(family), 0, {graph.AddVariable(&zero, 1, Role::kFrame)});
   SolverOptions options = NoTolerances();

@@ -2,7 +2,6 @@
 // nothing of what their parameters mean.
 #include <algorithm>
 #include <string>
-#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -80,22 +79,6 @@ TEST_P(TwoLevelOnStreets, FindsWhatAFactorizationFindsInFewIterations) {
     EXPECT_LT(MostIterations(summary), 300);
     EXPECT_NE(summary.reduced_solver.find("two-level"), std::string::npos)
         << summary.reduced_solver;
-  }
-}
-
-TEST_P(TwoLevelOnStreets, HasTheSameBitsForAnyNumberOfThreads) {
-  for (const bool formed : {false, true}) {
-    std::vector<std::vector<double>> states;
-    for (const int num_threads : {1, 2, 4}) {
-      const auto street = MakeStreetGraph(GetParam());
-      SolverOptions options = With(PreconditionerKind::kTwoLevel, formed);
-      options.num_threads = num_threads;
-      const Summary summary = Solve(options, &street->graph);
-      ASSERT_NE(summary.termination, Termination::kFailure) << summary.message;
-      states.push_back(street->graph.state());
-    }
-    EXPECT_EQ(states[0], states[1]);
-    EXPECT_EQ(states[0], states[2]);
   }
 }
 
