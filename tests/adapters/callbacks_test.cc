@@ -68,7 +68,7 @@ TEST(Callbacks, UpdateStateEveryIterationShowsTheBestState) {
   for (const Way way : kWays) {
     CallbacksBench bench(way);
     std::vector<double> costs;
-    // The cost of what is in memory now, with a copy: Problem::Evaluate is forbidden within a solve.
+    // Of what is in memory now, with a copy: Problem::Evaluate is forbidden within a solve.
     lambdas::Callback evaluator([&](const ceres::IterationSummary&) {
       const auto copy = MakeBundle(5, 40, true);
       for (std::size_t b = 0; b < copy->blocks.size(); ++b) {

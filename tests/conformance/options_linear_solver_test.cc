@@ -1,5 +1,5 @@
-// docs/ceres_contract.md, "Linear solver options". Test names are the fields'. Orderings are next to
-// stock in adapters/summary_test.cc.
+// docs/ceres_contract.md, "Linear solver options". Test names are the fields'. Orderings are next
+// to stock in adapters/summary_test.cc.
 #include "conformance/support.h"
 
 namespace conformance {

@@ -94,8 +94,8 @@ struct Rosenbrock : World {
   double* x;
 };
 
-/// r = 1 with a slope whose square underflows: the step from x = 0 exists, its model change is 0, so
-/// no step is valid.
+/// r = 1 with a slope whose square underflows: the step from x = 0 exists, its model change is 0,
+/// so no step is valid.
 struct NeverValid : World {
   NeverValid();
   double* x;
