@@ -10,14 +10,8 @@ namespace {
 constexpr TrustRegionStrategyKind kStrategies[] = {
     TrustRegionStrategyKind::kLevenbergMarquardt, TrustRegionStrategyKind::kMarquardt,
     TrustRegionStrategyKind::kDogleg, TrustRegionStrategyKind::kSubspaceDogleg};
-constexpr const char* kStrategyNames[] = {"LevenbergMarquardt", "Marquardt", "Dogleg",
-                                          "SubspaceDogleg"};
 constexpr const char* kPreconditionerNames[] = {"Identity", "Jacobi",        "SchurJacobi",
                                                 "TwoLevel", "ClusterJacobi", "ClusterTridiagonal"};
-
-const char* NameOf(TrustRegionStrategyKind kind) {
-  return kStrategyNames[static_cast<int>(kind)];
-}
 
 const char* NameOf(PreconditionerKind kind) {
   return kPreconditionerNames[static_cast<int>(kind)];
@@ -94,7 +88,7 @@ void AddFactorizations(std::vector<SolverWay>* ways) {
   SolverOptions options = Iterations(6);
   for (const TrustRegionStrategyKind strategy : kStrategies) {
     options.strategy = strategy;
-    const std::string name = NameOf(strategy);
+    const std::string name = std::string("_") + ToString(strategy);
     options.reduced_solver = ReducedSolverKind::kDense;
     ways->push_back({"Dense" + name, options, Bundle(large)});
     options.reduced_solver = ReducedSolverKind::kSparse;
