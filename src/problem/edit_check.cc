@@ -255,6 +255,9 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   if (&edit.graph() != this) {
     return internal::Invalid("the edit was begun on another graph");
   }
+  // From now on a family may hold more measurements than factors: AddFactor has placed them, also
+  // where the edit is refused.
+  is_edited_ = true;
   // Ids were given out in view of what was free at that revision.
   if (edit.revision() != revision_) {
     return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
@@ -265,9 +268,6 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   if (!edit.misuse().ok()) {
     return edit.misuse();
   }
-  // From now on a family may hold more measurements than factors: AddFactor has placed them, also
-  // where the edit is refused.
-  is_edited_ = true;
   const internal::EditedGraph edited = {this, &variables_, &factors_, &*edits_};
   Status status;
   try {

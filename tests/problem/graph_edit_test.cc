@@ -295,6 +295,25 @@ TEST_F(Edit, PlainFactorsHaveTheirOwnMeasurementsAfterARefusedEdit) {
   EXPECT_TRUE(graph_.Validate().ok());
 }
 
+// Whatever it was refused for, and though the graph was never edited before.
+TEST_F(Edit, TheGraphIsValidAfterItsFirstEditWasRefused) {
+  for (const bool is_late : {false, true}) {
+    FactorGraph graph;
+    const auto family = graph.AddFamily(std::make_shared<NotedFamily>(Slots{{1, 1}}));
+    const double value = 1.0;
+    const VariableId id = graph.AddVariable(&value, 1, Role::kFrame);
+    GraphEdit edit(graph);
+    edit.AddFactor(family, 0, {id});
+    if (is_late) {
+      graph.AddVariable(&value, 1, Role::kFrame);
+    } else {
+      edit.AddFactor(FamilyHandle<NotedFamily>(), 0, {id});
+    }
+    ASSERT_FALSE(graph.Apply(edit).ok());
+    EXPECT_TRUE(graph.Validate().ok()) << graph.Validate().message;
+  }
+}
+
 // Variables and factors added the plain way, even in the wrong order, are known to later edits.
 TEST_F(Edit, PlainAdditionsJoinTheListsOfFactors) {
   GraphEdit edit(graph_);
