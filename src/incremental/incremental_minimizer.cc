@@ -142,7 +142,7 @@ bool IncrementalMinimizer::Begin() {
                                context_.options.function_tolerance, context_.options.fixed_cost,
                                system.rounding().AtMost(), summary.num_iterations, system.cost());
   if (begins) {
-    context_.stop.GoOnFrom(before);
+    context_.stop.GoOnFrom(before, system.TakeRewritten());
     summary.initial_cost = system.cost();
   } else if (const UpdateIteration& row = summary.iterations.back();
              row.step == UpdateStep::kBatch && row.step_is_successful) {

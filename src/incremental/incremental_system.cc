@@ -31,6 +31,8 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
                edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
+  is_rewritten_ = is_rewritten_ || !edit.losses().empty() || !edit.measurements().empty() ||
+                  !edit.new_values().empty();
   FollowVariablesAndFactors(edit);
   FollowFunctionsAndValues(edit);
   return Status::Ok();
@@ -116,7 +118,7 @@ void IncrementalSystem::MarkMoved(VariableId id) {
 // After the batch solver: no factor's last step has led here, so none is steady.
 void IncrementalSystem::TakeValues() {
   ForgetNewFrames();
-  only_grew_ = false;
+  only_grew_ = is_rewritten_ = false;
   for (VariableId id = 0; id < graph_.num_variables(); ++id) {
     // What is borrowed is read where it lies, and may lie where nobody can write.
     if (graph_.HasVariable(id) && graph_.StateOffset(id) >= 0) {

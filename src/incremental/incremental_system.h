@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/executor.h"
@@ -62,6 +63,9 @@ class IncrementalSystem {
   /// the problem is another.
   bool OnlyGrew() const { return only_grew_; }
   void WatchGrowth() { only_grew_ = true; }
+  /// Whether edits have written values, measurements or losses of what was there since the last
+  /// call.
+  bool TakeRewritten() { return std::exchange(is_rewritten_, false); }
 
   // What Apply is made of, and what follows a graph that is built without edits.
 
@@ -180,6 +184,7 @@ class IncrementalSystem {
   Membership members_;
   CostRounding rounding_;
   bool only_grew_ = false;
+  bool is_rewritten_ = false;
   std::vector<FactorId> removed_;
   std::vector<VariableId> toggled_;
 };

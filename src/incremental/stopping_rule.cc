@@ -81,8 +81,8 @@ bool StoppingRule::NextStepsGainLittle(double series, double landmark_rest, doub
 // A first step tells of the directions in which there was most to gain. Where another one is a
 // saddle, r_i > 1, and little was left of it, that comes to light when φ jumps.
 bool StoppingRule::IsBorneOut(double remaining, double cost) const {
-  if (!has_stepped_ || std::isinf(tuning_.factor_growth)) {
-    return true;
+  if (std::isinf(tuning_.factor_growth) || !has_stepped_) {
+    return std::isinf(tuning_.factor_growth) || !asks_for_step_;
   }
   const bool falls_steadily =
       previous_factor_ > 0.0 && remaining < last_remaining_ &&

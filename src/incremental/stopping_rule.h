@@ -56,8 +56,13 @@ class StoppingRule {
   }
   void SetRounding(double rounding) { rounding_ = rounding; }
 
-  /// What the Update before has left undone, and rightly so, is no reason for a step in this one.
-  void GoOnFrom(const StoppingRule& before) { claim_ = before.claim_; }
+  /// What the Update before has left undone, and rightly so, is no reason for a step in this one;
+  /// but where values or functions were written no step has led, and one is to bear out what the
+  /// model says.
+  void GoOnFrom(const StoppingRule& before, bool is_rewritten) {
+    asks_for_step_ = is_rewritten;
+    claim_ = is_rewritten ? Claim() : before.claim_;
+  }
 
   /// Whether little is left. Asked once an iteration. An Update that is new for the most part
   /// learns nothing from its last step.
@@ -152,6 +157,7 @@ class StoppingRule {
   bool claims_by_model_ = false;   // alone: no step bears it out
   bool waits_for_step_ = false;    // to bear out what has been claimed
   bool has_stepped_ = false;
+  bool asks_for_step_ = false;    // before the first one, too
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known
   double last_gain_ = 0.0;

@@ -64,6 +64,32 @@ TEST(Evidence, AStepThatCannotBeEvaluatedProvesNothing) {
   EXPECT_FALSE(summary.failed_step.empty());
 }
 
+// At 0 the slope is a twentieth of the tolerance's, and the step that it asks for gains 200 times
+// what the model sees. No step has led there: the value was written.
+TEST(Evidence, WhereAValueWasWrittenAStepIsTried) {
+  const auto function = [](int, const double* const* p, double* f, double** J) {
+    const double t = std::clamp(p[0][0], 0.0, 1.0);
+    f[0] = 0.1 * (p[0][0] - 1.0);
+    f[1] = 10.0 - 0.1 * t * t * (3.0 - 2.0 * t);
+    if (J != nullptr && J[0] != nullptr) {
+      J[0][0] = 0.1;
+      J[0][1] = -0.6 * t * (1.0 - t);
+    }
+    return true;
+  };
+  IncrementalFunction one(WithoutBatch(2e-3), function, 2, 1.0, std::make_shared<HuberLoss>(1e6));
+  ASSERT_TRUE(one.applied);
+  ASSERT_EQ(one.solver.Update().termination, Termination::kConvergence);
+  const double minimum = one.solver.cost();
+  const double zero = 0.0;
+  GraphEdit edit(one.solver.graph());
+  edit.SetValues(one.x, &zero);
+  ASSERT_TRUE(one.solver.Apply(edit).ok());
+  const UpdateSummary summary = one.solver.Update();
+  EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
+  EXPECT_NEAR(summary.final_cost, minimum, 2e-3 * minimum);
+}
+
 // ρ(s) = 2 √s: no weight at s = 0.
 class Cone final : public Loss {
  public:
