@@ -360,13 +360,13 @@ double IncrementalMinimizer::Negligible() const {
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
 // leads elsewhere than a whole one: all of it moves. So it does if the user wants nothing
-// truncated.
+// truncated, and where a claim waits for the step: of little left nothing would move.
 void IncrementalMinimizer::SelectActive(double remaining) {
   UpdateSummary& summary = *context_.summary;
   const StageTimer timer(&summary.select_seconds);
   const double allowed = context_.stop.Allowed(context_.system.cost());
   const double truncation = context_.shares.truncation;
-  const bool all = context_.mostly_new || truncation == 0.0;
+  const bool all = context_.mostly_new || truncation == 0.0 || context_.stop.waits_for_step();
   // B of docs/algorithms.md, "Lazy steps". The second term keeps small steps from being truncated
   // to nothing: that much may be left anyway. A negative budget moves all.
   const double budget =

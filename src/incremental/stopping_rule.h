@@ -81,6 +81,7 @@ class StoppingRule {
     waits_for_step_ = waits_for_step_ || claims_by_model_;
     return claims_by_model_;
   }
+  bool waits_for_step() const { return waits_for_step_; }
   /// What old Jacobians may err by where that rests on them: T, or a little of it where no step
   /// bears out what they say.
   double ErrorAllowed(double cost) const {
