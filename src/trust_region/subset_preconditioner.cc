@@ -144,7 +144,7 @@ void SubsetPreconditioner::Apply(const double* r, double* z) {
 }
 
 std::int64_t SubsetPreconditioner::Bytes() const {
-  return factor_->Bytes() +
+  return (factor_.has_value() ? factor_->Bytes() : 0) +
          static_cast<std::int64_t>(terms_.size() * sizeof(Term) + values_.size() * sizeof(double));
 }
 

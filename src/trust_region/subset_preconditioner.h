@@ -41,7 +41,7 @@ class SubsetPreconditioner final : public Preconditioner {
   std::vector<Term> terms_;
   BlockPattern pattern_;
   std::vector<double> values_;
-  std::optional<ClusterCholesky> factor_;
+  std::optional<ClusterCholesky> factor_;  // none of a subset that is refused
 };
 
 }  // namespace inceres::internal
