@@ -97,7 +97,7 @@ class AskedByOne final : public manifolds::Manifold {
     return true;
   }
   bool PlusJacobian(const double*, double* jacobian) const override {
-    *jacobian = 1.0;
+    std::fill_n(jacobian, tangent_size_, 1.0);
     return true;
   }
   bool Minus(const double*, const double*, double*) const override { return false; }
