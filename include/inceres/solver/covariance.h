@@ -24,7 +24,7 @@ enum class CovarianceAlgorithm {
   /// Singular values of the whole Jacobian, dense: small problems, with a pseudo-inverse where it
   /// is rank deficient. What Ceres calls DENSE_SVD, and as there the rank is judged by as many
   /// singular values as J has: with fewer residuals than degrees of freedom what no residual can
-  /// determine counts as left out, and has no variance.
+  /// determine counts as left out, and adds no variance.
   kDenseSvd,
 };
 
