@@ -224,7 +224,8 @@ VariableId LargestShare(const IncrementalSchur& schur, const Eigen::VectorXd& sq
 // Without landmarks no damping is hidden in S, and what is new need not be looked at by itself.
 // With them a graph must not have got more new frames than a dense matrix is for, and μ must not
 // have fallen: what a larger μ was found with may have been μ's doing. A loss that takes a factor's
-// weight takes as much of H as removing it does, and S keeps at least the least share of it.
+// weight takes as much of H as removing it does, and S keeps at least the least share of it. A
+// gauge that was free may be held by what has come.
 bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSystem& system, double mu,
                   double open) {
   const IncrementalSchur& schur = system.schur();
@@ -232,8 +233,7 @@ bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSystem& syst
   return weakest.is_known && num_frames <= kGrowth * weakest.num_frames &&
          (schur.structure().num_landmarks() == 0 ||
           (num_frames <= weakest.num_seen + kMostNewFrames && weakest.mu <= mu)) &&
-         (weakest.eigenvalue <= open ||
-          LeastWeightKept(system, weakest) * weakest.eigenvalue > open);
+         LeastWeightKept(system, weakest) * weakest.eigenvalue > open;
 }
 
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose
