@@ -24,10 +24,14 @@ constexpr double kLargeShare = 0.25;
 // Between two dampings that are tried one after the other at a border.
 constexpr double kBetween = 10.0;
 
-// Whether a step was cut before where a cost function refuses, or none of it could be evaluated.
+// Whether a cost function refuses where a step leads, and no share of it gains anything.
+bool IsRefused(const IterationSummary& iteration) {
+  return !iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max();
+}
+
+// The same, or it was cut before the border.
 bool IsAtBorder(const IterationSummary& iteration) {
-  return iteration.step_share < kLargeShare ||
-         (!iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max());
+  return iteration.step_share < kLargeShare || IsRefused(iteration);
 }
 
 }  // namespace
@@ -59,7 +63,8 @@ Stagnation::Verdict Stagnation::After(const IterationSummary& iteration, double 
     if (tried_all && (went_between_ || !IsAtBorder(iteration))) {
       return Verdict::kRefusals;
     }
-    if (IsAtBorder(iteration) && IsAtLeastRadius(iteration) && CreepsAgain(cost, tolerance)) {
+    if (IsAtBorder(iteration) && IsAtLeastRadius(iteration, tolerance) &&
+        CreepsAgain(cost, tolerance)) {
       return Verdict::kUnproven;
     }
     // They were not: the descent goes on from there before it may end.
@@ -118,15 +123,16 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
     widest_ = 0.0;
     went_between_ = false;
   }
-  return num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration);
+  return num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration, tolerance);
 }
 
 // Whether more damping leads nowhere.
-bool Stagnation::IsAtLeastRadius(const IterationSummary& iteration) const {
+bool Stagnation::IsAtLeastRadius(const IterationSummary& iteration, double tolerance) const {
   // At a border, steps are cut or their end cannot be evaluated; damping turns them only, and
-  // shorter steps than these have been tried by the cut.
+  // shorter steps than these have been tried by the cut. The more damping, the less they promise.
   return iteration.trust_region_radius <=
-         (IsAtBorder(iteration) ? tuning_.border_radius : tuning_.min_radius);
+             (IsAtBorder(iteration) ? tuning_.border_radius : tuning_.min_radius) ||
+         (IsRefused(iteration) && iteration.model_cost_change <= tuning_.no_gain_share * tolerance);
 }
 
 double Stagnation::GainOf(const IterationSummary& iteration) const {

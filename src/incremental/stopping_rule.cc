@@ -85,7 +85,7 @@ bool StoppingRule::IsBorneOut(double remaining, double cost) const {
     return std::isinf(tuning_.factor_growth) || !asks_for_step_;
   }
   const bool falls_steadily =
-      previous_factor_ > 0.0 && remaining < last_remaining_ &&
+      !has_curved_down_ && previous_factor_ > 0.0 && remaining < last_remaining_ &&
       remaining <= tuning_.factor_growth * previous_factor_ * last_remaining_;
   return last_gain_ratio_ <= kCurvesDown && last_gain_ratio_ >= kCurvesUp &&
          (falls_steadily || last_gain_ <= tuning_.rest_share * Tolerance(cost));

@@ -103,6 +103,7 @@ class StoppingRule {
   /// with this gain and gain ratio.
   void StepTaken(double remaining, double gain, double gain_ratio) {
     has_stepped_ = true;
+    has_curved_down_ = has_curved_down_ || gain_ratio > kCurvesDown;
     previous_factor_ = remaining > 0.0 && last_remaining_ > 0.0 ? remaining / last_remaining_ : 0.0;
     last_remaining_ = remaining;
     last_gain_ = gain;
@@ -158,6 +159,7 @@ class StoppingRule {
   bool claims_by_model_ = false;   // alone: no step bears it out
   bool waits_for_step_ = false;    // to bear out what has been claimed
   bool has_stepped_ = false;
+  bool has_curved_down_ = false;  // along one of its steps
   bool asks_for_step_ = false;    // before the first one, too
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known

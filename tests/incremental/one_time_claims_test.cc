@@ -273,27 +273,43 @@ TEST(Stagnation, IsProvenByStepsWithLittleDampingOnly) {
   }
 }
 
-// At a border every second decade of the damping is passed over: those are tried before the end.
-TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
+// All lengths of steps refused, where the gradient promises so many tolerances times the radius;
+// the radii to begin anew from go to `restarts`. The number of steps.
+int StepsAtBorder(double tolerances, std::vector<double>* restarts) {
   const internal::Tuning::Batch tuning;
+  constexpr double kTolerance = 1e-6;
   Stagnation stagnation(tuning);
   stagnation.Begin(1.0);
   IterationSummary refused;
   refused.cost = std::numeric_limits<double>::max();
-  std::vector<double> restarts;
   double radius = tuning.proof_radius;
   Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
-  for (int i = 0; i < 50 && verdict == Stagnation::Verdict::kGoOn; ++i) {
+  int num_steps = 0;
+  for (; num_steps < 50 && verdict == Stagnation::Verdict::kGoOn; ++num_steps) {
     refused.trust_region_radius = 1e-2 * radius;
-    verdict = stagnation.After(refused, 1.0, 1e-6, radius);
+    refused.model_cost_change = tolerances * kTolerance * radius;
+    verdict = stagnation.After(refused, 1.0, kTolerance, radius);
     const double restart = stagnation.TakeRestartRadius();
     radius = restart > 0.0 ? restart : refused.trust_region_radius;
     if (restart > 0.0) {
-      restarts.push_back(restart);
+      restarts->push_back(restart);
     }
   }
   EXPECT_EQ(verdict, Stagnation::Verdict::kRefusals);
-  EXPECT_EQ(restarts, std::vector<double>{0.1 * tuning.proof_radius});
+  return num_steps;
+}
+
+// At a border every second decade of the damping is passed over: those are tried before the end.
+TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
+  const std::vector<double> once{0.1 * internal::Tuning::Batch().proof_radius};
+  std::vector<double> restarts;
+  // From 1e4 and from 1e3 down to 1e-8.
+  EXPECT_EQ(StepsAtBorder(1e9, &restarts), 13);
+  EXPECT_EQ(restarts, once);
+  // Until they promise a thousandth of the tolerance: with 1e-4, and with 1e-3.
+  restarts.clear();
+  EXPECT_EQ(StepsAtBorder(1.0, &restarts), 9);
+  EXPECT_EQ(restarts, once);
 }
 
 // Each length of a step gains a little before the border cuts it, and all of them together less

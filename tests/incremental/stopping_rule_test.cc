@@ -38,6 +38,21 @@ TEST(StoppingRule, AStepThatMissesItsPromiseBearsNothingOut) {
   }
 }
 
+// Promises that fall fast bear a claim out, but not where the cost has curved downward on the way:
+// of the direction that did so little may be left for now.
+TEST(StoppingRule, WhereTheCostHasCurvedDownwardASmallStepBearsOut) {
+  for (const double gain_ratio : {1.5, 2.5}) {
+    StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+    rule.StepTaken(1e4 * kTolerance, 1e4 * gain_ratio * kTolerance, gain_ratio);
+    rule.StepTaken(10.0 * kTolerance, 10.0 * kTolerance, 1.0);
+    EXPECT_TRUE(IsLittle(&rule, 0.05, 0.0));
+    EXPECT_EQ(rule.WaitForStep(), gain_ratio > 2.0);
+    rule.StepTaken(0.05 * kTolerance, 0.05 * kTolerance, 1.0);
+    EXPECT_TRUE(IsLittle(&rule, 1e-4, 0.0));
+    EXPECT_FALSE(rule.WaitForStep());
+  }
+}
+
 TEST(StoppingRule, LandmarksThatMayCreepAreAskedFirst) {
   StoppingRule rule = RuleAfterAStep();
   EXPECT_FALSE(IsLittle(&rule, 0.07, 0.05));
