@@ -281,7 +281,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // anew, then landmarks, which are eliminated anew.
   context_.row().refreshed =
       context_.relinearization.RefreshAged(context_.stop.ErrorAllowed(context_.system.cost()));
-  if (context_.row().refreshed || context_.control.RelaxOnce(context_.Tolerance())) {
+  if (context_.row().refreshed) {
+    return Verdict::kGoOn;
+  }
+  if (context_.control.RelaxOnce(context_.Tolerance())) {
+    context_.stop.CountStepsFrom(context_.summary->num_iterations, context_.system.cost());
     return Verdict::kGoOn;
   }
   if (!context_.control.IsDampedHard()) {

@@ -111,8 +111,7 @@ bool StoppingRule::HasStagnated(double cost, int iteration) {
   }
   const bool stagnated = checked_cost_ - cost <= Tolerance(cost);
   if (!stagnated) {
-    checked_iteration_ = iteration;
-    checked_cost_ = cost;
+    CountStepsFrom(iteration, cost);
   }
   return stagnated;
 }

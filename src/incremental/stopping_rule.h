@@ -82,6 +82,11 @@ class StoppingRule {
     return claims_by_model_;
   }
   bool waits_for_step() const { return waits_for_step_; }
+  /// Steps were damped hard, and are so no more: what those have gained tells nothing of the next.
+  void CountStepsFrom(int iteration, double cost) {
+    checked_iteration_ = iteration;
+    checked_cost_ = cost;
+  }
   /// What old Jacobians may err by where that rests on them: T, or a little of it where no step
   /// bears out what they say.
   double ErrorAllowed(double cost) const {
@@ -96,7 +101,8 @@ class StoppingRule {
   /// rounding, proves a minimum.
   bool IsVain(double remaining, double cost_change, double cost) const {
     return std::fabs(cost_change) <= kUnmoved * cost ||
-           (!sees_landmarks_creep() && remaining <= tuning_.rest_share * Tolerance(cost));
+           (!sees_landmarks_creep() && IsBorneOut(remaining, cost) &&
+            remaining <= tuning_.rest_share * Tolerance(cost));
   }
 
   /// A step of the frames was taken of which `remaining` was promised (0: not all of it was taken),

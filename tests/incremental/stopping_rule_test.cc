@@ -126,6 +126,26 @@ TEST(StoppingRule, ARefusedStepProvesNothingWhereLandmarksCreep) {
   EXPECT_TRUE(rule.IsVain(0.01 * kTolerance, 0.0, kCost)) << "nothing changes the cost";
 }
 
+// Its model was wrong there, and a step that gained much says nothing of what else is left.
+TEST(StoppingRule, ARefusedStepProvesNothingBeforeOneThatBearsItOut) {
+  for (const double gain : {0.4, 3.0}) {
+    StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+    rule.StepTaken(gain * kTolerance, gain * kTolerance, 1.0);
+    EXPECT_EQ(rule.IsVain(0.3 * kTolerance, -0.5 * kTolerance, kCost), gain < 0.5);
+  }
+}
+
+TEST(StoppingRule, StepsThatWereDampedHardDoNotStagnate) {
+  StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+  const auto is_little_at = [&rule](int iteration) {
+    return rule.IsLittleLeft(0.9 * kTolerance, 0.0, kCost, iteration, false);
+  };
+  EXPECT_FALSE(is_little_at(9));
+  rule.CountStepsFrom(9, kCost);
+  EXPECT_FALSE(is_little_at(10));
+  EXPECT_TRUE(is_little_at(19));
+}
+
 TEST(StoppingRule, WaitsForNoLandmarkWhereTheFramesHaveMuchLeft) {
   StoppingRule rule = RuleAfterAStep();
   EXPECT_FALSE(IsLittle(&rule, 3.0, 0.05));
