@@ -233,7 +233,7 @@ bool IsStillKnown(const WeakestDirection& weakest, const IncrementalSystem& syst
   return weakest.is_known && num_frames <= kGrowth * weakest.num_frames &&
          (schur.structure().num_landmarks() == 0 ||
           (num_frames <= weakest.num_seen + kMostNewFrames && weakest.mu <= mu)) &&
-         LeastWeightKept(system, weakest) * weakest.eigenvalue > open;
+         IsHeld(weakest, open) && LeastWeightKept(system, weakest) * weakest.eigenvalue > open;
 }
 
 // θ = yᵀ(S + μD)y / yᵀDy of y = (S + μD)⁻¹ D x is a Rayleigh quotient of D^−½ (S + μD) D^−½, whose

@@ -341,6 +341,16 @@ class LandmarkChain {
     solver.Update();
   }
 
+  void AddPrior(VariableId frame) {
+    const auto priors = solver.AddFamily(
+        std::make_shared<LinearFamily>(3, std::vector<FactorFamily::Slot>{{3, 3}}));
+    GraphEdit edit(solver.graph());
+    edit.AddFactor(priors, {10.0 * MatrixXd::Identity(3, 3), RandomMatrix(&random_, 3, 1)},
+                   {frame});
+    EXPECT_TRUE(solver.Apply(edit).ok());
+    solver.Update();
+  }
+
   IncrementalSolver solver;
 
  private:
@@ -411,6 +421,15 @@ TEST(LiveCovariance, AnIslandThatComesLaterIsFree) {
   chain.ExpectKnown(frames.back());
   chain.ExpectKnown(chain.Add(1, frames.back()).back());
   chain.ExpectFree(chain.Add(2).back());
+}
+
+// A gauge that was found free is looked at again.
+TEST(LiveCovariance, APriorThatComesLaterHoldsTheGauge) {
+  LandmarkChain chain;
+  const std::vector<VariableId> frames = chain.Add(10);
+  chain.ExpectFree(frames.back());
+  chain.AddPrior(frames[0]);
+  chain.ExpectKnown(frames.back());
 }
 
 // Nothing is taken out of the graph, and what held it has lost its weight all the same: a new
