@@ -72,7 +72,8 @@ struct AbOptions {
 
 /// The protocol: a pre-pass of a few iterations of everyone, which warms up, finds a shim that
 /// falls back to stock, and drops hopeless stock configurations; then `repeats` rounds ours, stock
-/// A, stock B, …, interleaved so that drifts of the machine hit all alike. `announce` is told what
+/// A, stock B, …, interleaved so that drifts of the machine hit all alike. Each call is a first
+/// one: what ours remembers of a problem's structure is forgotten before. `announce` is told what
 /// happens, a line at a time. Errors: ours does not solve the problem, no stock configuration does,
 /// or the shim used stock Ceres (kUnavailable).
 Status RunComparison(const Contender& ours, const std::vector<Contender>& stock,

@@ -1,13 +1,11 @@
 #include "tools/solve/run_solver.h"
 
-#include <iostream>
 #include <memory>
 #include <type_traits>
 #include <utility>
 
 #include "inceres/ceres/solve.h"
 #include "inceres/problem/graph_edit.h"
-#include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 #include "src/base/stopwatch.h"
@@ -48,6 +46,7 @@ Status RunCeres(const RunPlan& plan, const ProblemSource& source, RunOutcome* ou
     if (plan.settings.incremental && plan.settings.two_level) {
       asked.conjugate_gradients = TwoLevels(plan.settings);
     }
+    ForgetStructures();  // a first call, as each of stock's is
     const double seconds = SecondsOf(
         [&] { inceres::Solve(options, instance.problem.get(), &summary, asked, &report); });
     outcome->record = RecordOf(summary, asked.mode, report, seconds);
@@ -62,10 +61,10 @@ Status RunCore(const RunPlan& plan, const ProblemSource& source, RunOutcome* out
   if (!status.ok()) {
     return status;
   }
-  if (options.recompute_jacobians) {  // which does not go with an observer
-    options.progress = LogTo(std::cout);
-  } else {
+  if (!options.recompute_jacobians) {
     options.observer = plan.progress;
+  } else if (plan.progress != nullptr) {  // no observer goes with it
+    options.progress = PrintLine;
   }
   std::unique_ptr<FactorGraph> graph;
   status = source.MakeGraph(plan.settings.robust, &graph);
