@@ -39,13 +39,19 @@ def to_floats(name: str, value: npt.ArrayLike, *shapes: Sequence[Optional[int]])
     return array
 
 
-def quaternion_norms(name: str, poses: FloatArray) -> FloatArray:
-    """Lengths of the quaternions of poses (n, 7), which must be 1 to three digits."""
-    norms: FloatArray = np.linalg.norm(poses[:, 3:], axis=1)
+def unit_quaternions(name: str, poses: FloatArray) -> FloatArray:
+    """A copy of poses (n, 7) with quaternions of length 1, which they must have to three digits.
+
+    Those that have it up to rounding stay as they are, to the last bit.
+    """
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
     bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
     if bad.size > 0:
         raise ValueError(f"{name}: row {bad[0]}: a quaternion of length {norms[bad[0]]:.6g}")
-    return norms
+    norms[np.abs(norms - 1.0) < 1e-15] = 1.0
+    copy = poses.copy()
+    copy[:, 3:] /= norms[:, None]
+    return copy
 
 
 def to_indices(name: str, value: npt.ArrayLike, size: int, count: Optional[int] = None) -> IntArray:
@@ -76,10 +82,15 @@ def to_mask(name: str, value: Any, size: int) -> npt.NDArray[np.bool_]:
     return mask
 
 
-def write_into(name: str, target: Any, values: FloatArray) -> None:
-    """Writes results where they came from."""
+def check_writable(name: str, target: Any) -> None:
+    """Whether results can be written there."""
     if not isinstance(target, np.ndarray) or target.dtype != np.float64:
         raise TypeError(f"{name}: in_place needs a float64 array, this is {type(target).__name__}")
     if not target.flags.writeable:
         raise ValueError(f"{name}: in_place needs an array that can be written")
+
+
+def write_into(name: str, target: Any, values: FloatArray) -> None:
+    """Writes results where they came from."""
+    check_writable(name, target)
     target[...] = values.reshape(target.shape)

@@ -12,10 +12,11 @@ from . import _core
 from ._arrays import (
     FloatArray,
     IntArray,
-    quaternion_norms,
+    check_writable,
     to_floats,
     to_indices,
     to_mask,
+    unit_quaternions,
     write_into,
 )
 from ._errors import Interrupted, SolveError, is_usable
@@ -88,7 +89,8 @@ def bundle_adjust(
 
     A pose is p (3), q (x, y, z, w): the camera's place in the world and its rotation
     world_from_camera; with ``extrinsics`` (7,), body_from_camera, it is that of a body that carries
-    the camera. Intrinsics are f_x, f_y, c_x, c_y, then k1, k2, p1, p2 (brown), k1 to k4
+    the camera. Quaternions may be up to 1e-3 off length 1: they are divided by their length, and
+    results have it. Intrinsics are f_x, f_y, c_x, c_y, then k1, k2, p1, p2 (brown), k1 to k4
     (equidistant) or the baseline (stereo); they are not estimated. With inverse depths
     ``anchors`` (m,) names the camera that saw each point first and ``bearings`` (m, 2) where, in
     the plane z = 1; no observation is by the anchor itself.
@@ -121,8 +123,8 @@ def bundle_adjust(
         return BundleResult(np.asarray(cameras), np.asarray(points), summary)
 
     if in_place:  # what could not be written is found now
-        write_into("cameras", cameras, problem.cameras)
-        write_into("points", points, problem.points)
+        check_writable("cameras", cameras)
+        check_writable("points", points)
     try:
         return finish(problem.graph.solve(callback, **options))
     except Interrupted as interrupted:
@@ -149,7 +151,7 @@ def _make_problem(
     of_camera = to_indices("camera_indices", camera_indices, len(c), len(z))
     of_point = to_indices("point_indices", point_indices, len(p), len(z))
     if model != "bal":
-        quaternion_norms("cameras", c)
+        c = unit_quaternions("cameras", c)
     held_cameras = to_mask("fixed['cameras']", fixed.pop("cameras", False), len(c))
     held_points = to_mask("fixed['points']", fixed.pop("points", False), len(p))
     holds_intrinsics = fixed.pop("intrinsics", False)
@@ -216,19 +218,30 @@ def _whitened(problem: _Problem, rows: FloatArray, sigma: Optional[npt.ArrayLike
     return np.hstack([rows, pattern / deviations[:, None]])
 
 
+def _check_losses(loss: Loss, count: int) -> None:
+    """What FactorGraph.add_factors says of them: for losses that come to more than one family."""
+    if loss is None or isinstance(loss, _core.Loss):
+        return
+    if not isinstance(loss, (Sequence, np.ndarray)) or isinstance(loss, str):
+        raise TypeError("loss: expected None, a Loss or a sequence of them")
+    if len(loss) != count:
+        raise ValueError(f"loss: {len(loss)} losses for {count} factors")
+
+
 def _connect_points(
     problem: _Problem, cameras: IntArray, points: IntArray, loss: Loss, intrinsics: npt.ArrayLike,
     extrinsics: Optional[npt.ArrayLike], sigma: Optional[npt.ArrayLike],
 ) -> None:
     """A family for each set of intrinsics that some camera has."""
+    _check_losses(loss, len(problem.observations))
     size = _INTRINSICS[problem.model]
     num_cameras = len(problem.cameras)
     numbers = to_floats("intrinsics", intrinsics, (size,), (num_cameras, size))
     sets, set_of = np.unique(
         np.broadcast_to(numbers, (num_cameras, size)), axis=0, return_inverse=True)
-    place = _IDENTITY if extrinsics is None else to_floats("extrinsics", extrinsics, (7,))
-    mounted = problem.graph.add_variables(
-        place.reshape(1, 7), "frame", _core.PoseManifold(), True)[0]
+    place = _IDENTITY if extrinsics is None else unit_quaternions(
+        "extrinsics", to_floats("extrinsics", extrinsics, (7,)).reshape(1, 7))
+    mounted = problem.graph.add_variables(place, "frame", _core.PoseManifold(), True)[0]
     rows = _whitened(problem, problem.observations, sigma)
     make = {"stereo": _core.StereoReprojection, "equidistant": _core.EquidistantReprojection}.get(
         problem.model, _core.PointReprojection)

@@ -9,7 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import FloatArray, quaternion_norms, to_floats, to_indices, to_mask, write_into
+from ._arrays import (
+    FloatArray,
+    check_writable,
+    to_floats,
+    to_indices,
+    to_mask,
+    unit_quaternions,
+    write_into,
+)
 from ._bundle import Loss
 from ._errors import Interrupted, SolveError, is_usable
 
@@ -55,16 +63,15 @@ def relative_pose_rows(
     The information is that of (p, rotation), as g2o has it. Variables are (to, from): the family's
     a is the edge's end, so that R_ab' is the measured rotation and p_ab the measured position.
     """
-    motions = to_floats("measurements", measurements, (None, 7))
+    motions = unit_quaternions("measurements", to_floats("measurements", measurements, (None, 7)))
     count = len(motions)
-    norms = quaternion_norms("measurements", motions)
     weights = (
         np.broadcast_to(np.eye(6), (count, 6, 6))
         if information is None
         else to_floats("information", information, (count, 6, 6))
     )
     swapped = weights[:, _SWAP][:, :, _SWAP] * np.outer(_SIGN, _SIGN)
-    conjugate = motions[:, 3:] / norms[:, None] * [-1.0, -1.0, -1.0, 1.0]
+    conjugate = motions[:, 3:] * [-1.0, -1.0, -1.0, 1.0]
     roots = sqrt_information("information", swapped).reshape(-1, 36)
     return np.hstack([conjugate, motions[:, :3], roots])
 
@@ -84,16 +91,16 @@ def optimize_pose_graph(
     """Moves poses to where the measured relative ones are explained best.
 
     poses: planar (n, 3) x, y, theta or spatial (n, 7) p, q (x, y, z, w). edges: (k, 2) from, to.
-    measurements: (k, 3) or (k, 7), the pose of `to` seen from `from`. information: (k, 3, 3) or
-    (k, 6, 6), inverse covariances of (x, y, theta) or (p, rotation), by default identities. fixed:
-    which poses stay: indices, a mask, or True; by default the first. The rest is as in
-    bundle_adjust. The default strategy is Levenberg–Marquardt; strategy="dogleg" is faster where
-    start values are good.
+    measurements: (k, 3) or (k, 7), the pose of `to` seen from `from`. Quaternions are taken as
+    bundle_adjust takes them. information: (k, 3, 3) or (k, 6, 6), inverse covariances of
+    (x, y, theta) or (p, rotation), by default identities. fixed: which poses stay: indices, a mask,
+    or True; by default the first. The rest is as in bundle_adjust. The default strategy is
+    Levenberg–Marquardt; strategy="dogleg" is faster where start values are good.
     """
     start = to_floats("poses", poses, (None, 3), (None, 7))
     planar = start.shape[1] == 3
     if not planar:
-        quaternion_norms("poses", start)
+        start = unit_quaternions("poses", start)
     ends = np.asarray(edges)
     if ends.ndim != 2 or ends.shape[1] != 2:
         raise ValueError(f"edges: shape {ends.shape}, expected (n, 2)")
@@ -124,7 +131,7 @@ def optimize_pose_graph(
         return PoseGraphResult(found, summary)
 
     if in_place:
-        write_into("poses", poses, start)
+        check_writable("poses", poses)
     try:
         return finish(graph.solve(callback, **options))
     except Interrupted as interrupted:

@@ -70,7 +70,8 @@ void BindCustomFamily(py::module_& module) {
       "which of them each factor touches. Columns are contiguous. wanted: a tuple of bools, a slot "
       "each, empty if residuals alone are wanted. Residuals are (k, residual_size), Jacobians (k, "
       "residual_size, ambient size) a slot, with any strides, in ambient coordinates: manifolds "
-      "are applied to them; None will do where not wanted.")
+      "are applied to them; None will do where not wanted. What is returned is copied: the next "
+      "call may use the arrays again.")
       .def(py::init(&Make), py::arg("residual_size"), py::arg("slots"), py::arg("measurement_size"),
            py::arg("evaluate"), py::kw_only(), py::arg("shared") = false,
            py::arg("name") = "custom");

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -24,8 +23,7 @@ IdArray AddVariables(Graph& graph, const py::object& values, const std::string& 
 
 FamilyId AddFamily(Graph& graph, const std::shared_ptr<Family>& family) {
   graph.occupation.RefuseIfBusy("add_family");
-  graph.families.Take(family);
-  return graph.core.AddFamily(family->core());
+  return graph.families.Add(family, &graph.core);
 }
 
 IdArray AddFactors(Graph& graph, FamilyId id, const py::object& variables,
@@ -95,7 +93,7 @@ void SetLoss(Graph& graph, FamilyId id, const py::object& factors, const py::obj
 
 bool HasPythonFunctions(const Graph& graph) {
   return std::any_of(graph.families.all().begin(), graph.families.all().end(),
-                     [](const auto& family) { return family->core()->Prepares(); });
+                     [](const auto& family) { return family.second->core()->Prepares(); });
 }
 
 py::dict SolveGraph(Graph& graph, const py::object& callback, const py::kwargs& given) {
@@ -124,17 +122,35 @@ py::dict SolveGraph(Graph& graph, const py::object& callback, const py::kwargs& 
   return result;
 }
 
-double CostOf(Graph& graph) {
-  SolverOptions options;
-  options.max_num_iterations = 0;
-  const Occupation::Guard guard(&graph.occupation, "cost");
-  Watch watch(py::none(), graph.families);
-  Summary summary;
-  {
-    const py::gil_scoped_release no_gil;
-    summary = Solve(options, &graph.core);
+// A solve with all variables held evaluates the cost and neither Jacobians nor steps, and writes
+// nothing. A bound that a constant's values break would be an error: there are none meanwhile.
+Summary SolveStandstill(FactorGraph* graph) {
+  std::vector<std::pair<VariableId, VariableBounds>> lifted;
+  std::vector<VariableId> held;
+  for (VariableId id = 0; id < graph->num_variables(); ++id) {
+    if (const VariableBounds* bounds = graph->bounds(id)) {
+      lifted.emplace_back(id, *bounds);
+      graph->SetBounds(id, nullptr, nullptr);
+    }
+    if (!graph->IsConstant(id)) {
+      held.push_back(id);
+      graph->SetConstant(id, true);
+    }
   }
-  watch.Finish();
+  const Summary summary = Solve(SolverOptions(), graph);
+  for (const auto& [id, bounds] : lifted) {
+    graph->SetBounds(id, bounds.lower.data(), bounds.upper.data());
+  }
+  for (const VariableId id : held) {
+    graph->SetConstant(id, false);
+  }
+  return summary;
+}
+
+double CostOf(Graph& graph) {
+  const Occupation::Guard guard(&graph.occupation, "cost");
+  const Summary summary =
+      CallWithoutGil(graph.families, [&graph] { return SolveStandstill(&graph.core); });
   if (summary.initial_cost < 0.0) {
     throw std::runtime_error(summary.message + " " + summary.detail);
   }
@@ -163,7 +179,8 @@ void BindGraph(py::module_& module) {
            py::arg("constant") = false,
            "Adds variables, a row (n, size) each, and returns their ids (n,). Landmarks (size 1 to "
            "4, at most one a factor) are eliminated first.")
-      .def("add_family", &AddFamily, py::arg("family"), "Adds a family and returns its id.")
+      .def("add_family", &AddFamily, py::arg("family").none(false),
+           "Adds a family and returns its id.")
       .def("add_factors", &AddFactors, py::arg("family"), py::arg("variables"),
            py::arg("measurements") = py::none(), py::arg("loss") = py::none(),
            "Adds factors to the family: ids of the variables (n, slots), a row of measurements "
@@ -186,9 +203,14 @@ void BindGraph(py::module_& module) {
           },
           py::arg("ids"), "Current values of variables of one size, a row each: a copy.")
       .def(
-          "validate", [](Graph& graph) { Check(graph.core.Validate()); },
+          "validate",
+          [](Graph& graph) {
+            graph.occupation.RefuseIfBusy("validate");
+            Check(graph.core.Validate());
+          },
           "Raises ValueError naming the first thing that makes the graph unsolvable.")
-      .def("cost", &CostOf, "1/2 sum rho at the current values.")
+      .def("cost", &CostOf,
+           "1/2 sum rho at the current values, which stay, within their bounds or not.")
       .def("solve", &SolveGraph, py::arg("callback") = py::none(),
            "Minimizes the cost and returns a summary. Keyword arguments are solver_options(). The "
            "callback gets a dict after each iteration; returning False stops and keeps the result, "
@@ -201,6 +223,7 @@ void BindGraph(py::module_& module) {
       .def(
           "num_factors",
           [](const Graph& graph, const py::object& family) {
+            graph.occupation.RefuseIfBusy("num_factors");
             if (family.is_none()) {
               return graph.core.num_factors();
             }
@@ -208,8 +231,10 @@ void BindGraph(py::module_& module) {
             return graph.core.NumFactors(family.cast<FamilyId>());
           },
           py::arg("family") = py::none())
-      .def_property_readonly("num_variables",
-                             [](const Graph& graph) { return graph.core.num_variables(); });
+      .def_property_readonly("num_variables", [](const Graph& graph) {
+        graph.occupation.RefuseIfBusy("num_variables");
+        return graph.core.num_variables();
+      });
 }
 
 }  // namespace inceres::python

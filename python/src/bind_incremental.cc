@@ -1,6 +1,5 @@
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <pybind11/stl.h>
@@ -17,8 +16,7 @@ namespace {
 
 FamilyId AddFamily(LivingSolver& solver, const std::shared_ptr<Family>& family) {
   solver.occupation.RefuseIfBusy("add_family");
-  solver.families.Take(family);
-  return solver.core.AddFamily(family->core());
+  return solver.families.Add(family, &solver.core);
 }
 
 py::dict Update(LivingSolver& solver, const py::object& callback, bool interruptible) {
@@ -58,6 +56,7 @@ py::array SolverCovariance(LivingSolver& solver, const py::object& a, const py::
 py::dict MarginalizeVariables(LivingSolver& solver, const py::object& ids,
                               const py::object& dropped, bool allow_rank_loss,
                               bool first_estimate_jacobians) {
+  const Occupation::Guard guard(&solver.occupation, "marginalize");
   const FactorGraph& graph = solver.core.graph();
   MarginalizationRequest request;
   request.marginalized = ToVariables(graph, ids, "ids");
@@ -67,7 +66,6 @@ py::dict MarginalizeVariables(LivingSolver& solver, const py::object& ids,
   MarginalizationOptions options;
   options.allow_rank_loss = allow_rank_loss;
   options.first_estimate_jacobians = first_estimate_jacobians;
-  const Occupation::Guard guard(&solver.occupation, "marginalize");
   const MarginalizationSummary summary =
       CallWithoutGil(solver.families, [&] { return solver.core.Marginalize(request, options); });
   Check(summary.status);
@@ -90,13 +88,13 @@ void BindIncremental(py::module_& module) {
       .def(py::init([](const py::kwargs& options) {
         return std::make_shared<LivingSolver>(ToIncrementalOptions(options));
       }))
-      .def("add_family", &AddFamily, py::arg("family"),
+      .def("add_family", &AddFamily, py::arg("family").none(false),
            "Adds a family, for good, and returns its id; before an edit is begun.")
       .def(
           "edit",
-          [](std::shared_ptr<LivingSolver> solver) {
-            solver->occupation.RefuseIfBusy("edit");
-            return std::make_shared<Edit>(std::move(solver));
+          [](LivingSolver& solver) {
+            solver.occupation.RefuseIfBusy("edit");
+            return std::make_shared<Edit>(solver.shared_from_this());
           },
           "Begins an edit.")
       .def(

@@ -117,12 +117,12 @@ py::array CovarianceOf(const FactorGraph& graph, const Families& families, const
 
 py::tuple LiveCovarianceOf(LivingSolver& solver, const py::object& ids, const std::string& accuracy,
                            double tolerance, int max_iterations) {
+  const Occupation::Guard guard(&solver.occupation, "live_covariance");
   LiveCovarianceOptions options;
   options.accuracy = OneOf("accuracy", accuracy, kAccuracies);
   options.tolerance = tolerance;
   options.max_iterations = max_iterations;
   const std::vector<VariableId> variables = ToVariables(solver.core.graph(), ids, "ids");
-  const Occupation::Guard guard(&solver.occupation, "live_covariance");
   LiveCovariance covariance;
   Check(CallWithoutGil(solver.families,
                        [&] { return solver.core.Covariance(variables, options, &covariance); }));

@@ -77,7 +77,7 @@ EvaluationFailure CustomFamily::Evaluate(const FactorBatch& batch) const {
   for (int i = batch.begin; i < batch.end; ++i) {
     factors.push_back(i);
   }
-  // Kept from other threads until it is read: the function may use its arrays again.
+  // Until the result is gone, which owns arrays of Python.
   const py::gil_scoped_acquire gil;
   Result result;
   const EvaluationFailure failure =

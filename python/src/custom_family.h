@@ -2,8 +2,6 @@
 
 #include <atomic>
 #include <exception>
-#include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
@@ -29,7 +27,8 @@ namespace py = pybind11;
 ///
 /// The solving thread announces what is to be evaluated (Prepare) and takes the GIL for that call;
 /// the threads that then fetch their ranges only copy and project, without it. What the function
-/// raises is kept for RaisePending, and from then on every evaluation fails.
+/// returns is copied at once. What it raises is kept for RaisePending, and from then on every
+/// evaluation fails.
 class CustomFamily final : public FactorFamily {
  public:
   using Measurement = std::vector<double>;
@@ -56,7 +55,7 @@ class CustomFamily final : public FactorFamily {
   // What the function has returned, and of which factors.
   struct Result {
     std::vector<std::int32_t> factors;  // ascending
-    py::object owner;                   // holds the arrays
+    py::object owner;                   // holds the arrays, which are copies
     const char* residuals = nullptr;
     std::ptrdiff_t residual_strides[2] = {0, 0};  // bytes: factor, row
     struct Jacobian {

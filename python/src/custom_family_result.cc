@@ -19,14 +19,15 @@ double At(const char* address) {
   return value;
 }
 
-// An array of doubles, its strides as they are.
-py::array ToDoubles(const py::handle& returned, const std::string& what) {
+// An array of doubles, in the order in which the function's own lies in memory. A copy: the
+// function may write to its arrays again when it is next called, be it for another family.
+py::array CopyDoubles(const py::handle& returned, const std::string& what) {
   auto array = py::array_t<double, py::array::forcecast>::ensure(returned);
   if (!array) {
     PyErr_Clear();
     throw py::type_error(what + ": not an array of doubles");
   }
-  return std::move(array);
+  return py::array(array.attr("copy")("K"));
 }
 
 std::string Shape(std::initializer_list<std::size_t> sizes) {
@@ -41,7 +42,7 @@ std::string Shape(std::initializer_list<std::size_t> sizes) {
 
 void CustomFamily::TakeResiduals(const py::handle& returned, Result* result) const {
   const std::string what = name_ + ": residuals";
-  const py::array array = ToDoubles(returned, what);
+  const py::array array = CopyDoubles(returned, what);
   const auto count = static_cast<py::ssize_t>(result->factors.size());
   const bool flat = residual_size() == 1 && array.ndim() == 1;
   if (!(flat || (array.ndim() == 2 && array.shape(1) == residual_size())) ||
@@ -73,7 +74,7 @@ void CustomFamily::TakeJacobians(const py::handle& returned, const py::tuple& wa
       continue;
     }
     const std::string what = name_ + ": jacobian of slot " + std::to_string(s);
-    const py::array array = ToDoubles(sequence[at], what);
+    const py::array array = CopyDoubles(sequence[at], what);
     if (array.ndim() != 3 || array.shape(0) != static_cast<py::ssize_t>(result->factors.size()) ||
         array.shape(1) != residual_size() || array.shape(2) != slot(s).ambient_size) {
       throw py::value_error(

@@ -1,5 +1,6 @@
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "incremental.h"
 
@@ -33,19 +34,24 @@ IdArray AddFactors(Edit& edit, FamilyId id, const py::object& variables,
                    const py::object& measurements, const py::object& loss) {
   Refuse(edit, "add_factors");
   Family& family = edit.solver->families.at(id);
-  const FactorBatchInput input = ToFactors(family, variables, measurements, loss, kAnyId);
+  FactorBatchInput input = ToFactors(family, variables, measurements, loss, kAnyId);
   const auto num_slots = static_cast<std::size_t>(family.core()->num_slots());
   IdArray result({static_cast<py::ssize_t>(input.count), py::ssize_t{3}});
   std::int32_t* to = result.mutable_data();
+  std::vector<std::int32_t> places;
   for (std::size_t i = 0; i < input.count; ++i) {
     const VariableId* ids = input.variables.data() + i * num_slots;
     const FactorId factor = edit.core.Connect(id, ids, input.LossOf(i));
-    family.Place(factor.index, input.Row(i), input.num_columns);
-    family.Connect(factor.index, ids);
+    places.push_back(factor.index);
     *to++ = factor.family;
     *to++ = factor.index;
     *to++ = factor.generation;
   }
+  // A copy of the measurements: their array is the caller's.
+  const double* const rows = input.measurements.data();
+  edit.coming.push_back({&family, std::move(places), std::move(input.variables),
+                         std::vector<double>(rows, rows + input.measurements.size()),
+                         input.num_columns});
   return result;
 }
 
@@ -132,10 +138,31 @@ void SetEliminationGroup(Edit& edit, const py::object& ids, int group) {
 
 }  // namespace
 
+void ComingFactors::Place() const {
+  const auto num_slots = static_cast<std::size_t>(family->core()->num_slots());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    family->Place(places[i], measurements.data() + i * static_cast<std::size_t>(num_columns),
+                  num_columns);
+    family->Connect(places[i], variables.data() + i * num_slots);
+  }
+}
+
+void Edit::Restart() {
+  core.Restart();
+  coming.clear();
+}
+
 void ApplyEdit(Edit* edit) {
   Refuse(*edit, "apply");
+  // No factor has these places if the edit is of the graph as it is now. Else it is refused, and
+  // they may be those of factors that have come since.
+  if (edit->core.revision() == edit->solver->core.graph().revision()) {
+    for (const ComingFactors& factors : edit->coming) {
+      factors.Place();
+    }
+  }
   Check(edit->solver->core.Apply(edit->core));
-  edit->core.Restart();
+  edit->Restart();
 }
 
 void BindEdit(py::module_& module) {
@@ -143,7 +170,8 @@ void BindEdit(py::module_& module) {
       module, "Edit",
       "Changes of an IncrementalSolver's problem, carried out all together by apply(), or at the "
       "end of a `with`, or, if any is wrong, not at all. Ids are given out at once; they belong to "
-      "the problem only then.")
+      "the problem only then. One edit at a time: once another one was applied apply() raises "
+      "ValueError, and restart() begins anew.")
       .def("add_variables", &AddVariables, py::arg("values"), py::arg("role") = "frame",
            py::arg("manifold").none(true) = std::shared_ptr<Manifold>(),
            py::arg("constant") = false, "As FactorGraph.add_variables.")
@@ -168,7 +196,12 @@ void BindEdit(py::module_& module) {
            "As FactorGraph.set_elimination_group.")
       .def("apply", &ApplyEdit, "Carries the edit out; the object is then a new, empty one.")
       .def(
-          "restart", [](Edit& edit) { edit.core.Restart(); }, "Forgets all changes.")
+          "restart",
+          [](Edit& edit) {
+            Refuse(edit, "restart");
+            edit.Restart();
+          },
+          "Forgets all changes.")
       .def("__enter__", [](std::shared_ptr<Edit> edit) { return edit; })
       .def(
           "__exit__",

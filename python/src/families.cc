@@ -35,8 +35,8 @@ using Class = py::class_<Bound<Core>, Family, std::shared_ptr<Bound<Core>>>;
 
 template <typename Core>
 std::shared_ptr<Bound<Core>> Make(std::shared_ptr<Core> core, std::vector<int> columns,
-                                  typename FamilyOf<Core>::Read read) {
-  return std::make_shared<Bound<Core>>(std::move(core), std::move(columns), read);
+                                  typename FamilyOf<Core>::Read read, int root_size = 0) {
+  return std::make_shared<Bound<Core>>(std::move(core), std::move(columns), read, root_size);
 }
 
 LandmarkKind Landmark(bool homogeneous) {
@@ -125,13 +125,13 @@ void BindLandmarkFamilies(py::module_& module) {
       module, "StereoReprojection",
       "A landmark in a rectified stereo camera, intrinsics (f_x, f_y, c_x, c_y, baseline). "
       "Variables as PointReprojection. Rows: u_left, v, u_right [, 9 of the square root "
-      "information, row by row].")
+      "information, upper triangular, row by row].")
       .def(py::init([](const py::object& intrinsics, bool is_homogeneous, bool is_left) {
              const std::vector<double> c = Intrinsics(intrinsics, {5});
              return Make(std::make_shared<StereoReprojectionFamily>(
                              StereoCamera{c[0], c[1], c[2], c[3], c[4]}, Landmark(is_homogeneous),
                              Side(is_left)),
-                         {3, 12}, &ReadStereo);
+                         {3, 12}, &ReadStereo, /*root_size=*/3);
            }),
            py::arg("intrinsics"), homogeneous, left);
   Class<BearingFamily>(module, "Bearing",
@@ -148,27 +148,36 @@ void BindPoseFamilies(py::module_& module) {
   Class<RelativePoseFamily>(
       module, "RelativePose",
       "A measured relative pose. Variables: poses a, b on PoseManifold. Residual: U [Log(R_a' R_b "
-      "R_ab'); R_b' (p_a - p_b) - p_ab]. Rows: q_ab (x, y, z, w), p_ab, 36 of U row by row.")
-      .def(py::init(
-          [] { return Make(std::make_shared<RelativePoseFamily>(), {43}, &ReadRelativePose); }));
+      "R_ab'); R_b' (p_a - p_b) - p_ab]. Rows: q_ab (x, y, z, w), p_ab, 36 of U, upper "
+      "triangular, row by row.")
+      .def(py::init([] {
+        return Make(std::make_shared<RelativePoseFamily>(), {43}, &ReadRelativePose,
+                    /*root_size=*/6);
+      }));
   Class<PlanarRelativePoseFamily>(
       module, "PlanarRelativePose",
       "A measured relative pose of planar poses a, b, each (x, y, theta) without a manifold: U "
-      "[R_a' (p_b - p_a) - p_m; wrap(theta_b - theta_a - theta_m)]. Rows: x, y, theta [, 9 of U].")
+      "[R_a' (p_b - p_a) - p_m; wrap(theta_b - theta_a - theta_m)]. Rows: x, y, theta [, 9 of U, "
+      "upper triangular, row by row].")
       .def(py::init([] {
-        return Make(std::make_shared<PlanarRelativePoseFamily>(), {3, 12}, &ReadPlanar);
+        return Make(std::make_shared<PlanarRelativePoseFamily>(), {3, 12}, &ReadPlanar,
+                    /*root_size=*/3);
       }));
   Class<PosePriorFamily>(module, "PosePrior",
-                         "A prior on a pose. Rows: p (3), q (x, y, z, w), 36 of U row by row.")
+                         "A prior on a pose. Rows: p (3), q (x, y, z, w), 36 of the square root "
+                         "information, upper triangular, row by row.")
       .def(py::init([](bool left) {
-             return Make(std::make_shared<PosePriorFamily>(Side(left)), {43}, &ReadPosePrior);
+             return Make(std::make_shared<PosePriorFamily>(Side(left)), {43}, &ReadPosePrior,
+                         /*root_size=*/6);
            }),
            py::arg("left") = false);
   Class<SpeedBiasPriorFamily>(
       module, "SpeedBiasPrior",
-      "A prior on nine Euclidean coordinates. Rows: their values, 81 of U row by row.")
+      "A prior on nine Euclidean coordinates. Rows: their values, 81 of the square root "
+      "information, upper triangular, row by row.")
       .def(py::init([] {
-        return Make(std::make_shared<SpeedBiasPriorFamily>(), {90}, &ReadSpeedBiasPrior);
+        return Make(std::make_shared<SpeedBiasPriorFamily>(), {90}, &ReadSpeedBiasPrior,
+                    /*root_size=*/9);
       }));
   Class<DiagonalPriorFamily>(
       module, "DiagonalPrior",

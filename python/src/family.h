@@ -1,8 +1,6 @@
 #pragma once
 
-#include <algorithm>
 #include <memory>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -14,15 +12,17 @@ namespace inceres::python {
 /// A family of factors as Python sees it: what it measures comes as rows of numbers.
 class Family {
  public:
-  /// `columns`: how many numbers a row may have.
-  Family(std::shared_ptr<const FactorFamily> core, std::vector<int> columns)
-      : core_(std::move(core)), columns_(std::move(columns)) {}
+  /// `columns`: how many numbers a row may have, ascending. `root_size`: the longest rows end with
+  /// all entries of a square root information U of so many rows and columns; 0: of none.
+  Family(std::shared_ptr<const FactorFamily> core, std::vector<int> columns, int root_size = 0)
+      : core_(std::move(core)), columns_(std::move(columns)), root_size_(root_size) {}
   virtual ~Family() = default;
   Family(const Family&) = delete;
   Family& operator=(const Family&) = delete;
 
   const std::shared_ptr<const FactorFamily>& core() const { return core_; }
   const std::vector<int>& columns() const { return columns_; }
+  int root_size() const { return root_size_; }
 
   /// Overwrites the measurement at `index`, or appends it if index == size(); `row` has one of the
   /// numbers of columns.
@@ -42,6 +42,7 @@ class Family {
  private:
   std::shared_ptr<const FactorFamily> core_;
   std::vector<int> columns_;
+  int root_size_;
 };
 
 /// Of a family of the core; `Read` makes its Measurement of a row.
@@ -51,8 +52,8 @@ class FamilyOf : public Family {
   using Measurement = typename Core::Measurement;
   using Read = Measurement (*)(const double* row, int num_columns);
 
-  FamilyOf(std::shared_ptr<Core> core, std::vector<int> columns, Read read)
-      : Family(core, std::move(columns)), family_(std::move(core)), read_(read) {}
+  FamilyOf(std::shared_ptr<Core> core, std::vector<int> columns, Read read, int root_size = 0)
+      : Family(core, std::move(columns), root_size), family_(std::move(core)), read_(read) {}
 
   void Place(int index, const double* row, int num_columns) override {
     family_->Place(index, read_(row, num_columns));

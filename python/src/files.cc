@@ -1,6 +1,5 @@
 // Files of problems as tuples of arrays, which inceres/_files.py names.
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "arrays.h"

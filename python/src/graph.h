@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
+#include <map>
 #include <memory>
 #include <string>
 #include <thread>
@@ -12,16 +14,26 @@
 
 namespace inceres::python {
 
-/// The families of a graph or solver, by their ids.
+/// The families that a graph or solver was given, by their ids in the core. A solver that
+/// marginalizes adds families of its own, which are not among them.
 class Families {
  public:
-  /// Raises if the family belongs to another graph.
-  void Take(const std::shared_ptr<Family>& family);
+  /// Adds a family to the core, a FactorGraph or an IncrementalSolver. Raises if it belongs to
+  /// another one.
+  template <typename Core>
+  FamilyId Add(const std::shared_ptr<Family>& family, Core* core) {
+    Take(family.get());
+    const FamilyId id = core->AddFamily(family->core());
+    families_.emplace(id, family);
+    return id;
+  }
   Family& at(FamilyId id) const;
-  const std::vector<std::shared_ptr<Family>>& all() const { return families_; }
+  const std::map<FamilyId, std::shared_ptr<Family>>& all() const { return families_; }
 
  private:
-  std::vector<std::shared_ptr<Family>> families_;
+  static void Take(Family* family);
+
+  std::map<FamilyId, std::shared_ptr<Family>> families_;
 };
 
 /// Keeps other threads, and callbacks, away from what is being solved without the GIL.
@@ -81,7 +93,7 @@ std::vector<std::shared_ptr<const Loss>> ToLosses(const py::object& loss, std::s
 FactorBatchInput ToFactors(const Family& family, const py::object& variables,
                            const py::object& measurements, const py::object& loss,
                            std::int64_t num_variables);
-/// (count, m) with a number of columns the family has.
+/// (count, m) with a number of columns the family has; a U of all its entries is upper triangular.
 DoubleArray ToMeasurements(const Family& family, const py::object& measurements, std::size_t count);
 
 Role ToRole(const std::string& name);

@@ -4,22 +4,41 @@
 #include "graph.h"
 
 namespace inceres::python {
+namespace {
 
-void Families::Take(const std::shared_ptr<Family>& family) {
+// Of U, at the end of each row: nobody reads what is below its diagonal.
+void CheckUpperTriangular(const DoubleArray& rows, int size) {
+  const py::ssize_t first = rows.shape(1) - py::ssize_t{size} * size;
+  for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
+    for (int k = 0; k < size * size; ++k) {
+      const double entry = *rows.data(i, first + k);
+      if (k % size < k / size && entry != 0.0) {
+        throw py::value_error("measurements: row " + std::to_string(i) + ", column " +
+                              std::to_string(first + k) + " is " +
+                              py::repr(py::float_(entry)).cast<std::string>() +
+                              ", below the diagonal of a square root information, which is upper "
+                              "triangular");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void Families::Take(Family* family) {
   if (family->is_taken) {
     throw py::value_error(std::string("family: this one, '") + family->core()->Name() +
                           "', has been added before: a family belongs to one graph or solver");
   }
   family->is_taken = true;
-  families_.push_back(family);
 }
 
 Family& Families::at(FamilyId id) const {
-  if (id < 0 || id >= static_cast<int>(families_.size())) {
-    throw py::value_error("family: " + std::to_string(id) + ", there are " +
-                          std::to_string(families_.size()));
+  const auto found = families_.find(id);
+  if (found == families_.end()) {
+    throw py::value_error("family: " + std::to_string(id) + " is none that add_family returned");
   }
-  return *families_[static_cast<std::size_t>(id)];
+  return *found->second;
 }
 
 void Occupation::RefuseIfBusy(const char* call) const {
@@ -76,6 +95,9 @@ DoubleArray ToMeasurements(const Family& family, const py::object& measurements,
     }
     throw py::value_error("measurements: shape " + ShapeOf(rows) + ", expected " + wanted +
                           " for '" + family.core()->Name() + "'");
+  }
+  if (rows.shape(1) == columns.back()) {
+    CheckUpperTriangular(rows, family.root_size());
   }
   return rows;
 }

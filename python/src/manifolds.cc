@@ -1,5 +1,6 @@
 #include "inceres/problem/manifolds.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -95,6 +96,9 @@ void BindManifolds(py::module_& module) {
            py::arg("size"), py::arg("constant"));
   Class<ProductManifold>(module, "ProductManifold", "Several manifolds side by side.")
       .def(py::init([](const std::vector<std::shared_ptr<Manifold>>& components) {
+             if (std::find(components.begin(), components.end(), nullptr) != components.end()) {
+               throw py::type_error("components: None is no Manifold");
+             }
              return std::make_shared<ProductManifold>(std::vector<std::shared_ptr<const Manifold>>(
                  components.begin(), components.end()));
            }),

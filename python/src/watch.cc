@@ -45,6 +45,13 @@ py::dict ToRow(const UpdateIteration& iteration) {
   return row;
 }
 
+// The exception that is being handled, unless there was one before.
+void KeepFirst(std::exception_ptr* kept) {
+  if (*kept == nullptr) {
+    *kept = std::current_exception();
+  }
+}
+
 }  // namespace
 
 ObserverAction Watch::Call(const py::dict& row) {
@@ -69,14 +76,14 @@ ObserverAction Watch::Call(const py::dict& row) {
 }
 
 bool Watch::Finish() {
-  for (const std::shared_ptr<Family>& family : families_.all()) {
+  // Of every family: what it keeps would fail the next solve.
+  for (const auto& [id, family] : families_.all()) {
     try {
       family->RaisePending();
     } catch (py::error_already_set& error) {
-      if (!error.matches(PyExc_KeyboardInterrupt)) {
-        throw;
-      }
-      interruption_ = std::current_exception();
+      KeepFirst(error.matches(PyExc_KeyboardInterrupt) ? &interruption_ : &raised_);
+    } catch (...) {
+      KeepFirst(&raised_);
     }
   }
   if (raised_ != nullptr) {

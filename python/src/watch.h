@@ -22,7 +22,7 @@ class Watch {
   template <typename MakeRow>
   ObserverAction Look(const MakeRow& make_row) {
     const py::gil_scoped_acquire gil;
-    for (const std::shared_ptr<Family>& family : families_.all()) {
+    for (const auto& [id, family] : families_.all()) {
       if (family->HasPending()) {
         return ObserverAction::kAbort;
       }
@@ -40,8 +40,9 @@ class Watch {
 
   bool has_callback() const { return !callback_.is_none(); }
 
-  /// With the GIL, once the solver is done: raises what a callback or a factor's function has
-  /// raised. Returns whether the user has interrupted, in a factor's function or between.
+  /// With the GIL, once the solver is done: raises what a callback has raised, or else what a
+  /// factor's function has, that of the first family if there are several; no family then keeps
+  /// anything. Returns whether the user has interrupted, in a factor's function or between.
   bool Finish();
   /// Raises Interrupted, which carries the summary and the interruption's own exception.
   [[noreturn]] void RaiseInterrupted(const py::dict& summary);

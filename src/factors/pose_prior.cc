@@ -92,12 +92,14 @@ EvaluationFailure SpeedBiasPriorFamily::Evaluate(const FactorBatch& batch) const
       return {i, "a residual is not finite"};
     }
     if (batch.jacobians != nullptr && batch.tangent_maps[i]->wanted()) {
-      // A Euclidean variable: the Jacobian is U itself, whatever the values are.
+      // A Euclidean variable: the Jacobian is U itself, whatever the values are. Below its diagonal
+      // it is zero, as MultiplyUpper has it.
       assert(batch.tangent_maps[i]->kind == TangentMap::Kind::kIdentity);
       const JacobianView& view = batch.jacobians[0];
       for (int r = 0; r < 9; ++r) {
-        std::copy_n(measurement.sqrt_information + 9 * r, 9,
-                    view.data + i * view.factor_stride + r * view.row_stride);
+        double* const row = view.data + i * view.factor_stride + r * view.row_stride;
+        std::fill_n(row, r, 0.0);
+        std::copy_n(measurement.sqrt_information + 10 * r, 9 - r, row + r);
       }
     }
   }

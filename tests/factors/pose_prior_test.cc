@@ -117,5 +117,21 @@ TEST(SpeedBiasPrior, IsLinear) {
   EXPECT_STREQ(EvaluateFactor(family, state).failure.reason, "a residual is not finite");
 }
 
+// Residual and Jacobian read the same of it.
+TEST(SpeedBiasPrior, ReadsTheUpperTriangleAlone) {
+  test::Random random(53);
+  SpeedBiasPriorFamily::Measurement measurement;
+  RandomWeight(random, 9, measurement.sqrt_information);
+  for (int r = 0; r < 9; ++r) {
+    for (int c = 0; c < r; ++c) {
+      measurement.sqrt_information[9 * r + c] = 7.0;
+    }
+  }
+  SpeedBiasPriorFamily family;
+  family.Add(measurement);
+  const FactorState state{{random.Vector(9)}, {nullptr}};
+  test::ExpectNumericJacobians(family, state, 1e-9, 0);
+}
+
 }  // namespace
 }  // namespace inceres

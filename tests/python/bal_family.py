@@ -38,7 +38,7 @@ class BalEvaluator:
         self.num_calls += 1
         (cameras, of_camera), (points, of_point) = parameters
         count = len(measurements)
-        if count != self.buffers[0].shape[1]:  # what was returned has been read by the next call
+        if count != self.buffers[0].shape[1]:  # what was returned is copied before the next call
             self.buffers = [np.empty((rows, count)) for rows in (2, 18, 6)]
         residuals = self.buffers[0]
         jacobians = self.buffers[1:] if wanted else None

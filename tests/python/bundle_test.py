@@ -76,6 +76,32 @@ class ModelsTest(unittest.TestCase):
             function_tolerance=1e-14)
         self.assertLess(result.summary["final_cost"], 1e-8)
 
+    def test_quaternions_are_taken_at_length_1(self):
+        scene = Scene()
+        poses, points = scene.disturbed()
+        place = np.array([0.3, -0.2, 0.1, 0, 0, 0, 1])
+        z = pixels("pinhole", INTRINSICS["pinhole"], scene.in_cameras())
+
+        def solve(poses, points, place, **more):
+            return inceres.bundle_adjust(
+                poses, points, scene.camera_indices, scene.point_indices, z, model="pinhole",
+                intrinsics=INTRINSICS["pinhole"], extrinsics=place, fixed={"cameras": [0, 1]},
+                max_num_iterations=3, **more)
+
+        stretch = np.array([1.0] * 3 + [1.0008] * 4)
+        stretched, start = poses * stretch, points.copy()
+        with self.assertRaises(inceres.SolveError):
+            solve(stretched, start, place, in_place=True, max_memory_bytes=10000)
+        np.testing.assert_array_equal(stretched, poses * stretch)
+        np.testing.assert_array_equal(start, points)
+        expected = solve(poses, points, place)
+        np.testing.assert_array_equal(expected.cameras[:2], poses[:2])
+        for found in (solve(stretched, points, place), solve(poses, points, place * stretch)):
+            self.assertAlmostEqual(
+                found.summary["final_cost"] / expected.summary["final_cost"], 1.0, delta=1e-9)
+            np.testing.assert_allclose(found.cameras, expected.cameras, atol=1e-9)
+            np.testing.assert_allclose(found.points, expected.points, atol=1e-9)
+
     def test_bal_holds_what_it_is_told_to(self):
         bal = street()
         result = inceres.bundle_adjust(
@@ -166,6 +192,27 @@ class MessagesTest(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "^cameras: row 0: a quaternion of length 2"):
             inceres.bundle_adjust(scene.poses * 2, *arguments[1:], model="pinhole",
                                   intrinsics=[1, 1, 0, 0])
+        with self.assertRaisesRegex(ValueError, "^extrinsics: row 0: a quaternion of length 2"):
+            inceres.bundle_adjust(*arguments, model="pinhole", intrinsics=[1, 1, 0, 0],
+                                  extrinsics=[0, 0, 0, 0, 0, 0, 2])
+
+    def test_losses_are_one_an_observation(self):
+        scene = Scene()
+        for model, intrinsics in {**INTRINSICS, "inverse_depth": None}.items():
+            inverse = model == "inverse_depth"
+            more = {"anchors": np.zeros(40, int), "bearings": np.zeros((40, 2))} if inverse else {
+                "intrinsics": intrinsics}
+            some = np.flatnonzero(scene.camera_indices > 0)
+            arguments = (
+                scene.poses, np.ones(40) if inverse else scene.points, scene.camera_indices[some],
+                scene.point_indices[some], np.zeros((len(some), 3 if model == "stereo" else 2)))
+            for count in (1, len(some) - 1, len(some) + 1):
+                with self.subTest(model), self.assertRaisesRegex(
+                        ValueError, f"^loss: {count} losses for {len(some)} factors"):
+                    inceres.bundle_adjust(*arguments, model=model, loss=[None] * count, **more)
+            for wrong in (3.0, "huber"):
+                with self.subTest(model), self.assertRaisesRegex(TypeError, "^loss: expected None"):
+                    inceres.bundle_adjust(*arguments, model=model, loss=wrong, **more)
 
     def test_a_solve_that_fails_says_why(self):
         bal = street()

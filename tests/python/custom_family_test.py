@@ -53,6 +53,22 @@ class CustomFamilyTest(unittest.TestCase):
                 work["num_residual_evaluations"] + work["num_jacobian_evaluations"])
             np.testing.assert_allclose(custom.values(cameras), builtin.values(cameras), atol=1e-5)
 
+    def test_it_may_serve_two_families_with_one_set_of_arrays(self):
+        bal = inceres.read_bal(STREET)
+        half = len(bal.observations) // 2
+        evaluator = BalEvaluator()
+        summaries = []
+        for make in (lambda: bal_custom(evaluator), inceres.BalReprojection):
+            graph = inceres.FactorGraph()
+            cameras = graph.add_variables(bal.cameras)
+            points = graph.add_variables(bal.points, "landmark")
+            pairs = np.column_stack([cameras[bal.camera_indices], points[bal.point_indices]])
+            for some in (slice(0, half), slice(half, 2 * half)):
+                graph.add_factors(graph.add_family(make()), pairs[some], bal.observations[some])
+            summaries.append(graph.solve())
+        for cost in ("initial_cost", "final_cost"):
+            self.assertAlmostEqual(summaries[0][cost] / summaries[1][cost], 1.0, delta=1e-9)
+
     def test_its_jacobians_are_derivatives(self):
         bal = inceres.read_bal(STREET)
         some = slice(0, 200)

@@ -102,6 +102,42 @@ class IncrementalTest(unittest.TestCase):
         street.add_camera(1)
         self.assertEqual(street.solver.update()["termination"], "CONVERGENCE")
 
+    def test_an_edit_that_is_refused_leaves_the_factors_of_another_alone(self):
+        def offsets(measurements, parameters, wanted):
+            (values, index), = parameters
+            residuals = values[index] - measurements
+            return (residuals, [np.ones((len(index), 1, 1))]) if wanted else residuals
+
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
+        prior = solver.add_family(inceres.DiagonalPrior(1))
+        custom = solver.add_family(inceres.CustomFamily(1, [1], 1, offsets, shared=True))
+        with solver.edit() as edit:
+            ids = edit.add_variables(np.zeros((2, 1)))
+            edit.add_factors(prior, ids[:, None], [[2.0, 1.0], [4.0, 1.0]])
+        first, second = solver.edit(), solver.edit()
+        for edit, i, value in [(first, 0, 5.0), (second, 1, -8.0)]:  # at the same places
+            edit.add_factors(custom, [ids[i:i + 1]], [[value]])
+            edit.add_factors(prior, [ids[i:i + 1]], [[value, 1.0]])
+        first.apply()
+        with self.assertRaisesRegex(ValueError, "begin it anew"):
+            second.apply()
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids), [[4.0], [4.0]], atol=1e-6)
+        second.restart()
+        second.apply()
+        self.assertEqual(solver.num_factors, 4)
+
+    def test_an_edit_has_its_own_copy_of_measurements(self):
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
+        prior = solver.add_family(inceres.DiagonalPrior(1))
+        rows = np.array([[3.0, 1.0]])
+        with solver.edit() as edit:
+            ids = edit.add_variables([[0.0]])
+            edit.add_factors(prior, [ids], rows)
+            rows[:] = 7.0
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids), [[3.0]], atol=1e-6)
+
     def test_edits_set_what_they_say(self):
         street = Growing()
         for i in range(3):
@@ -137,6 +173,36 @@ class IncrementalTest(unittest.TestCase):
         self.assertGreater(result["rank"], 0)
         self.assertTrue(set(result["kept"]) <= set(street.cameras[1:4]))
         self.assertNotEqual(street.solver.update()["termination"], "FAILURE")
+
+    def test_families_come_after_a_marginalization_too(self):
+        def differences(measurements, parameters, wanted):
+            residuals = parameters[1] - parameters[0] - measurements
+            ones = np.ones((len(residuals), 1, 1))
+            return (residuals, [-ones, ones]) if wanted else residuals
+
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
+        prior = solver.add_family(inceres.DiagonalPrior(1))
+        difference = solver.add_family(inceres.CustomFamily(1, [1, 1], 1, differences))
+        with solver.edit() as edit:
+            ids = edit.add_variables([[0.0], [0.0]])
+            edit.add_factors(prior, ids[:1, None], [[0.0, 1.0]])
+            edit.add_factors(difference, [ids], [[1.0]])
+        solver.update()
+        solver.marginalize(ids[:1])  # the solver's own prior: 1 with variance 2
+        own = max(prior, difference) + 1
+        edit = solver.edit()
+        for family in (own, own + 1):
+            with self.assertRaisesRegex(
+                    ValueError, f"^family: {family} is none that add_family returned"):
+                edit.add_factors(family, ids[1:, None], [[3.0, 1.0]])
+        later = solver.add_family(inceres.DiagonalPrior(1))
+        self.assertEqual(later, own + 1)
+        with solver.edit() as edit:
+            edit.add_factors(later, ids[1:, None], [[3.0, 1.0]])
+            with self.assertRaisesRegex(ValueError, f"^family: {own} is none that"):
+                edit.remove_factors([[own, 0, 0]])
+        solver.update()
+        np.testing.assert_allclose(solver.values(ids[1:]), [[7.0 / 3.0]], atol=1e-6)
 
     def test_covariances_shrink_with_views(self):
         street = Growing()
@@ -245,6 +311,46 @@ class IncrementalTest(unittest.TestCase):
 
         street.solver.update(look)
         self.assertEqual(messages, ["values: it is being solved by another thread"])
+
+    def test_callbacks_are_kept_away(self):
+        street = Growing()
+        for i in range(4):
+            street.add_camera(i)
+        edit = street.solver.edit()
+        for name, call in [
+            ("marginalize", lambda row: street.solver.marginalize([-1])),
+            ("live_covariance", lambda row: street.solver.live_covariance([-1])),
+            ("restart", lambda row: edit.restart()),
+        ]:
+            with self.subTest(name), self.assertRaisesRegex(
+                    RuntimeError, f"^{name}: it is being solved; not in a callback"):
+                street.solver.update(call)
+
+    def test_an_exception_is_raised_once_though_others_were_raised_too(self):
+        def failing(kind, is_due):
+            def evaluate(measurements, parameters, wanted):
+                if is_due():
+                    raised.append(kind)
+                    raise kind
+                residuals = parameters[0] - measurements
+                return (residuals, [np.ones((len(residuals), 1, 1))]) if wanted else residuals
+            return evaluate
+
+        raised = []
+        solver = inceres.IncrementalSolver(function_tolerance=1e-14)
+        families = [  # the second one raises, then the first
+            solver.add_family(inceres.CustomFamily(1, [1], 1, failing(*arguments)))
+            for arguments in [(LookupError, lambda: raised == [BufferError]),
+                              (BufferError, lambda: not raised)]]
+        with solver.edit() as edit:
+            ids = edit.add_variables([[0.0]])
+            for family in families:
+                edit.add_factors(family, [ids], [[3.0]])
+        with self.assertRaises(LookupError):
+            solver.update(interruptible=False)
+        self.assertEqual(raised, [BufferError, LookupError])
+        self.assertEqual(solver.update()["termination"], "CONVERGENCE")
+        np.testing.assert_allclose(solver.values(ids), [[3.0]], atol=1e-6)
 
     def test_options_are_checked(self):
         with self.assertRaisesRegex(TypeError, "unknown option 'tolerance'"):

@@ -82,6 +82,22 @@ class PoseGraphTest(unittest.TestCase):
             moved, edges, motions, information, max_num_iterations=0)
         self.assertAlmostEqual(result.summary["initial_cost"] / expected, 1.0, delta=1e-9)
 
+    def test_quaternions_are_taken_at_length_1(self):
+        poses, edges, motions, information = spatial_world()
+        start = poses.copy()
+        start[1:, :3] += 0.1 * np.random.default_rng(1).standard_normal((29, 3))
+        stretch = np.array([1.0] * 3 + [0.9993] * 4)
+        stretched = start * stretch
+        with self.assertRaises(inceres.SolveError):
+            inceres.optimize_pose_graph(stretched, edges, motions, information, in_place=True,
+                                        max_memory_bytes=10000)
+        np.testing.assert_array_equal(stretched, start * stretch)
+        expected = inceres.optimize_pose_graph(start, edges, motions, information)
+        result = inceres.optimize_pose_graph(stretched, edges, motions * stretch, information)
+        self.assertLess(result.summary["final_cost"], 1e-12)
+        np.testing.assert_allclose(result.poses, expected.poses, atol=1e-8)
+        np.testing.assert_array_equal(expected.poses[0], start[0])
+
     def test_planar_poses_are_recovered(self):
         poses, edges, motions, information = planar_world()
         start = poses + np.r_[np.zeros((1, 3)),

@@ -84,8 +84,15 @@ class CallbackTest(unittest.TestCase):
 
     def test_the_graph_is_out_of_reach_meanwhile(self):
         graph, cameras, _ = street()
-        with self.assertRaisesRegex(RuntimeError, "values: it is being solved; not in a callback"):
-            graph.solve(callback=lambda row: graph.values(cameras) is None)
+        for name, call in [
+            ("values", lambda row: graph.values(cameras) is None),
+            ("validate", lambda row: graph.validate()),
+            ("num_factors", lambda row: graph.num_factors() is None),
+            ("num_variables", lambda row: graph.num_variables is None),
+        ]:
+            with self.subTest(name), self.assertRaisesRegex(
+                    RuntimeError, f"^{name}: it is being solved; not in a callback"):
+                graph.solve(callback=call)
 
 
 class InterruptTest(unittest.TestCase):
@@ -122,6 +129,21 @@ class InterruptTest(unittest.TestCase):
             with self.assertRaises(inceres.Interrupted):
                 graph.solve()
             self.assertLess(graph.cost(), initial)
+
+    def test_in_a_factors_function_that_is_asked_for_the_cost(self):
+        presses = [KeyboardInterrupt]
+        good = BalEvaluator()
+
+        def evaluate(*arguments):
+            if presses:
+                raise presses.pop()
+            return good(*arguments)
+
+        graph, _, _ = street(bal_custom(evaluate))
+        with self.assertRaises(inceres.Interrupted):
+            graph.cost()
+        expected = street()[0].cost()
+        self.assertAlmostEqual(graph.cost() / expected, 1.0, delta=1e-9)
 
     def test_bundle_adjust_has_the_result(self):
         bal = inceres.read_bal(STREET)
@@ -206,6 +228,18 @@ class GraphTest(unittest.TestCase):
         graph.solve()
         np.testing.assert_allclose(graph.values(ids), [[3.0, -2.0]], atol=1e-6)
 
+    def test_the_cost_is_that_of_the_values_and_moves_none(self):
+        graph = inceres.FactorGraph()
+        ids = graph.add_variables([[4.0, 1.0], [4.0, 0.0]], constant=[False, True])
+        prior = graph.add_family(inceres.DiagonalPrior(2))
+        graph.add_factors(prior, ids[:, None], np.tile([5.0, 1.0, 1.0, 1.0], (2, 1)))
+        graph.set_bounds(ids[:1], upper=[3.0, 3.0])
+        self.assertEqual(graph.cost(), 1.5)
+        np.testing.assert_array_equal(graph.values(ids), [[4.0, 1.0], [4.0, 0.0]])
+        graph.solve()  # what is held and bounded still is
+        np.testing.assert_allclose(graph.values(ids), [[3.0, 1.0], [4.0, 0.0]], atol=1e-6)
+        self.assertAlmostEqual(graph.cost(), 3.0)
+
     def test_an_order_of_elimination_changes_no_result(self):
         plain, cameras, _ = street()
         expected = plain.solve()["final_cost"]
@@ -222,7 +256,7 @@ class GraphTest(unittest.TestCase):
             (ValueError, "^role: 'pose'", lambda: graph.add_variables([[1.0]], "pose")),
             (ValueError, r"^values: shape \(1, 3\), expected \(n, 7\)",
              lambda: graph.add_variables([[1, 2, 3]], manifold=inceres.PoseManifold())),
-            (ValueError, "^family: 4, there are 1",
+            (ValueError, "^family: 4 is none that add_family returned",
              lambda: graph.add_factors(4, [[0, 1]], [[0, 0]])),
             (ValueError, r"^variables: shape \(1, 3\)",
              lambda: graph.add_factors(0, [[0, 1, 2]], [[0, 0]])),
@@ -248,6 +282,42 @@ class GraphTest(unittest.TestCase):
         inceres.FactorGraph().add_family(family)
         with self.assertRaisesRegex(ValueError, "'BAL reprojection', has been added before"):
             inceres.IncrementalSolver().add_family(family)
+
+    def test_none_is_no_family_and_no_manifold(self):
+        for target in (inceres.FactorGraph(), inceres.IncrementalSolver()):
+            with self.assertRaisesRegex(TypeError, "^add_family"):
+                target.add_family(None)
+        with self.assertRaisesRegex(TypeError, "^components: None is no Manifold"):
+            inceres.ProductManifold([inceres.SphereManifold(3), None])
+        with self.assertRaisesRegex(TypeError, "^edit"):
+            inceres.IncrementalSolver.edit(None)
+
+    def test_a_square_root_information_is_upper_triangular(self):
+        planar = inceres.EuclideanManifold(3)
+        pose, body = inceres.PoseManifold(), [0, 0, 0, 0, 0, 0, 1]
+        for family, variables, measured, size in [
+            (inceres.StereoReprojection([400, 400, 0, 0, 0.1]),
+             [(body, pose), (body, pose), ([0, 0, 5], None)], [0, 0, 0], 3),
+            (inceres.RelativePose(), [(body, pose)] * 2, [0, 0, 0, 1, 0, 0, 0], 6),
+            (inceres.PlanarRelativePose(), [([0, 0, 0], planar)] * 2, [0, 0, 0], 3),
+            (inceres.PosePrior(), [(body, pose)], body, 6),
+            (inceres.SpeedBiasPrior(), [([0] * 9, None)], [0] * 9, 9),
+        ]:
+            with self.subTest(family.name):
+                graph = inceres.FactorGraph()
+                ids = [graph.add_variables([x], manifold=on)[0] for x, on in variables]
+                known = graph.add_family(family)
+                upper = np.triu(np.ones((size, size)))
+                lower = upper.copy()
+                lower[size - 1, 0] = 1e-9
+                good, bad = (np.r_[measured, U.ravel()] for U in (upper, lower))
+                with self.assertRaisesRegex(
+                        ValueError, f"^measurements: row 1, column {len(good) - size} is 1e-09, "
+                        "below the diagonal of a square root information"):
+                    graph.add_factors(known, [ids, ids], [good, bad])
+                self.assertEqual((family.size, graph.num_factors()), (0, 0))
+                graph.add_factors(known, [ids], [good])
+                self.assertEqual(graph.num_factors(), 1)
 
     def test_what_cannot_be_solved_is_named(self):
         graph = inceres.FactorGraph()
