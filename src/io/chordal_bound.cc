@@ -17,6 +17,7 @@
 #include "inceres/io/pose_graph_start.h"
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
+#include "io/check_pose_graph.h"
 
 // A lower bound of a pose graph's chordal cost, by Lagrangian duality as in SE-Sync (Rosen,
 // Carlone, Bandeira & Leonard, IJRR 2019; docs/pose_graphs.md, "How good can it be"). With X = [p_1
@@ -290,7 +291,8 @@ Status SmallestEigenvalue(InverseOfShifted* inverse, double scale, double* small
   double sigma = 1e-7 * scale;
   while (!inverse->Shift(sigma)) {
     sigma *= 10.0;
-    if (sigma > 1e6 * scale) {
+    // Of a graph without edges the scale is zero, and no shift grows.
+    if (sigma >= 1e6 * scale) {
       return Status::Error(StatusCode::kSingular,
                            "chordal bound: the certificate matrix cannot be factored");
     }
@@ -331,12 +333,13 @@ bool HasChordalBound() {
   return true;
 }
 
-// Weights of the edges, connectedness, minimum, certificate, in this order. A graph in several
-// pieces would have a translation for each: only one is taken out of S, which would be singular for
-// any rotations.
+// Sizes and indices, weights of the edges, connectedness, minimum, certificate, in this order. A
+// graph in several pieces would have a translation for each: only one is taken out of S, which
+// would be singular for any rotations.
 Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound) {
   std::vector<ChordalEdge> edges;
-  Status status = MakeEdges(graph, &edges);
+  Status status = internal::CheckPoseGraph(graph);
+  status = status.ok() ? MakeEdges(graph, &edges) : status;
   PoseGraph placed = graph, minimum;
   status = status.ok() ? StartAlongSpanningTree(&placed) : status;  // that it hangs together
   status = status.ok() ? MinimizeChordal(graph, edges, &minimum) : status;

@@ -119,7 +119,8 @@ std::vector<int> VerticesById(const PoseGraph& poses) {
   return order;
 }
 
-// By position in the order of ids and not by difference of ids, which may have gaps.
+// By position in the order of ids and not by difference of ids, which may have gaps. An end that is
+// no vertex has no position, and no neighbor.
 std::vector<int> LoopEdges(const PoseGraph& poses) {
   const std::vector<int> order = VerticesById(poses);
   // The inverse of `order`: where each vertex stands among the ids.
@@ -127,11 +128,13 @@ std::vector<int> LoopEdges(const PoseGraph& poses) {
   for (std::size_t i = 0; i < order.size(); ++i) {
     position[static_cast<std::size_t>(order[i])] = static_cast<int>(i);
   }
+  const auto is_vertex = [&poses](int end) { return end >= 0 && end < poses.NumVertices(); };
   std::vector<int> loops;
   for (std::size_t i = 0; i < poses.edges.size(); ++i) {
-    const int from = position[static_cast<std::size_t>(poses.edges[i].from)];
-    const int to = position[static_cast<std::size_t>(poses.edges[i].to)];
-    if (std::abs(from - to) != 1) {
+    const int from = poses.edges[i].from, to = poses.edges[i].to;
+    const bool joins = is_vertex(from) && is_vertex(to);
+    if (!joins || std::abs(position[static_cast<std::size_t>(from)] -
+                           position[static_cast<std::size_t>(to)]) != 1) {
       loops.push_back(static_cast<int>(i));
     }
   }

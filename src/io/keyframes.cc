@@ -1,6 +1,7 @@
 #include "inceres/io/keyframes.h"
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>

@@ -279,6 +279,16 @@ Status ReadPlanarMap(const std::string& path, PlanarMap* map, const ReadOptions&
 // are added as a whole or not at all, and the rest cannot fail.
 Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options, FactorGraph* graph,
                     PlanarMapGraph* ids) {
+  if (map.poses.dimension != 2) {
+    return Status::Error(
+        StatusCode::kInvalidArgument,
+        "PlanarMap: poses.dimension is " + std::to_string(map.poses.dimension) + ", not 2");
+  }
+  if (map.landmarks.size() != 2 * map.landmark_ids.size()) {
+    return Status::Error(StatusCode::kInvalidArgument,
+                         "PlanarMap: landmarks has " + std::to_string(map.landmarks.size()) +
+                             " values instead of " + std::to_string(2 * map.landmark_ids.size()));
+  }
   std::vector<PlanarMapSighting> sightings = map.sightings;
   std::vector<PlanarLandmarkFamily::Measurement> measurements(sightings.size());
   for (std::size_t i = 0; i < sightings.size(); ++i) {

@@ -13,6 +13,7 @@
 #include "inceres/problem/pose_composition.h"
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
+#include "io/check_pose_graph.h"
 #include "io/g2o_start.h"
 #include "io/linear_difference.h"
 
@@ -108,17 +109,23 @@ Matrix3d NearestRotation(const Matrix3d& M) {
   return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
 
+Status Refuse(const std::string& what) {
+  return Status::Error(StatusCode::kInvalidArgument, "chordal start: " + what);
+}
+
 }  // namespace
 
 class ChordalStart::Impl {
  public:
   // Both chains have the vertices and edges of the graph and vectors of d values; only their
-  // measurements differ.
+  // measurements differ. They need edges with ends: of a graph that does not fit together nothing
+  // is kept but what is wrong with it, for Compute to tell.
   Impl(const PoseGraph& graph, int num_threads)
-      : graph_(graph),
-        d_(graph.dimension),
-        rotations_(graph, graph.dimension, num_threads),
-        positions_(graph, graph.dimension, num_threads) {}
+      : fits_together_(internal::CheckPoseGraph(graph)),
+        graph_(fits_together_.ok() ? graph : PoseGraph()),
+        d_(graph_.dimension),
+        rotations_(graph_, d_, num_threads),
+        positions_(graph_, d_, num_threads) {}
 
   Status Compute(const std::vector<double>& weights, std::vector<double>* poses);
 
@@ -132,6 +139,7 @@ class ChordalStart::Impl {
   Matrix3d Measured(const PoseGraphEdge& edge) const;
   void WritePoses(std::vector<double>* poses) const;
 
+  const Status fits_together_;
   // A copy: the caller's may change or end between two calls.
   const PoseGraph graph_;
   const int d_;
@@ -145,14 +153,14 @@ class ChordalStart::Impl {
 // Without an edge of positive weight to it, a vertex would be anywhere, and the system singular:
 // walking along those edges finds it, and names it.
 Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
-  const auto refuse = [](const std::string& what) {
-    return Status::Error(StatusCode::kInvalidArgument, "chordal start: " + what);
-  };
+  if (!fits_together_.ok()) {
+    return fits_together_;
+  }
   if (graph_.ids.empty()) {
-    return refuse("the graph has no vertices");
+    return Refuse("the graph has no vertices");
   }
   if (!weights.empty() && weights.size() != graph_.edges.size()) {
-    return refuse(std::to_string(weights.size()) + " weights for " +
+    return Refuse(std::to_string(weights.size()) + " weights for " +
                   std::to_string(graph_.edges.size()) + " edges");
   }
   // Ids and edges only; PlaceAlongEdges makes the poses.
@@ -161,7 +169,7 @@ Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
   counted.ids = graph_.ids;
   for (std::size_t i = 0; i < graph_.edges.size(); ++i) {
     if (!weights.empty() && !(weights[i] >= 0.0 && std::isfinite(weights[i]))) {
-      return refuse("the weight of edge " + std::to_string(i) + " is " +
+      return Refuse("the weight of edge " + std::to_string(i) + " is " +
                     std::to_string(weights[i]));
     }
     if (weights.empty() || weights[i] > 0.0) {
@@ -171,7 +179,7 @@ Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
   const int lost = internal::PlaceAlongEdges(&counted);
   return lost == graph_.NumVertices()
              ? Status::Ok()
-             : refuse("no edges lead from vertex " + std::to_string(graph_.ids.front()) +
+             : Refuse("no edges lead from vertex " + std::to_string(graph_.ids.front()) +
                       " to vertex " + std::to_string(graph_.ids[static_cast<std::size_t>(lost)]));
 }
 
@@ -334,19 +342,60 @@ Status StartByChordalRelaxation(PoseGraph* graph, int num_threads) {
   return ChordalStart(*graph, num_threads).Compute({}, &graph->poses);
 }
 
+namespace {
+
+// Whether edges and variables are those of the pose graph.
+Status CheckGncStart(const PoseGraph& poses, const G2oGraph& ids,
+                     const std::vector<int>& suspected_edges) {
+  Status status = internal::CheckPoseGraph(poses);
+  for (std::size_t k = 0; k < suspected_edges.size() && status.ok(); ++k) {
+    const int edge = suspected_edges[k];
+    if (edge < 0 || static_cast<std::size_t>(edge) >= poses.edges.size()) {
+      status = Refuse("suspected_edges[" + std::to_string(k) + "] is " + std::to_string(edge) +
+                      ", the pose graph has " + std::to_string(poses.edges.size()) + " edges");
+    }
+  }
+  if (status.ok() && ids.poses.size() != poses.ids.size()) {
+    status = Refuse("ids has " + std::to_string(ids.poses.size()) + " poses, the pose graph " +
+                    std::to_string(poses.ids.size()) + " vertices");
+  }
+  return status;
+}
+
+// Whether the graph has the variables, of the size of a pose each.
+Status CheckVariables(const FactorGraph& graph, const std::vector<VariableId>& variables,
+                      int pose_size) {
+  for (const VariableId id : variables) {
+    if (!graph.HasVariable(id) || graph.AmbientSize(id) != pose_size) {
+      return Refuse("variable " + std::to_string(id) + " is no pose of the graph");
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
 // What GNC calls before each of its solves has to outlive this function: the closure owns the
 // chordal start and copies of the rest. Edges that are not suspected keep the weight 1.
 GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
                          std::vector<int> suspected_edges, int num_threads) {
   const auto chordal = std::make_shared<ChordalStart>(poses, num_threads);
   const int pose_size = poses.PoseSize();
-  return [chordal, pose_size, variables = ids.poses, suspects = std::move(suspected_edges),
+  const Status fits_together = CheckGncStart(poses, ids, suspected_edges);
+  return [chordal, pose_size, fits_together, variables = ids.poses,
+          suspects = std::move(suspected_edges),
           of_edges = std::vector<double>(poses.edges.size(), 1.0)](
              const std::vector<double>& weights, FactorGraph* graph) mutable {
+    if (!fits_together.ok()) {
+      return fits_together;
+    }
     if (weights.size() != suspects.size()) {
-      return Status::Error(StatusCode::kInvalidArgument,
-                           "chordal start: " + std::to_string(weights.size()) + " weights for " +
-                               std::to_string(suspects.size()) + " suspected edges");
+      return Refuse(std::to_string(weights.size()) + " weights for " +
+                    std::to_string(suspects.size()) + " suspected edges");
+    }
+    Status status = CheckVariables(*graph, variables, pose_size);
+    if (!status.ok()) {
+      return status;
     }
     for (std::size_t k = 0; k < suspects.size(); ++k) {
       // of_edges lives on between calls, which is what makes the closure mutable; all suspects are
@@ -354,7 +403,7 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
       of_edges[static_cast<std::size_t>(suspects[k])] = weights[k];
     }
     std::vector<double> values;
-    Status status = chordal->Compute(of_edges, &values);
+    status = chordal->Compute(of_edges, &values);
     for (std::size_t i = 0; i < variables.size() && status.ok(); ++i) {
       graph->SetValues(variables[i], values.data() + static_cast<std::ptrdiff_t>(i) * pose_size);
     }
@@ -365,6 +414,9 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
 // Places a copy from the origin, then moves all of it as one: that the first vertex stays does not
 // change the others' places relative to it.
 Status StartAlongSpanningTree(PoseGraph* graph) {
+  if (Status status = internal::CheckPoseGraph(*graph); !status.ok()) {
+    return status;
+  }
   if (graph->ids.empty()) {
     return Status::Error(StatusCode::kInvalidArgument, "spanning tree: the graph has no vertices");
   }

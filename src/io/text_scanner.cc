@@ -123,8 +123,8 @@ bool TextScanner::AtEnd() {
     return false;
   }
   // A file that cannot be read further has not ended: the caller's Failure then tells the source's
-  // error.
-  return source_status_.ok();
+  // error. A line whose end was read has, whatever follows it.
+  return problem_ == Problem::kEndOfLine || source_status_.ok();
 }
 
 // Token by token, so that comments longer than the buffer are fine.
@@ -149,8 +149,10 @@ const char* TextScanner::TokenLimit() const {
   return position_ + std::min(kMaxToken, end_ - position_);
 }
 
+// Where a file cannot be read further, a token may be the first half of one: Failure then tells the
+// source's error.
 bool TextScanner::IsTokenEnd(const char* position) const {
-  return position == end_ || IsSpace(*position);
+  return position == end_ ? source_status_.ok() : IsSpace(*position);
 }
 
 // std::from_chars does not know '+'.
@@ -206,6 +208,9 @@ bool TextScanner::ScanWord(std::string_view* word) {
     return false;
   }
   const char* next = std::find_if(position_, TokenLimit(), IsSpace);
+  if (next == end_ && !source_status_.ok()) {
+    return Reject(Problem::kEndOfFile);
+  }
   *word = std::string_view(position_, static_cast<std::size_t>(next - position_));
   position_ = next;
   return true;

@@ -36,7 +36,7 @@ class TextScanner {
   void LeaveLine() { in_line_ = false; }
 
   /// True if only white space follows (in this line after StayInLine(), in the file otherwise).
-  /// False also if reading fails: Failure() then tells why.
+  /// False also where reading has failed before that end was seen: Failure() then tells why.
   bool AtEnd();
 
   std::int64_t line() const { return line_; }
@@ -75,7 +75,7 @@ class TextScanner {
   bool in_line_ = false;
   std::int64_t line_ = 1;
   Problem problem_ = Problem::kNone;
-  Status source_status_;  // why reading stopped, if not at the end
+  Status source_status_;  // why reading stopped, if not at the end; good bytes may be unread then
 };
 
 /// A word of a file as messages show it: its first 40 characters, '?' for what cannot be printed.

@@ -96,5 +96,26 @@ TEST_F(ChordalBoundTest, NamesWhatIsWrong) {
   EXPECT_EQ(bound.cost, 7.0);
 }
 
+TEST_F(ChordalBoundTest, OfAVertexAloneThereIsNone) {
+  const PoseGraph alone = PoseGraphWorld(2, 1, 5, 0, 0.02, 5).truth;
+  ChordalBound bound;
+  EXPECT_EQ(BoundChordalCost(alone, &bound).code, StatusCode::kSingular);
+}
+
+TEST_F(ChordalBoundTest, RefusesAGraphThatDoesNotFitTogether) {
+  const PoseGraph good = PoseGraphWorld(2, 20, 5, 0, 0.02, 5).truth;
+  PoseGraph bad = good;
+  bad.poses.clear();
+  ChordalBound bound;
+  bound.cost = 7.0;
+  EXPECT_EQ(BoundChordalCost(bad, &bound).message, "PoseGraph: poses has 0 values instead of 60");
+  bad = good;
+  bad.edges[3].to = 20;
+  const Status status = BoundChordalCost(bad, &bound);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(status.message, "PoseGraph: edges[3] has an end that is no vertex");
+  EXPECT_EQ(bound.cost, 7.0);
+}
+
 }  // namespace
 }  // namespace inceres

@@ -1,7 +1,9 @@
 // Files made to hurt: small ones that unpack to large ones, and words that belong in no message.
+#include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -51,6 +53,34 @@ void WriteBlanks(const std::string& path, std::int64_t count) {
     ASSERT_TRUE(sink->Write(piece.data(), piece.size()).ok());
   }
   ASSERT_TRUE(sink->Finish().ok());
+}
+
+void WriteText(const std::string& path, const std::string& text) {
+  std::unique_ptr<internal::ByteSink> sink;
+  ASSERT_TRUE(internal::OpenByteSink(path, &sink).ok());
+  ASSERT_TRUE(sink->Write(text.data(), text.size()).ok());
+  ASSERT_TRUE(sink->Finish().ok());
+}
+
+// A file of good lines, as many as wanted: behind the head, line i is before, i, behind.
+struct TaggedLines {
+  Reader read;
+  std::string head, before, behind;
+
+  std::string Text(int count) const {
+    std::string text = head;
+    for (int i = 0; i < count; ++i) {
+      text += before + std::to_string(i) + behind + "\n";
+    }
+    return text;
+  }
+};
+
+std::vector<TaggedLines> AllTaggedLines() {
+  return {{ReaderOf(ReadG2o), "", "VERTEX_SE2 ", " 0 0 0"},
+          {ReaderOf(ReadKeyframes), "", "KEYFRAME ", " 1 0 0 0 1 0 0 0 1 0 0 0"},
+          {ReaderOf(ReadPlanarMap), "", "ODOMETRY ", " 1000000 1 0 0 1 0 0 1 0 1"},
+          {ReaderOf(ReadVioSequence), "VIO 1\n", "POINT ", " 0 0 0 0 0 0"}};
 }
 
 void ExpectRefused(const Status& status, const std::string& path, const std::string& limit) {
@@ -118,6 +148,56 @@ TEST(UnpackLimit, AProblemIsReadUpToIt) {
     EXPECT_TRUE(ReadAnyBal(path, options).ok());
     options.max_unpacked_bytes = size - 1;
     ExpectRefused(ReadAnyBal(path, options), path, std::to_string(size - 1));
+  }
+}
+
+// Lines are good up to the limit, behind which there are more.
+TEST(UnpackLimit, IsToldBehindGoodLines) {
+  const test::TempDir directory;
+  ReadOptions options;
+  options.max_unpacked_bytes = 300000;
+  for (const char* name : {"lines.gz", "lines.bz2"}) {
+    const std::string path = directory.File(name);
+    for (const TaggedLines& lines : AllTaggedLines()) {
+      WriteText(path, lines.Text(30000));
+      ExpectRefused(lines.read(path, options), path, "300000");
+    }
+  }
+}
+
+// Wherever the last piece ends: the first half of a tag is no tag that is not known.
+TEST(UnpackLimit, IsToldWhereItCutsAWord) {
+  const test::TempDir directory;
+  const std::string path = directory.File("lines.gz"), line = "FIX 7\n";
+  ReadOptions options;
+  options.max_unpacked_bytes = 300000;
+  std::string text = "VERTEX_SE2 7 0 0 0\n";
+  while (text.size() < 600000) {
+    text += line;
+  }
+  for (std::size_t k = 0; k < line.size(); ++k) {
+    WriteText(path, text);
+    ExpectRefused(ReaderOf(ReadG2o)(path, options), path, "300000");
+    text.insert(0, "\n");
+  }
+}
+
+// The scanner reads ahead: it knows of the end that is missing while good lines are unread.
+TEST(TruncatedFile, IsReadUpToWhereItCannotBe) {
+  const test::TempDir directory;
+  for (const auto& [name, what] : {std::pair("lines.gz", "the gzip data is truncated"),
+                                   std::pair("lines.bz2", "the bzip2 data is truncated")}) {
+    const std::string path = directory.File(name);
+    for (const TaggedLines& lines : AllTaggedLines()) {
+      const std::string text = lines.Text(3);
+      WriteText(path, text);
+      const std::string bytes = test::ReadBytes(path);
+      test::WriteBytes(path, bytes.substr(0, bytes.size() - 4));
+      const Status status = lines.read(path, ReadOptions());
+      EXPECT_EQ(status.code, StatusCode::kIo);
+      const auto num_lines = std::count(text.begin(), text.end(), '\n');
+      EXPECT_EQ(status.message, path + ":" + std::to_string(num_lines + 1) + ": tag: " + what);
+    }
   }
 }
 

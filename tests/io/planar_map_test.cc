@@ -170,6 +170,21 @@ TEST_F(PlanarMapTest, RefusesAMapThatDoesNotFitTogether) {
   options.range_and_bearing = true;
   EXPECT_EQ(AddPlanarMap(bad, options, &graph, nullptr).code, StatusCode::kInvalidArgument)
       << "a landmark at the pose is seen in no direction";
+  bad = map_;
+  bad.landmarks.pop_back();
+  EXPECT_EQ(AddPlanarMap(bad, PlanarMapOptions(), &graph, nullptr).message,
+            "PlanarMap: landmarks has 1 values instead of 2");
+  bad = map_;
+  bad.landmark_ids.push_back(9);
+  EXPECT_EQ(AddPlanarMap(bad, PlanarMapOptions(), &graph, nullptr).message,
+            "PlanarMap: landmarks has 2 values instead of 4");
+  bad = map_;
+  bad.poses.dimension = 3;
+  bad.poses.poses.assign(21, 0.5);
+  bad.poses.edges.clear();
+  const Status spatial = AddPlanarMap(bad, PlanarMapOptions(), &graph, nullptr);
+  EXPECT_EQ(spatial.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(spatial.message, "PlanarMap: poses.dimension is 3, not 2");
   EXPECT_EQ(graph.num_variables(), 0);
 }
 

@@ -45,6 +45,78 @@ TEST(ChordalStart, OfNothingIsRefused) {
   }
 }
 
+// Made by hand: the starts would read and write out of range.
+TEST(PoseGraphStart, OfAGraphThatDoesNotFitTogetherIsRefused) {
+  const auto expect_refused = [](PoseGraph graph, const std::string& message) {
+    const std::vector<double> before = graph.poses;
+    const Status all[] = {StartAlongSpanningTree(&graph), StartByChordalRelaxation(&graph),
+                          ChordalGncStart(graph, G2oGraph(), {})({}, nullptr)};
+    for (const Status& status : all) {
+      EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+      EXPECT_EQ(status.message, message);
+    }
+    EXPECT_EQ(graph.poses, before);
+  };
+  for (const int dimension : {2, 3}) {
+    const PoseGraph good = PoseGraphWorld(dimension, 12, 5, 0, 0.1, 1).truth;
+    PoseGraph bad = good;
+    bad.poses.clear();
+    expect_refused(
+        bad, "PoseGraph: poses has 0 values instead of " + std::to_string(12 * good.PoseSize()));
+    bad = good;
+    bad.edges[3].to = 12;
+    expect_refused(bad, "PoseGraph: edges[3] has an end that is no vertex");
+    bad = good;
+    bad.edges[2].from = -1;
+    expect_refused(bad, "PoseGraph: edges[2] has an end that is no vertex");
+  }
+}
+
+// An edge that leads nowhere joins no neighbors: it is suspected, and AddPoseGraph names it.
+TEST(PoseGraphStart, AnEdgeWithoutAVertexAtItsEndIsALoop) {
+  PoseGraph graph = PoseGraphWorld(2, 12, 12, 0, 0.1, 1).truth;
+  EXPECT_TRUE(LoopEdges(graph).empty());
+  graph.edges[3].to = 12;
+  graph.edges[5].from = -1;
+  EXPECT_EQ(LoopEdges(graph), (std::vector<int>{3, 5}));
+}
+
+// Of two graphs that were mixed: the start would write weights and values out of range.
+TEST(ChordalGncStart, NamesWhatIsNotOfItsGraph) {
+  for (const int dimension : {2, 3}) {
+    const PoseGraph poses = PoseGraphWorld(dimension, 12, 5, 0, 0.0, 1).truth;
+    const std::string num_edges = std::to_string(poses.edges.size());
+    FactorGraph graph;
+    G2oGraph ids;
+    ASSERT_TRUE(AddPoseGraph(poses, nullptr, &graph, &ids).ok());
+    const std::vector<double> before = graph.state();
+    const auto expect_refused = [&](const G2oGraph& given, const std::vector<int>& suspects,
+                                    FactorGraph* target, const std::string& message) {
+      const Status status = ChordalGncStart(poses, given, suspects)(
+          std::vector<double>(suspects.size(), 1.0), target);
+      EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+      EXPECT_EQ(status.message, "chordal start: " + message);
+    };
+    expect_refused(ids, {0, -1}, &graph,
+                   "suspected_edges[1] is -1, the pose graph has " + num_edges + " edges");
+    expect_refused(
+        ids, {static_cast<int>(poses.edges.size())}, &graph,
+        "suspected_edges[0] is " + num_edges + ", the pose graph has " + num_edges + " edges");
+    expect_refused(G2oGraph(), {}, &graph, "ids has 0 poses, the pose graph 12 vertices");
+    G2oGraph more = ids;
+    more.poses.push_back(0);
+    expect_refused(more, {}, &graph, "ids has 13 poses, the pose graph 12 vertices");
+    G2oGraph other = ids;
+    other.poses[11] = 12;
+    expect_refused(other, {}, &graph, "variable 12 is no pose of the graph");
+    FactorGraph smaller;
+    smaller.AddVariable(before.data(), 2, Role::kFrame);
+    expect_refused(ids, {}, &smaller, "variable 0 is no pose of the graph");
+    EXPECT_EQ(graph.state(), before);
+    EXPECT_TRUE(ChordalGncStart(poses, ids, {0})({1.0}, &graph).ok());
+  }
+}
+
 TEST(ChordalStart, IsExactWithoutNoise) {
   for (const int dimension : {2, 3}) {
     const PoseGraphWorld world(dimension, 100, 25, 0, 0.0, 1);

@@ -37,10 +37,11 @@ INCERES_EXPORT bool HasChordalBound();
 /// both minima are next to each other it tells that no other one is far below.
 ///
 /// kUnavailable if this build has no Spectra; kInvalidArgument, naming it, if an edge's information
-/// is not positive definite or the graph does not hang together; kSingular if the solve or the
-/// factorization fails. `bound` is then unchanged. Cost: a solve, and some factorizations of n(d +
-/// 1) unknowns. Threads: no shared state. Source: Rosen, Carlone, Bandeira & Leonard, "SE-Sync: a
-/// certifiably correct algorithm for synchronization over the special Euclidean group", IJRR 2019.
+/// is not positive definite, or the graph does not fit together (AddPoseGraph) or does not hang
+/// together; kSingular if the solve or the factorization fails. `bound` is then unchanged. Cost: a
+/// solve, and some factorizations of n(d + 1) unknowns. Threads: no shared state. Source: Rosen,
+/// Carlone, Bandeira & Leonard, "SE-Sync: a certifiably correct algorithm for synchronization over
+/// the special Euclidean group", IJRR 2019.
 INCERES_EXPORT Status BoundChordalCost(const PoseGraph& graph, ChordalBound* bound);
 
 }  // namespace inceres

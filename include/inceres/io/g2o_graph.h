@@ -59,7 +59,8 @@ INCERES_EXPORT bool ProjectInformation(double* information, int size);
 INCERES_EXPORT std::vector<int> VerticesById(const PoseGraph& poses);
 
 /// The edges, ascending, that are no odometry: those that do not join a vertex to the next one by
-/// id. What robust methods suspect, the rest being known to be right.
+/// id. What robust methods suspect, the rest being known to be right. An edge with an end that is
+/// no vertex is among them; AddPoseGraph refuses the graph for it.
 INCERES_EXPORT std::vector<int> LoopEdges(const PoseGraph& poses);
 
 /// An edge as a factor of slots from, to. False if its information is not positive definite.

@@ -78,9 +78,9 @@ struct PlanarMapGraph {
 };
 
 /// Adds the poses of a map as frames, its landmarks, and all measurements as factors. The gauge is
-/// free: hold the first pose. kInvalidArgument, graph and ids unchanged, if a covariance is not
-/// positive definite or an index is none of the map; the message names the edge or sighting. `ids`
-/// may be null. Cost: one pass. Threads: one writer.
+/// free: hold the first pose. kInvalidArgument, graph and ids unchanged, if the poses are not
+/// planar, a covariance is not positive definite, or sizes or indices do not fit together; the
+/// message names the culprit. `ids` may be null. Cost: one pass. Threads: one writer.
 INCERES_EXPORT Status AddPlanarMap(const PlanarMap& map, const PlanarMapOptions& options,
                                    FactorGraph* graph, PlanarMapGraph* ids);
 

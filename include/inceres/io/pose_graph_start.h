@@ -16,8 +16,8 @@ namespace inceres {
 /// from the one of the highest index that has its place, along the odometry where there is one.
 /// What ReadG2o does with a file that has no vertices.
 ///
-/// kInvalidArgument, the graph unchanged, if no edges lead to a vertex, which the message names.
-/// Cost: O(E log E). Threads: no shared state.
+/// kInvalidArgument, the graph unchanged, if it does not fit together (AddPoseGraph), or no edges
+/// lead to a vertex; the message names the culprit. Cost: O(E log E). Threads: no shared state.
 INCERES_EXPORT Status StartAlongSpanningTree(PoseGraph* graph);
 
 /// Start values from all edges at once, without any start: rotations by the chordal relaxation,
@@ -39,7 +39,7 @@ INCERES_EXPORT Status StartAlongSpanningTree(PoseGraph* graph);
 class INCERES_EXPORT ChordalStart {
  public:
   /// For a graph whose edges do not change; it is copied. `num_threads` are those of the linear
-  /// solver.
+  /// solver. What is wrong with the graph is told by Compute.
   explicit ChordalStart(const PoseGraph& graph, int num_threads = 1);
   ~ChordalStart();
   ChordalStart(const ChordalStart&) = delete;
@@ -48,9 +48,10 @@ class INCERES_EXPORT ChordalStart {
   /// Poses for the edges with these weights, one each, at least 0, or all 1 if there are none: laid
   /// out as PoseGraph::poses. Only edges of positive weight count.
   ///
-  /// kInvalidArgument, `poses` unchanged, if the number of weights is another, one is negative or
-  /// not finite, or no edges that count lead from the first vertex to one that the message names;
-  /// kSingular if the linear systems cannot be solved.
+  /// kInvalidArgument, `poses` unchanged, if the graph does not fit together (AddPoseGraph), the
+  /// number of weights is another, one is negative or not finite, or no edges that count lead from
+  /// the first vertex to one that the message names; kSingular if the linear systems cannot be
+  /// solved.
   Status Compute(const std::vector<double>& weights, std::vector<double>* poses);
 
  private:
@@ -58,12 +59,18 @@ class INCERES_EXPORT ChordalStart {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The same once, with all weights 1, into the graph's poses. The graph is unchanged on an error.
+/// The same once, with all weights 1, into the graph's poses. Errors as of Compute, the graph
+/// unchanged.
 INCERES_EXPORT Status StartByChordalRelaxation(PoseGraph* graph, int num_threads = 1);
 
 /// What GncOptions::start of a pose graph is: the chordal start of all edges, those of
 /// `suspected_edges` with the weights that are given, in that order, into the poses of the graph
 /// that `ids` names. Copies what it needs.
+///
+/// What is wrong is told by each call of what it returns, the graph unchanged: kInvalidArgument if
+/// the pose graph does not fit together (AddPoseGraph), a suspected edge is none of its edges,
+/// `ids` has not a pose for each of its vertices, the number of weights is not that of suspected
+/// edges, or the graph does not have these variables; else as of Compute.
 INCERES_EXPORT GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
                                         std::vector<int> suspected_edges, int num_threads = 1);
 
