@@ -1,7 +1,6 @@
 #include "inceres/estimator/sliding_window_estimator.h"
 
 #include <string>
-#include <utility>
 
 #include <Eigen/Eigenvalues>
 
@@ -21,13 +20,12 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// As newly made, but for the memory of the update.
-// A caller who passes the same summary each time keeps the update's vectors: they are swapped out
-// of the old object and into the new one, so that nothing of the last frame survives but capacity.
+// As newly made, but for the memory it holds.
+// Copied and not moved: strings and vectors that are given an empty one's value keep their capacity
+// for a caller who passes the same summary each time.
 void Clear(WindowSummary* summary) {
-  WindowSummary cleared;
-  std::swap(cleared.update, summary->update);
-  *summary = std::move(cleared);
+  const WindowSummary cleared;
+  *summary = cleared;
 }
 
 // A track without a landmark may exist: seen once, or with too little parallax so far.

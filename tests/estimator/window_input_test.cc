@@ -102,6 +102,21 @@ TEST(WindowInput, AFrameWithBadInputChangesNothing) {
   }
 }
 
+// The caller's summary is used again: of the frame before it keeps the memory only.
+TEST(WindowInput, AFrameWithBadInputHasNoSolve) {
+  const VioSequence sequence = Simulate("", 8);
+  WindowRun run(sequence, WindowOptionsOf(sequence));
+  run.Play(5);
+  const UpdateSummary& update = run.summary.update;
+  ASSERT_FALSE(update.iterations.empty());
+  const std::size_t capacity = update.iterations.capacity();
+  run.estimator.AddFrame({}, &run.summary);
+  EXPECT_EQ(run.summary.status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(run.summary.state.time, sequence.frames[4].time);
+  EXPECT_EQ(update.ToJson(), UpdateSummary().ToJson());
+  EXPECT_EQ(update.iterations.capacity(), capacity);
+}
+
 TEST(WindowInput, WhatIsNotThereHasNoReadOut) {
   const VioSequence sequence = Simulate("", 8);
   WindowRun run(sequence, WindowOptionsOf(sequence));

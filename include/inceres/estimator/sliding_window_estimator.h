@@ -152,7 +152,7 @@ struct WindowSummary {
   int num_marginalized_landmarks = 0;  ///< into the prior
   int num_dropped_landmarks = 0;       ///< their information lost: too few views
 
-  UpdateSummary update;                    ///< the solve's work
+  UpdateSummary update;                    ///< the solve's work; as new if there was no solve
   Left left = Left::kNone;                 ///< which frame left
   double left_time = 0.0;                  ///< its time
   MarginalizationSummary marginalization;  ///< the prior made, if one was
