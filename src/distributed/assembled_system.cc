@@ -25,8 +25,8 @@ namespace inceres::internal {
 namespace {
 
 // As MPI counts values: no rank sends more than 16 GiB of a matrix, nor 2 GiB of places.
-// MPI takes counts as int. Throws on this rank alone: the caller's Agreement, or the end of the
-// program, tells the others.
+// MPI takes counts as int. Throws on this rank alone: an agreement, or the end of the program,
+// tells the others.
 int ToCount(std::int64_t count) {
   if (count > INT_MAX) {
     throw PetscFailure(PETSC_ERR_ARG_OUTOFRANGE, "a rank's share of S is too large to be sent");
@@ -49,25 +49,34 @@ std::vector<int> BeginsOf(const std::vector<int>& counts) {
 }  // namespace
 
 // The order matters: shares are numbered by rank before the exchange of places, and only what is
-// received says how many entries each owned row has.
+// received says how many entries each owned row has. What this rank does by itself is agreed on
+// before the first exchange; what throws later ends the program, for the others are in the midst of
+// one.
 AssembledSystem::AssembledSystem(Form form, const ReducedSystem& system)
     : form_(form), system_(system) {
-  std::vector<std::vector<Share>> of_rank(static_cast<std::size_t>(system.ranks().size()));
-  CollectShares(&of_rank);
-  PlanExchange(of_rank);
+  std::vector<std::vector<Place>> places;
+  const Status collected = system.ranks().Try([&] {
+    NumberShares(CollectShares(), &places);
+    return Status::Ok();
+  });
+  if (!collected.ok()) {
+    throw AgreedFailure(collected);
+  }
+  PlanExchange(std::move(places));
   Preallocate();
 }
 
 // Each block of the local pattern becomes a share for the owner of its row. The upper form has one
 // share for each block, turned such that its row is not behind its column; the whole form has two,
 // of which one is the transpose, and one on the diagonal.
-void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) const {
+std::vector<std::vector<AssembledSystem::Share>> AssembledSystem::CollectShares() const {
+  std::vector<std::vector<Share>> of_rank(static_cast<std::size_t>(system_.ranks().size()));
   const FramePlans& plans = system_.plans();
   const std::vector<FramePlace>& frames = system_.frames().moving();
   const auto add = [&](const FramePlace& row, const FramePlace& column, int block,
                        bool transposed) {
     const Place place{row.begin[0], column.begin[0], row.sizes[0], column.sizes[0]};
-    (*of_rank)[static_cast<std::size_t>(row.owner)].push_back({place, block, transposed});
+    of_rank[static_cast<std::size_t>(row.owner)].push_back({place, block, transposed});
   };
   for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
     const FramePlace& i = frames[static_cast<std::size_t>(plans.block_row[k])];
@@ -82,30 +91,37 @@ void AssembledSystem::CollectShares(std::vector<std::vector<Share>>* of_rank) co
       add(upper ? i : j, upper ? j : i, block, !upper);
     }
   }
+  return of_rank;
 }
 
 // Shares are concatenated by rank of destination, and `shares_` keeps that order for PackShares.
-// Places travel once; afterwards position k in the stream of values means place k. A rank sends to
-// itself like to others, so that one loop sums all.
-void AssembledSystem::PlanExchange(const std::vector<std::vector<Share>>& of_rank) {
+// Also whether MPI can count them: the values, and the bytes of the places.
+void AssembledSystem::NumberShares(const std::vector<std::vector<Share>>& of_rank,
+                                   std::vector<std::vector<Place>>* places) {
   const auto num_ranks = of_rank.size();
-  const Communicator& ranks = system_.ranks();
-  std::vector<std::vector<Place>> places(num_ranks);
+  places->resize(num_ranks);
   to_ranks_.counts.assign(num_ranks, 0);
   from_ranks_.counts.assign(num_ranks, 0);
   for (std::size_t r = 0; r < num_ranks; ++r) {
     std::int64_t num_values = 0;
     for (const Share& share : of_rank[r]) {
       shares_.push_back(share);
-      places[r].push_back(share.place);
+      (*places)[r].push_back(share.place);
       num_values += std::int64_t{share.place.rows} * share.place.columns;
     }
     to_ranks_.counts[r] = ToCount(num_values);
   }
+  to_ranks_.begins = BeginsOf(to_ranks_.counts);
+  ToCount(static_cast<std::int64_t>(shares_.size() * sizeof(Place)));
+}
+
+// Places travel once; afterwards position k in the stream of values means place k. A rank sends to
+// itself like to others, so that one loop sums all.
+void AssembledSystem::PlanExchange(std::vector<std::vector<Place>> places) {
+  const Communicator& ranks = system_.ranks();
   // Receivers learn the counts of values first.
   MPI_Alltoall(to_ranks_.counts.data(), 1, MPI_INT, from_ranks_.counts.data(), 1, MPI_INT,
                ranks.comm());
-  to_ranks_.begins = BeginsOf(to_ranks_.counts);
   from_ranks_.begins = BeginsOf(from_ranks_.counts);
   const std::vector<Place> received = ranks.SendToEach(std::move(places));
   // The last begin and the last count give the total.

@@ -20,7 +20,7 @@ class AssembledSystem {
     kWhole,  ///< both, as MPIAIJ: for preconditioners of all kinds
   };
 
-  /// Collective, as all calls.
+  /// Collective, as all calls. Throws AgreedFailure, on all ranks, if one cannot plan its shares.
   AssembledSystem(Form form, const ReducedSystem& system);
 
   /// Sets the entries, after an elimination and SetDamping.
@@ -49,8 +49,10 @@ class AssembledSystem {
     std::int64_t begin;  // of its values
   };
 
-  void CollectShares(std::vector<std::vector<Share>>* of_rank) const;
-  void PlanExchange(const std::vector<std::vector<Share>>& of_rank);
+  std::vector<std::vector<Share>> CollectShares() const;
+  void NumberShares(const std::vector<std::vector<Share>>& of_rank,
+                    std::vector<std::vector<Place>>* places);
+  void PlanExchange(std::vector<std::vector<Place>> places);
   void PlanSums(const std::vector<Place>& received);
   void Preallocate();
   void PackShares();

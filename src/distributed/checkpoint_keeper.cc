@@ -67,9 +67,10 @@ bool AllFinite(const double* values, int count) {
 
 }  // namespace
 
-// Maps the landmarks of the layout to ids once. Without a path nothing is asked of
-// GraphPart::landmarks, and Sum is not called: options are the same on all ranks, so all skip it.
-// Variables that do not move have no place, and are not written.
+// Maps the landmarks of the layout to ids once, and checks these: a file from which nobody could go
+// on is not written. Without a path nothing is asked of GraphPart::landmarks, and no call of the
+// ranks made: options are the same on all, so all skip it. Variables that do not move have no
+// place, and are not written.
 CheckpointKeeper::CheckpointKeeper(const DistributedOptions& options, const Communicator& ranks,
                                    const GraphPart& part, const SharedFrames& frames,
                                    const Layout& layout)
@@ -86,19 +87,57 @@ CheckpointKeeper::CheckpointKeeper(const DistributedOptions& options, const Comm
     }
   }
   num_landmarks_ = static_cast<std::int64_t>(ranks.Sum(layout.num_landmarks()));
+  checked_ = CheckLandmarks();
 }
 
-// Checked when a checkpoint is written or read, and not before: the ids are needed by nothing else.
-Status CheckpointKeeper::CheckLandmarks() const {
-  const auto missing = std::find(landmark_ids_.begin(), landmark_ids_.end(), -1);
-  if (missing == landmark_ids_.end()) {
+Status CheckpointKeeper::CheckOwnLandmarks() const {
+  const auto nameless = std::find_if(landmark_ids_.begin(), landmark_ids_.end(),
+                                     [](std::int64_t id) { return id < 0; });
+  if (nameless == landmark_ids_.end()) {
     return Status::Ok();
   }
-  const auto position = static_cast<std::size_t>(missing - landmark_ids_.begin());
+  const auto position = static_cast<std::size_t>(nameless - landmark_ids_.begin());
   const VariableId id = layout_.variables[static_cast<std::size_t>(layout_.num_frames) + position];
   return Status::Error(StatusCode::kInvalidArgument,
                        "landmark variable " + std::to_string(id) +
-                           " is not listed in GraphPart::landmarks, as checkpoints need");
+                           " is not listed in GraphPart::landmarks with an id of 0 or more, as "
+                           "checkpoints need");
+}
+
+// Collective. What is written must be found again by its id: no two landmarks may have the same,
+// here or on two ranks. All of one id go to the same rank, which compares them. Frames have been
+// compared by SharedFrames.
+Status CheckpointKeeper::CheckLandmarks() const {
+  struct Listed {
+    std::int64_t id;
+    std::int64_t rank;
+  };
+  const auto num_ranks = static_cast<std::size_t>(ranks_.size());
+  std::vector<std::vector<Listed>> to_rank(num_ranks);
+  Status status = ranks_.Try([&] {
+    Status own = CheckOwnLandmarks();
+    for (std::size_t l = 0; own.ok() && l < landmark_ids_.size(); ++l) {
+      const std::int64_t id = landmark_ids_[l];
+      to_rank[static_cast<std::size_t>(id) % num_ranks].push_back({id, ranks_.rank()});
+    }
+    return own;
+  });
+  if (!status.ok()) {
+    return status;
+  }
+  std::vector<Listed> received = ranks_.SendToEach(std::move(to_rank));
+  std::stable_sort(received.begin(), received.end(),
+                   [](const Listed& a, const Listed& b) { return a.id < b.id; });
+  const auto twice =
+      std::adjacent_find(received.begin(), received.end(),
+                         [](const Listed& a, const Listed& b) { return a.id == b.id; });
+  if (twice != received.end()) {
+    status = Status::Error(StatusCode::kInvalidArgument,
+                           "GraphPart::landmarks has two of id " + std::to_string(twice->id) +
+                               ", on rank " + std::to_string(twice->rank) + " and rank " +
+                               std::to_string((twice + 1)->rank));
+  }
+  return ranks_.Agree(status);
 }
 
 // Iteration 0 is where the solve began: nothing to keep. The answer depends on options and the
@@ -147,13 +186,15 @@ std::vector<char> CheckpointKeeper::EncodeOwn(const LoopPosition& position,
 // alone, so each status is agreed on first.
 Status CheckpointKeeper::Write(const LoopPosition& position,
                                const std::vector<double>& state) const {
+  if (!checked_.ok()) {
+    return checked_;
+  }
   const std::string partial = options_.checkpoint.path + ".partial";
   const bool root = ranks_.rank() == 0;
   std::vector<char> bytes;
   Status status = ranks_.Try([&] {
     bytes = EncodeOwn(position, state);
-    const Status listed = CheckLandmarks();
-    return listed.ok() && root ? MakeEmpty(partial) : listed;
+    return root ? MakeEmpty(partial) : Status::Ok();
   });
   if (!status.ok()) {
     return status;
@@ -191,10 +232,7 @@ Status CheckpointKeeper::Write(const LoopPosition& position,
 
 // Each rank reads the file by itself; Try makes the first failure that of all.
 Status CheckpointKeeper::Resume(LoopPosition* position, std::vector<double>* state) const {
-  return ranks_.Try([&] {
-    const Status listed = CheckLandmarks();
-    return listed.ok() ? Read(position, state) : listed;
-  });
+  return checked_.ok() ? ranks_.Try([&] { return Read(position, state); }) : checked_;
 }
 
 Status CheckpointKeeper::CheckHead(const CheckpointHead& head) const {
@@ -211,7 +249,7 @@ Status CheckpointKeeper::CheckHead(const CheckpointHead& head) const {
 }
 
 // Frames begin the layout. Ids of frames and landmarks are apart.
-Status CheckpointKeeper::FindPlaces(Places* frames, Places* landmarks) const {
+void CheckpointKeeper::FindPlaces(Places* frames, Places* landmarks) const {
   // Owned or not: a shared frame is read by all ranks that move it, and gets the same bits on each.
   for (std::size_t i = 0; i < frames_.moving().size(); ++i) {
     (*frames)[frames_.moving()[i].id] = i;
@@ -219,10 +257,6 @@ Status CheckpointKeeper::FindPlaces(Places* frames, Places* landmarks) const {
   for (std::size_t l = 0; l < landmark_ids_.size(); ++l) {
     (*landmarks)[landmark_ids_[l]] = static_cast<std::size_t>(layout_.num_frames) + l;
   }
-  return landmarks->size() == landmark_ids_.size()
-             ? Status::Ok()
-             : Status::Error(StatusCode::kInvalidArgument,
-                             "GraphPart::landmarks has one id for two landmarks");
 }
 
 // Values and scales go into the solve unchecked from here on. A scale divides the damping, so it
@@ -242,13 +276,11 @@ Status CheckpointKeeper::Read(LoopPosition* position, std::vector<double>* state
   CheckpointReader reader;
   Status status = reader.Open(path);
   status = status.ok() ? CheckHead(reader.head()) : status;
-  Places places[2];  // by kind
-  status = status.ok()
-               ? FindPlaces(&places[CheckpointRecord::kFrame], &places[CheckpointRecord::kLandmark])
-               : status;
   if (!status.ok()) {
     return status;
   }
+  Places places[2];  // by kind
+  FindPlaces(&places[CheckpointRecord::kFrame], &places[CheckpointRecord::kLandmark]);
   *position = reader.head().position;
   // 1 where nothing will be written; by the count below, nowhere.
   position->scale.assign(static_cast<std::size_t>(layout_.size()), 1.0);

@@ -39,10 +39,11 @@ class CheckpointKeeper final : public PositionKeeper {
   // By id, the positions in the layout of frames and of landmarks.
   using Places = std::unordered_map<std::int64_t, std::size_t>;
   Status CheckHead(const CheckpointHead& head) const;
-  Status FindPlaces(Places* frames, Places* landmarks) const;
+  void FindPlaces(Places* frames, Places* landmarks) const;
   bool Fits(const CheckpointRecord& record, VariableId variable, const double* values,
             const double* scale) const;
   Status Read(LoopPosition* position, std::vector<double>* state) const;
+  Status CheckOwnLandmarks() const;
   Status CheckLandmarks() const;
 
   const DistributedOptions& options_;
@@ -50,8 +51,9 @@ class CheckpointKeeper final : public PositionKeeper {
   const GraphPart& part_;
   const SharedFrames& frames_;
   const Layout& layout_;
-  std::vector<std::int64_t> landmark_ids_;  // in the order of the layout; −1: not listed
+  std::vector<std::int64_t> landmark_ids_;  // in the order of the layout; −1 if it is not listed
   std::int64_t num_landmarks_ = 0;          // of all ranks
+  Status checked_;                          // whether the ids of all ranks will do
   int num_written_ = 0;
   std::string failure_;
 };

@@ -1,6 +1,8 @@
 // S factored by MUMPS.
 #include <petscksp.h>
 
+#include <string>
+
 #include "distributed/assembled_system.h"
 #include "distributed/reduced_solvers.h"
 
@@ -21,9 +23,6 @@ constexpr int kMumpsExtraSpace = 14;  // its ICNTL of that: per cent more than p
 // In per cent, as MUMPS takes it; doubled as long as it is below the maximum.
 constexpr int kFirstExtraSpace = 50;
 constexpr int kMaxExtraSpace = 1000;
-// INFOG is global, unlike INFO: the same on all ranks. −9 is for real workspace, −8 for integers.
-constexpr int kMumpsSpaceTooSmall = -9;  // its INFOG(1)
-constexpr int kMumpsSpaceTooSmallToo = -8;
 // For a matrix that is said to be positive definite (its SYM = 1) MUMPS takes negative pivots as
 // they come, and counts them here: L D Lᵀ of an indefinite matrix is no error to it.
 constexpr int kMumpsNegativePivots = 12;  // its INFOG of that
@@ -46,8 +45,9 @@ class CholeskySolver final : public DistributedReducedSolver {
 
   const char* Name() const override { return "sparse Cholesky of MUMPS on the reduced system"; }
 
-  // Collective. Returns kSingular, which the loop answers with more damping, for all failures of
-  // the factorization but too little workspace, and for that once the margin is at its maximum.
+  // Collective. Returns kSingular, which the loop answers with more damping, for failures of the
+  // factorization but for too little workspace, and for that once the margin is at its maximum; and
+  // kUnavailable, which ends the solve, where a rank is out of memory.
   Status Solve(const std::vector<double>& b, std::vector<double>* x) override {
     matrix_.Assemble();
     const LogStage stage("inceres factor S");
@@ -65,7 +65,14 @@ class CholeskySolver final : public DistributedReducedSolver {
         break;
       }
       is_set_up_ = false;  // PETSc keeps a failed factor as failed
-      if (!IsSpaceTooSmall() || extra_space_ >= kMaxExtraSpace) {
+      // PETSc reports a failed factorization as a reason; MUMPS's own code says why.
+      const PetscInt info = Infog(1);
+      const MumpsFailure failure = MumpsFailureOf(static_cast<int>(info));
+      if (failure == MumpsFailure::kOutOfMemory) {
+        return Status::Error(StatusCode::kUnavailable,
+                             "out of memory, MUMPS says: INFOG(1) = " + std::to_string(info));
+      }
+      if (failure != MumpsFailure::kSpaceTooSmall || extra_space_ >= kMaxExtraSpace) {
         return Indefinite();
       }
     }
@@ -103,14 +110,7 @@ class CholeskySolver final : public DistributedReducedSolver {
                          "the reduced system is not positive definite, MUMPS says");
   }
 
-  // Asked only after a solve that did not converge: PETSc reports a failed factorization as a
-  // reason, and MUMPS's own code tells why.
-  bool IsSpaceTooSmall() const {
-    const PetscInt info = Infog(1);
-    return info == kMumpsSpaceTooSmall || info == kMumpsSpaceTooSmallToo;
-  }
-
-  // What MUMPS says of its last call, the same on all ranks.
+  // What MUMPS says of its last call. INFOG is global, unlike INFO: the same on all ranks.
   PetscInt Infog(int entry) const {
     PC pc = nullptr;
     Mat factor = nullptr;
@@ -131,14 +131,31 @@ class CholeskySolver final : public DistributedReducedSolver {
 
 }  // namespace
 
-std::unique_ptr<DistributedReducedSolver> MakeCholeskySolver(ReducedSystem* system,
-                                                             Status* status) {
-  std::unique_ptr<DistributedReducedSolver> solver;
-  *status = system->ranks().Try([&] {
-    solver = std::make_unique<CholeskySolver>(system);
-    return Status::Ok();
-  });
-  return solver;
+// MUMPS's users' guide, "Error and warning diagnostics".
+MumpsFailure MumpsFailureOf(int infog1) {
+  switch (infog1) {
+    case -8:   // integer workspace
+    case -9:   // real workspace
+    case -11:  // real workspace, for the solution
+    case -14:  // integer workspace, for the solution
+    case -15:  // integer workspace, for refinement
+    case -17:  // the buffer that sends
+    case -20:  // the buffer that receives
+      return MumpsFailure::kSpaceTooSmall;
+    case -5:   // real workspace of the analysis
+    case -7:   // integer workspace of the analysis
+    case -13:  // workspace of the factorization or the solution
+    case -19:  // what ICNTL(23) allows, if anybody has set it
+      return MumpsFailure::kOutOfMemory;
+    default:
+      return MumpsFailure::kOther;
+  }
+}
+
+// Not in a Try: the exchanges within would meet its agreement. AssembledSystem agrees on what one
+// rank alone can fail at.
+std::unique_ptr<DistributedReducedSolver> MakeCholeskySolver(ReducedSystem* system) {
+  return std::make_unique<CholeskySolver>(system);
 }
 
 }  // namespace inceres::internal

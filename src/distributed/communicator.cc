@@ -4,6 +4,7 @@
 #include <climits>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <new>
 #include <numeric>
 
@@ -180,7 +181,7 @@ Status Communicator::Evaluate(const Evaluation& evaluation, double* cost) const 
 }
 
 // Observers are the user's, and may throw on one rank. ObserverAction is ordered by how far it
-// goes: of two verdicts the larger number is that of all.
+// goes: of two verdicts the larger number is that of all, and an exception goes farther than any.
 ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observers) const {
   ObserverAction own = ObserverAction::kContinue;
   const auto ask = [&] {
@@ -188,12 +189,13 @@ ObserverAction Communicator::Ask(const std::function<ObserverAction()>& observer
     return Status::Ok();
   };
   bool threw = false;
-  Status status = Guarded(ask, &threw);
-  const Status agreed = Agree(status);
-  if (!agreed.ok()) {
-    throw AgreedFailure(agreed);
+  const Status status = Guarded(ask, &threw);
+  constexpr double kFarthest = std::numeric_limits<double>::infinity();
+  const double verdict = Max(threw ? kFarthest : static_cast<double>(own));
+  if (verdict == kFarthest) {
+    throw AgreedFailure(Agree(status));
   }
-  return static_cast<ObserverAction>(static_cast<int>(Max(static_cast<double>(own))));
+  return static_cast<ObserverAction>(static_cast<int>(verdict));
 }
 
 // What a rank has for itself is no message.

@@ -2,6 +2,7 @@
 
 #include <mpi.h>
 
+#include <climits>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -25,6 +26,11 @@ class AgreedFailure : public std::exception {
  private:
   Status status_;
 };
+
+/// A sum of counts over all ranks, where the summary has an int: INT_MAX for more.
+inline int SaturatedCount(double sum) {
+  return sum < INT_MAX ? static_cast<int>(sum) : INT_MAX;
+}
 
 /// The ranks of an MPI communicator, of which it has a duplicate, as the trust-region loop sees
 /// them. Sums are taken in the order of the ranks, by each for itself from what all have sent:

@@ -196,9 +196,10 @@ bool DistributedModel::IsFinite(const std::vector<double>& v) const {
 
 // Counts are of all ranks; bytes are those of this one.
 void DistributedModel::Describe(WorkCounts* work) const {
-  work->num_frames = static_cast<int>(frames_.num_frames());
-  work->reduced_size = static_cast<int>(frames_.total_size(FramePlace::kTangent));
-  work->num_landmarks = static_cast<int>(ranks_.Sum(incidences_.num_landmarks()));
+  work->num_frames = SaturatedCount(static_cast<double>(frames_.num_frames()));
+  work->reduced_size =
+      SaturatedCount(static_cast<double>(frames_.total_size(FramePlace::kTangent)));
+  work->num_landmarks = SaturatedCount(ranks_.Sum(incidences_.num_landmarks()));
   work->num_schur_products =
       static_cast<std::int64_t>(ranks_.Sum(static_cast<double>(plans_.num_schur_products())));
   work->bytes += elimination_.Bytes() + system_.Bytes() + solver_->Bytes();

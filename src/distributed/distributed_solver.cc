@@ -149,6 +149,11 @@ Status DistributedSolver::Impl::SetUp(const GraphPart& part, std::unique_ptr<Wor
     const DistributedOptions resolved =
         Resolved(options_, work.frames.total_size(FramePlace::kTangent));
     work.is_iterative = resolved.linear_solver != DistributedLinearSolver::kCholesky;
+    // What kAutomatic stands for may not go with the other options.
+    status = ranks_.Agree(resolved.Validate());
+    if (!status.ok()) {
+      return status;
+    }
     work.model =
         std::make_unique<DistributedModel>(resolved, ranks_, work.frames, *work.evaluator, &status);
   }
@@ -285,6 +290,9 @@ DistributedSummary DistributedSolver::Impl::Solve(const GraphPart& part) {
     // Nobody else knows of it, and all wait for this rank.
     ForgetPetsc();
     ranks_.Abort(exception.what());
+  } catch (...) {
+    ForgetPetsc();
+    ranks_.Abort("something was thrown that is no std::exception");
   }
   // What it refers to is gone.
   ranks_.FindThrowersBy(nullptr);

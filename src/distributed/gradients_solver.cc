@@ -62,7 +62,7 @@ std::unique_ptr<DistributedReducedSolver> MakeDistributedSolver(
   *status = Status::Ok();
   switch (kind) {
     case DistributedLinearSolver::kCholesky:
-      return MakeCholeskySolver(system, status);
+      return MakeCholeskySolver(system);
     case DistributedLinearSolver::kKsp:
       return MakeKspSolver(options, system, status);
     // Resolved before; only kConjugateGradients comes here.

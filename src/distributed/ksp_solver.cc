@@ -44,12 +44,12 @@ class KspSolver final : public DistributedReducedSolver {
   int num_iterations() const override { return num_iterations_; }
   std::int64_t Bytes() const override { return matrix_ == nullptr ? 0 : matrix_->Bytes(); }
 
-  /// What PETSc's options ask for and cannot have.
-  Status CheckPreconditioner() const;
+  /// By PETSc's options. kInvalidArgument: they ask for what they cannot have.
+  Status MakeSolver();
 
  private:
   void MakeOperator();
-  void MakeSolver();
+  Status CheckPreconditioner() const;
   static PetscErrorCode MultiplyShell(Mat shell, Vec v, Vec y);
   static PetscErrorCode ApplyBlocks(PC shell, Vec r, Vec z);
 
@@ -74,7 +74,6 @@ KspSolver::KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* sy
         "VecCreateMPI");
   Check(VecDuplicate(b_.get(), x_.Receive()), "VecDuplicate");
   MakeOperator();
-  MakeSolver();
 }
 
 // The whole matrix, both triangles: preconditioners of all kinds take it.
@@ -97,8 +96,8 @@ void KspSolver::MakeOperator() {
 }
 
 // Defaults first, then the options of the command line, then what came of them: the name in the
-// summary says what is really used.
-void KspSolver::MakeSolver() {
+// summary says what is really used. No rank waits for another in here.
+Status KspSolver::MakeSolver() {
   Check(KSPCreate(system_.ranks().comm(), ksp_.Receive()), "KSPCreate");
   KSP ksp = ksp_.get();
   Mat S = matrix_ != nullptr ? matrix_->matrix() : shell_.get();
@@ -125,6 +124,7 @@ void KspSolver::MakeSolver() {
   name_ += !uses_blocks_ ? preconditioner : two_level ? "blocks, two-level" : "blocks";
   name_ += ", on the reduced system, ";
   name_ += matrix_ != nullptr ? "formed" : "by products";
+  return CheckPreconditioner();
 }
 
 // A shell has no entries, so PETSc's own preconditioners could not be made; that is said by the
@@ -190,11 +190,9 @@ Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
 
 std::unique_ptr<DistributedReducedSolver> MakeKspSolver(const ConjugateGradientsOptions& options,
                                                         ReducedSystem* system, Status* status) {
-  std::unique_ptr<KspSolver> solver;
-  *status = system->ranks().Try([&] {
-    solver = std::make_unique<KspSolver>(options, system);
-    return solver->CheckPreconditioner();
-  });
+  // The operator is not made in the Try: the exchanges within would meet its agreement.
+  auto solver = std::make_unique<KspSolver>(options, system);
+  *status = system->ranks().Try([&] { return solver->MakeSolver(); });
   return solver;
 }
 

@@ -31,6 +31,12 @@ Status DistributedOptions::Validate() const {
   const char* refused =
       solver.strategy == TrustRegionStrategyKind::kSubspaceDogleg
           ? "solver.strategy: kSubspaceDogleg is for one process; use kDogleg"
+      // Its Gauss–Newton step is to be exact. kAutomatic may become kCholesky.
+      : solver.strategy == TrustRegionStrategyKind::kDogleg &&
+              (linear_solver == DistributedLinearSolver::kConjugateGradients ||
+               linear_solver == DistributedLinearSolver::kKsp)
+          ? "solver.strategy: kDogleg takes exact steps, of kCholesky; use kLevenbergMarquardt or "
+            "kMarquardt"
       : solver.linear_model != LinearModelKind::kAutomatic
           ? "solver.linear_model: stays kAutomatic; linear_solver takes its place"
       : solver.reduced_solver != ReducedSolverKind::kAutomatic || solver.reduced_solver_factory
@@ -38,8 +44,13 @@ Status DistributedOptions::Validate() const {
       : solver.refine_landmarks    ? "solver.refine_landmarks is for one process"
       : solver.dynamic_sparsity    ? "solver.dynamic_sparsity is for one process"
       : solver.recompute_jacobians ? "solver.recompute_jacobians is for one process"
+      : solver.max_memory_bytes != 0
+          ? "solver.max_memory_bytes is for one process: nobody counts what the ranks take"
       : solver.use_nonmonotonic_steps && !checkpoint.path.empty()
           ? "solver.use_nonmonotonic_steps: a checkpoint does not remember the costs before"
+      : solver.reduce_curvature_of_losses && !checkpoint.path.empty()
+          ? "solver.reduce_curvature_of_losses: a checkpoint does not remember what the last step "
+            "gained"
       // kCholesky forms S in any case; kAutomatic may become either.
       : solver.conjugate_gradients.explicit_schur_complement &&
               (linear_solver == DistributedLinearSolver::kConjugateGradients ||

@@ -71,16 +71,15 @@ void SumSizes(const Communicator& ranks, const FactorGraph& graph, const Layout&
                     static_cast<double>(layout.size() - layout.frame_size())};
   ranks.SumAll(6, sums);
   landmark_values = ranks.Sum(landmark_values);
-  sizes->num_variables = static_cast<int>(sums[0]);
-  sizes->num_values = static_cast<int>(sums[1]);
-  sizes->num_factors = static_cast<int>(sums[2]);
+  sizes->num_variables = SaturatedCount(sums[0]);
+  sizes->num_values = SaturatedCount(sums[1]);
+  sizes->num_factors = SaturatedCount(sums[2]);
   sizes->num_residuals = static_cast<std::int64_t>(sums[3]);
-  sizes->num_moving_variables =
-      static_cast<int>(sums[4] + static_cast<double>(frames.num_frames()));
-  sizes->num_moving_values = static_cast<int>(
+  sizes->num_moving_variables = SaturatedCount(sums[4] + static_cast<double>(frames.num_frames()));
+  sizes->num_moving_values = SaturatedCount(
       landmark_values + static_cast<double>(frames.total_size(FramePlace::kAmbient)));
   sizes->num_dimensions =
-      static_cast<int>(sums[5] + static_cast<double>(frames.total_size(FramePlace::kTangent)));
+      SaturatedCount(sums[5] + static_cast<double>(frames.total_size(FramePlace::kTangent)));
 }
 
 // PETSc's counters are of the process and never reset; the communicator's are of all solves with

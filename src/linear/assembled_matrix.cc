@@ -13,9 +13,10 @@ namespace inceres::internal {
 // summed anew with the same result costs nothing. An entry that is NaN is unlike itself and so
 // always counts as changed, which is the safe side.
 //
-// The copy has the layout of SymmetricBlockRows, offset by offset, padding included. Where a new
-// block takes up the room of a removed one, the copy has the values of the latter until Take: of
-// new blocks the tree learns from the structure, not from here.
+// The copy has the layout of SymmetricBlockRows, offset by offset, padding included. Where a block
+// takes up the room of a removed one, the copy has the values of the latter until Take. So of each
+// room it is known which block they are of: two blocks that went and came back may have traded
+// their rooms, and the neighbors of their rows tell nothing of it.
 
 namespace {
 
@@ -25,12 +26,17 @@ std::size_t LengthOf(const SymmetricBlockRows& S, int row, int column) {
 
 }  // namespace
 
-// Beyond the end of the copy nothing has been taken yet. A block that is left out (a held row)
-// stands for zeros, so that holding and freeing a row shows as a change of its blocks.
+// Beyond the end of the copy nothing has been taken yet. The values of another block count for
+// nothing, even where they are the same. A block that is left out (a held row) stands for zeros, so
+// that holding and freeing a row shows as a change of its blocks.
 bool AssembledMatrix::Has(const SymmetricBlockRows& S, int row,
                           const SymmetricBlockRows::Entry& block, bool left_out) const {
   const std::size_t length = LengthOf(S, row, block.column);
   if (values_.size() < static_cast<std::size_t>(block.offset) + length) {
+    return false;
+  }
+  const Name& name = names_[block.offset / kQuad];
+  if (name.row != row || name.column != block.column) {
     return false;
   }
   const double* taken = values_.data() + block.offset;
@@ -43,8 +49,10 @@ void AssembledMatrix::Take(const SymmetricBlockRows& S, int row,
   const std::size_t length = LengthOf(S, row, block.column);
   const auto end = static_cast<std::size_t>(block.offset) + length;
   if (values_.size() < end) {
+    names_.resize(end / kQuad);
     values_.resize(end);
   }
+  names_[block.offset / kQuad] = {row, block.column};
   // Whole quads, of a block that is mostly too small for a library call to be worthwhile.
   double* const taken = values_.data() + block.offset;
   const double* const values = S.values(block.offset);
@@ -71,8 +79,8 @@ void AssembledMatrix::TakeDiagonal(int row, const double* diagonal, int size) {
 }
 
 std::size_t AssembledMatrix::Bytes() const {
-  return values_.capacity() * sizeof(double) + diagonals_.size() * sizeof(std::vector<double>) +
-         list_bytes_;
+  return values_.capacity() * sizeof(double) + names_.capacity() * sizeof(Name) +
+         diagonals_.size() * sizeof(std::vector<double>) + list_bytes_;
 }
 
 }  // namespace inceres::internal

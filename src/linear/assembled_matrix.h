@@ -10,7 +10,8 @@
 namespace inceres::internal {
 
 /// The A = S + diag that a factor was made of, block by block, for who wants to know what has
-/// become another since: to the bit, so that rows that were only summed anew do not count.
+/// become another since: to the bit, so that rows that were only summed anew do not count. A block
+/// that has come to the room of another one is not it, whatever its values are.
 class AssembledMatrix {
  public:
   /// A block that is left out counts as zeros.
@@ -26,7 +27,13 @@ class AssembledMatrix {
   std::size_t Bytes() const;
 
  private:
+  struct Name {
+    int row = -1;
+    int column = -1;
+  };
+
   std::vector<double> values_;  // where S has them
+  std::vector<Name> names_;     // per quad of these: at the first of a block, the block
   std::vector<std::vector<double>> diagonals_;
   std::size_t list_bytes_ = 0;  // of these
 };

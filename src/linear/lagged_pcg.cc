@@ -17,7 +17,6 @@ namespace inceres::internal {
 
 Status LaggedPcg::Analyze(const ReducedMatrix& A) {
   factored_ = false;
-  num_factorizations_ = 0;
   return factor_->Analyze(A);
 }
 
@@ -30,7 +29,6 @@ Status LaggedPcg::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
 }
 
 Status LaggedPcg::Renew() {
-  ++num_factorizations_;
   const Status status = factor_->Factorize(*A_, {});
   factored_ = status.ok();
   // The count is that of the factor: a new one has none against it.

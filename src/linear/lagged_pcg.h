@@ -41,8 +41,6 @@ class LaggedPcg final : public ReducedSolver, private ConjugateGradients::System
 
   /// That it is preconditioned by.
   const ReducedSolver& factor() const { return *factor_; }
-  /// Since Analyze.
-  int num_factorizations() const { return num_factorizations_; }
 
  private:
   Status Renew();
@@ -58,7 +56,6 @@ class LaggedPcg final : public ReducedSolver, private ConjugateGradients::System
   ConjugateGradients iteration_;
   std::optional<ReducedMatrix> A_;
   bool factored_ = false;  // some A, perhaps an earlier one
-  int num_factorizations_ = 0;
 };
 
 }  // namespace inceres::internal

@@ -1,7 +1,6 @@
 #include "linear/tip_marginal.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include <Eigen/LU>

@@ -47,9 +47,6 @@ class GaugeFit {
 /// block of J_cᵀJ_c a frame to factor. Threads: the evaluator's; the same bits for any number.
 class GaugeModes {
  public:
-  static constexpr int kCount = kGaugeModes;
-  static constexpr int kStride = kGaugeStride;
-
   /// Reads connections only. Fails as the analysis of J_cᵀJ_c.
   GaugeModes(const Evaluator& evaluator, const std::vector<char>& is_shared, Status* status);
 
@@ -59,8 +56,6 @@ class GaugeModes {
   bool Compute();
 
   const GaugeFit& fit() const { return fit_; }
-  const double* Of(int frame) const { return fit_.Of(frame); }
-  const double* misfit() const { return fit_.misfit(); }
   std::int64_t Bytes() const { return normals_.Bytes() + sums_.Bytes() + fit_.Bytes(); }
 
  private:

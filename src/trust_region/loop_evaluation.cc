@@ -9,10 +9,10 @@
 namespace inceres::internal {
 
 // Evaluations as the loop sees them. Whatever decides anything goes through the agreement: of one
-// process its own value, of several the same bits in all. Counts are passes over the problem, as
-// Ceres's evaluator counts them; observers hear of a pass before any cost function is called,
-// which is when Ceres has copied the point to user memory (docs/ceres_contract.md, "Callbacks and
-// state updates").
+// process its own value, of several the same bits in all; and so does all code of the user, which
+// may throw in one process alone. Counts are passes over the problem, as Ceres's evaluator counts
+// them; observers hear of a pass before any cost function is called, which is when Ceres has copied
+// the point to user memory (docs/ceres_contract.md, "Callbacks and state updates").
 
 namespace {
 
@@ -33,23 +33,53 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
       clock_(*clock),
       summary_(*summary),
       agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
+      has_observers_(!agreement_.All(options.observer == nullptr)),
       runs_(*runs) {
   FindRuns();
 }
 
-// Where one process cannot move, none does.
+// Where one process cannot move, none does. Manifolds may be the user's: so they are asked, as an
+// observer is.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   // Those of a candidate before.
   KeepEvaluations(false, &evaluator_.families());
-  return agreement_.All(evaluator_.points().MoveCandidate(step.data()));
+  const auto move = [this, &step] {
+    return evaluator_.points().MoveCandidate(step.data()) ? ObserverAction::kContinue
+                                                          : ObserverAction::kAbort;
+  };
+  return agreement_.Ask(move) == ObserverAction::kContinue;
+}
+
+// Not in the evaluation that follows: where that throws, factors are evaluated once more to find
+// the one that did.
+void LoopEvaluation::TellObservers(bool jacobians, bool new_point) const {
+  // No process asks if none has an observer.
+  if (!has_observers_) {
+    return;
+  }
+  agreement_.Ask([this, jacobians, new_point] {
+    if (options_.observer != nullptr) {
+      const PointPair& points = evaluator_.points();
+      options_.observer->BeforeEvaluation(
+          (jacobians ? points.current() : points.candidate()).data(), jacobians, new_point);
+    }
+    return ObserverAction::kContinue;
+  });
+}
+
+// Summed over all processes, so that all of them begin anew or none does.
+int LoopEvaluation::Recenter() {
+  int own = 0;
+  agreement_.Ask([this, &own] {
+    own = evaluator_.Recenter();
+    return ObserverAction::kContinue;
+  });
+  return static_cast<int>(agreement_.Sum(own));
 }
 
 // Only the first failure of the solve keeps its reason.
 bool LoopEvaluation::CandidateCost(double* cost) {
-  if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator_.points().candidate().data(), /*jacobians=*/false,
-                                        /*new_point=*/true);
-  }
+  TellObservers(/*jacobians=*/false, /*new_point=*/true);
   // Counted before the pass, so that one that fails counts.
   ++summary_.work.num_residual_evaluations;
   const Status evaluated = agreement_.Evaluate(
@@ -64,12 +94,8 @@ bool LoopEvaluation::CandidateCost(double* cost) {
 
 // A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
-  if (options_.observer != nullptr) {
-    // A new point is one at which no cost was asked for: observers are told, as Ceres's callback
-    // is.
-    options_.observer->BeforeEvaluation(evaluator_.points().current().data(), /*jacobians=*/true,
-                                        new_point);
-  }
+  // A new point is one at which no cost was asked for: observers are told, as Ceres's callback is.
+  TellObservers(/*jacobians=*/true, new_point);
   ++summary_.work.num_jacobian_evaluations;
   const auto evaluation = [this, new_point](double* own) {
     // Tangent maps of an accepted candidate were computed with its cost.

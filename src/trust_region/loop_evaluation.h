@@ -23,7 +23,7 @@ struct StateRun {
 /// first candidate that could not be evaluated.
 class LoopEvaluation {
  public:
-  /// All of them outlive this. `runs` is memory that it fills.
+  /// All of them outlive this. `runs` is memory that it fills. All processes make theirs at once.
   LoopEvaluation(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
                  std::vector<StateRun>* runs, StageClock* clock, Summary* summary);
   LoopEvaluation(const LoopEvaluation&) = delete;
@@ -42,12 +42,16 @@ class LoopEvaluation {
   /// `new_point`: no cost has been asked for there.
   bool Jacobians(bool new_point, double* cost);
 
+  /// Factors move their expansion points to the current point; how many have, in all processes.
+  int Recenter();
+
   /// ‖x‖₂ of the variables that move.
   double StateNorm() const;
   /// ‖candidate − x‖₂ over these, and the largest difference unless null.
   double CandidateDistance(double* max_norm) const;
 
  private:
+  void TellObservers(bool jacobians, bool new_point) const;
   bool IsUsable(double cost) const;
   void FindRuns();
 
@@ -58,6 +62,7 @@ class LoopEvaluation {
   Summary& summary_;
   const Agreement alone_;
   const Agreement& agreement_;
+  const bool has_observers_;     // in any process
   std::vector<StateRun>& runs_;  // what moves and is counted here, in the order of the variables
 };
 

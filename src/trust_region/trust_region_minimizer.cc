@@ -413,8 +413,7 @@ bool TrustRegionMinimizer::FinishHere() {
 // At a point just accepted. True if the cost is another function from now on: the best state is
 // then looked for anew.
 bool TrustRegionMinimizer::Recenter() {
-  // Summed over all processes, so that all of them begin anew or none does.
-  const int num_recentered = static_cast<int>(evaluation_.agreement().Sum(evaluator_.Recenter()));
+  const int num_recentered = evaluation_.Recenter();
   if (num_recentered == 0) {
     return false;
   }

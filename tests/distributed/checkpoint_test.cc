@@ -190,6 +190,40 @@ TEST(Checkpoint, ThatCannotBeWrittenIsToldAndTheSolveGoesOn) {
             std::string::npos);
 }
 
+// By its id nobody could tell whose the record is.
+TEST(Checkpoint, OfLandmarksWithoutIdsOfTheirOwnIsNotWritten) {
+  const SharedDir dir;
+  DistributedOptions options = Options(TrustRegionStrategyKind::kLevenbergMarquardt);
+  options.solver.max_num_iterations = 2;
+  options.checkpoint.path = dir.File("state");
+  options.checkpoint.every = 1;
+  const auto expect_told = [&](const BalPart& part, const std::string& why) {
+    const DistributedSummary summary =
+        DistributedSolver(MPI_COMM_WORLD, options).Solve(part.part());
+    EXPECT_TRUE(summary.solve.IsSolutionUsable()) << summary.solve.message;
+    EXPECT_EQ(summary.num_checkpoints, 0);
+    EXPECT_NE(summary.checkpoint_failure.find(why), std::string::npos)
+        << summary.checkpoint_failure;
+    EXPECT_FALSE(std::filesystem::exists(options.checkpoint.path));
+  };
+  const bool last = Rank() == NumRanks() - 1;
+  BalPart twice(Street());
+  if (last) {
+    twice.part().landmarks[1].id = twice.part().landmarks[0].id;
+  }
+  expect_told(twice, "GraphPart::landmarks has two of id ");
+  BalPart negative(Street());
+  if (last) {
+    negative.part().landmarks[0].id = -7;
+  }
+  expect_told(negative, "rank " + std::to_string(NumRanks() - 1) + ": landmark variable ");
+  if (NumRanks() > 1) {
+    BalPart shared(Street());
+    shared.part().landmarks[0].id = 5000;
+    expect_told(shared, "has two of id 5000, on rank 0 and rank 1");
+  }
+}
+
 // With sums that are right, so that what is behind them is reached.
 TEST(Checkpoint, MutatedFilesAreRefusedOrReadNeverMore) {
   if (Rank() != 0) {

@@ -93,8 +93,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"Ksp", TrustRegionStrategyKind::kLevenbergMarquardt,
                          DistributedLinearSolver::kKsp, true},
                     Case{"Dogleg", TrustRegionStrategyKind::kDogleg,
-                         DistributedLinearSolver::kConjugateGradients, false},
-                    Case{"DoglegCholesky", TrustRegionStrategyKind::kDogleg,
+                         DistributedLinearSolver::kCholesky, false},
+                    Case{"DoglegHuber", TrustRegionStrategyKind::kDogleg,
                          DistributedLinearSolver::kCholesky, true}),
     [](const auto& way) { return std::string(way.param.name); });
 

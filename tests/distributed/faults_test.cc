@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/distributed/distributed_solver.h"
+#include "inceres/solver/solver.h"
 #include "tests/distributed/parts.h"
 #include "tests/support/test_families.h"
 
@@ -230,6 +231,34 @@ TEST(Faults, OptionsWithoutEffectAreRefused) {
     options.linear_solver = forms;
     EXPECT_TRUE(SolveStreet(options).IsSolutionUsable());
   }
+  options = Options();
+  options.solver.max_memory_bytes = 1000;
+  ExpectRefused(SolveStreet(options), "max_memory_bytes");
+}
+
+// As one process refuses it with an iterative model.
+TEST(Faults, DoglegTakesNoInexactSteps) {
+  DistributedOptions options = Options();
+  options.solver.strategy = TrustRegionStrategyKind::kDogleg;
+  for (const auto inexact :
+       {DistributedLinearSolver::kConjugateGradients, DistributedLinearSolver::kKsp}) {
+    options.linear_solver = inexact;
+    ExpectRefused(SolveStreet(options), "kDogleg");
+  }
+  for (const auto exact :
+       {DistributedLinearSolver::kCholesky, DistributedLinearSolver::kAutomatic}) {
+    options.linear_solver = exact;
+    EXPECT_TRUE(options.Validate().ok());
+  }
+}
+
+// A resumed solve would go on otherwise than the one that wrote it.
+TEST(Faults, WhatACheckpointDoesNotRememberIsRefusedWhereOneIsWritten) {
+  DistributedOptions options = Options();
+  options.solver.reduce_curvature_of_losses = true;
+  EXPECT_TRUE(options.Validate().ok());
+  options.checkpoint.path = "state";
+  ExpectRefused(SolveStreet(options), "reduce_curvature_of_losses");
 }
 
 TEST(Faults, OneRanksCallbackEndsAll) {
@@ -254,6 +283,125 @@ TEST(Faults, OneRanksCallbackEndsAll) {
   ExpectRefused(DistributedSolver(MPI_COMM_WORLD, options).Solve(part.part()).solve,
                 Culprit() + "an exception was thrown: no more disk");
   EXPECT_EQ(part.graph().state(), before);
+}
+
+// Throws before one of the evaluations.
+class ThrowingObserver final : public SolveObserver {
+ public:
+  ThrowingObserver(int evaluation, bool is_exception)
+      : evaluation_(evaluation), is_exception_(is_exception) {}
+  void BeforeEvaluation(const double* /*state*/, bool /*jacobians*/, bool /*new_point*/) override {
+    if (num_evaluations_++ != evaluation_) {
+      return;
+    }
+    if (is_exception_) {
+      throw std::runtime_error("no more disk");
+    }
+    throw 7;
+  }
+
+ private:
+  const int evaluation_;
+  const bool is_exception_;
+  int num_evaluations_ = 0;
+};
+
+TEST(Faults, AnObserverThatThrowsEndsAll) {
+  for (const int evaluation : {0, 1, 2}) {
+    for (const bool is_exception : {true, false}) {
+      ThrowingObserver observer(evaluation, is_exception);
+      DistributedOptions options = Options();
+      options.solver.observer = Rank() == NumRanks() - 1 ? &observer : nullptr;
+      BalPart part(Street());
+      const std::vector<double> before = part.graph().state();
+      const Summary summary = DistributedSolver(MPI_COMM_WORLD, options).Solve(part.part()).solve;
+      EXPECT_EQ(summary.termination, Termination::kFailure);
+      EXPECT_EQ(summary.message,
+                Culprit() + (is_exception ? "an exception was thrown: no more disk"
+                                          : "something was thrown that is no std::exception"));
+      EXPECT_EQ(part.graph().state(), before);
+    }
+  }
+}
+
+// The line, whose Plus throws at one of its calls.
+class ThrowingManifold final : public Manifold {
+ public:
+  explicit ThrowingManifold(int call) : call_(call) {}
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    if (num_calls_++ == call_) {
+      throw std::runtime_error("the chart is missing");
+    }
+    x_plus_delta[0] = x[0] + delta[0];
+    return true;
+  }
+  bool PlusJacobian(const double* /*x*/, double* jacobian) const override {
+    jacobian[0] = 1.0;
+    return true;
+  }
+
+ private:
+  const int call_;
+  mutable int num_calls_ = 0;
+};
+
+// A landmark that is one number, which a camera sees.
+class SeenNumberFamily final : public AmbientFamily<SeenNumberFamily> {
+ public:
+  using Measurement = int;  // ignored
+
+  // At which call Recenter throws; −1: it does not.
+  explicit SeenNumberFamily(int call) : AmbientFamily(1, {{9, 9}, {1, 1}}), call_(call) {}
+  void Add(Measurement) { ++size_; }
+  void Place(int index, Measurement) { size_ += index == size_ ? 1 : 0; }
+  int size() const override { return size_; }
+  const char* Name() const override { return "seen number"; }
+  bool Recenters() const override { return true; }
+  bool Recenter(int /*factor*/, const double* const* /*parameters*/) const override {
+    if (num_calls_++ == call_) {
+      throw std::runtime_error("the chart is missing");
+    }
+    return false;
+  }
+  bool EvaluateOne(int /*i*/, const double* const* x, double* f, double** J) const {
+    f[0] = x[1][0] + 1e-3 * x[0][0];
+    if (J != nullptr && J[0] != nullptr) {
+      std::fill_n(J[0], 9, 0.0);
+      J[0][0] = 1e-3;
+    }
+    if (J != nullptr && J[1] != nullptr) {
+      J[1][0] = 1.0;
+    }
+    return true;
+  }
+
+ private:
+  const int call_;
+  int size_ = 0;
+  mutable int num_calls_ = 0;
+};
+
+TEST(Faults, AManifoldOrAFamilyThatThrowsBetweenEvaluationsEndsAll) {
+  for (const bool is_manifold : {true, false}) {
+    for (const int call : {0, 1}) {
+      BalPart part(Street());
+      if (Rank() == NumRanks() - 1) {
+        const double start = 1.0;
+        const VariableId number =
+            part.graph().AddVariable(&start, 1, Role::kLandmark,
+                                     std::make_shared<ThrowingManifold>(is_manifold ? call : -1));
+        const auto family =
+            part.graph().AddFamily(std::make_shared<SeenNumberFamily>(is_manifold ? -1 : call));
+        part.graph().AddFactor(family, 0, {part.cameras()[3], number});
+      }
+      const std::vector<double> before = part.graph().state();
+      ExpectRefused(DistributedSolver(MPI_COMM_WORLD, Options()).Solve(part.part()).solve,
+                    Culprit() + "an exception was thrown: the chart is missing");
+      EXPECT_EQ(part.graph().state(), before);
+    }
+  }
 }
 
 TEST(Faults, ASolverGoesOnAfterAFailure) {

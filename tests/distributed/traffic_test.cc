@@ -1,8 +1,10 @@
 // What RankReport says was sent: nothing to oneself, and messages apart from reductions.
+#include <climits>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "distributed/communicator.h"
 #include "inceres/distributed/distributed_solver.h"
 #include "tests/distributed/parts.h"
 
@@ -52,6 +54,14 @@ TEST(Traffic, ReductionsAreTheSameOnAllRanksAndMessagesAreNot) {
     }
     EXPECT_TRUE(differ);
   }
+}
+
+// Counts of all ranks together may be more than the ints that the summary has for them.
+TEST(Counts, AreAtMostTheLargestInt) {
+  EXPECT_EQ(internal::SaturatedCount(0.0), 0);
+  EXPECT_EQ(internal::SaturatedCount(INT_MAX - 1.0), INT_MAX - 1);
+  EXPECT_EQ(internal::SaturatedCount(INT_MAX + 1.0), INT_MAX);
+  EXPECT_EQ(internal::SaturatedCount(1e12), INT_MAX);
 }
 
 }  // namespace

@@ -95,6 +95,16 @@ TEST(TwoLevel, ExactStepsAreThoseOfOneProcess) {
   }
 }
 
+// kAutomatic stands for conjugate gradients here, and Dog-Leg takes exact steps.
+TEST(TwoLevel, DoglegIsRefusedWhereTheAutomaticChoiceIsInexact) {
+  SolverOptions options = OptionsFor(PreconditionerKind::kSchurJacobi, 0.01);
+  options.strategy = TrustRegionStrategyKind::kDogleg;
+  BalPart part(City());
+  const Summary refused = SolveTogether(options, DistributedLinearSolver::kAutomatic, &part).solve;
+  EXPECT_EQ(refused.termination, Termination::kFailure);
+  EXPECT_NE(refused.message.find("kDogleg"), std::string::npos) << refused.message;
+}
+
 TEST(TwoLevel, TakesAsManyIterationsAsOneProcessAndFarFewerThanBlocks) {
   const SolverOptions options = OptionsFor(PreconditionerKind::kTwoLevel, 0.01);
   const Summary alone = SolveAlone(options);

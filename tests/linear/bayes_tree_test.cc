@@ -127,6 +127,44 @@ TEST_F(BayesTreeTest, ARowThatComesBackMayHaveOtherNeighbors) {
   }
 }
 
+// What goes and comes back between two factorizations may get the room of another block, in which
+// the values it has now may be those that were factored. Its rows have the neighbors that they had.
+TEST_F(BayesTreeTest, BlocksThatTradeTheirRoomsAreOthers) {
+  GrowingSystem system(1);
+  const auto set = [&](int row, int column, double value) {
+    *system.S.values(system.S.FindOrAdd(row, column)) = value;
+  };
+  for (int i = 0; i < 5; ++i) {
+    system.AddRow(1, 0, false);
+    set(i, i, 9.0);
+  }
+  set(1, 0, 1.0);
+  set(2, 0, 2.0);
+  set(4, 4, 4.0);
+  ASSERT_TRUE(Update(&system, {}, 0).ok());
+  system.S.RemoveBlock(1, 0);
+  system.S.RemoveBlock(2, 0);
+  set(1, 0, 2.0);
+  set(2, 0, 1.0);
+  const std::vector<int> coupled{0, 1, 2};
+  ASSERT_TRUE(Update(&system, {0, &coupled}, 5).ok());
+  EXPECT_LE(ErrorOf(system), 1e-11);
+  // Rows with all that they have, here the blocks on the diagonal.
+  const std::int64_t room = system.S.Find(3, 3);
+  for (const int row : {3, 4}) {
+    system.S.RemoveRow(row);
+  }
+  for (const int row : {3, 4}) {
+    system.S.ReviveRow(row, 1);
+  }
+  ASSERT_EQ(system.S.Find(4, 4), room);
+  set(3, 3, 4.0);
+  set(4, 4, 9.0);
+  const std::vector<int> revived{3, 4};
+  ASSERT_TRUE(Update(&system, {3, &revived}, 5).ok());
+  EXPECT_LE(ErrorOf(system), 1e-11);
+}
+
 // A row that had come when memory ran out, and has gone again before the next try, is not waited
 // for; and when it comes back it is as new as any.
 TEST_F(BayesTreeTest, ARowThatGoesWhileNoMemoryIsThereIsForgotten) {

@@ -50,7 +50,7 @@ double RelativeMotion(const test::DenseOracle& oracle, const CorePipeline& core,
   for (int i = 0; i < layout.num_frames; ++i) {
     for (int r = 0; r < layout.TangentSize(i); ++r) {
       v(layout.packed_offset[static_cast<std::size_t>(i)] + r) =
-          modes.Of(i)[r * GaugeModes::kStride + mode];
+          modes.fit().Of(i)[r * kGaugeStride + mode];
     }
   }
   const Eigen::MatrixXd W = oracle.H.topRightCorner(n_c, n_l);
@@ -70,8 +70,8 @@ TEST_P(GaugeModesTest, AreMotionsThatFactorsDoNotFeel) {
   ASSERT_TRUE(modes.AreEuclidean());
   ASSERT_TRUE(modes.Compute());
   const test::DenseOracle oracle(street->graph, core.layout.variables);
-  for (int mode = 0; mode < GaugeModes::kCount; ++mode) {
-    EXPECT_LT(modes.misfit()[mode], 1e-10) << mode;
+  for (int mode = 0; mode < kGaugeModes; ++mode) {
+    EXPECT_LT(modes.fit().misfit()[mode], 1e-10) << mode;
     EXPECT_LT(RelativeMotion(oracle, core, modes, mode), 1e-8) << mode;
   }
 }
@@ -88,7 +88,7 @@ TEST(GaugeModesFallback, IsTakenWherePointsAreNotEuclidean) {
   GaugeModes modes(core.evaluator, FindSharedFrames(core.evaluator), &status);
   EXPECT_TRUE(modes.AreEuclidean());
   EXPECT_FALSE(modes.Compute());
-  EXPECT_GT(*std::max_element(modes.misfit(), modes.misfit() + GaugeModes::kCount), 0.01);
+  EXPECT_GT(*std::max_element(modes.fit().misfit(), modes.fit().misfit() + kGaugeModes), 0.01);
 
   test::BundleOptions inverse_depths;
   inverse_depths.landmark_sizes = {1};

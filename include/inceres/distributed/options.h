@@ -17,9 +17,10 @@ enum class DistributedLinearSolver {
   /// S formed, and factored by MUMPS
   kCholesky,
   /// what PETSc's options of prefix `inceres_` say (-inceres_ksp_type, -inceres_pc_type, …): its
-  /// CG with blocks of S as preconditioner unless told otherwise. S is a shell; with
-  /// conjugate_gradients.explicit_schur_complement it is formed, and preconditioners have its
-  /// entries
+  /// CG with conjugate_gradients.preconditioner unless told otherwise, by default blocks of C + Λ,
+  /// until the residual is a share eta of b, or for max_iterations; min_iterations is ignored. S is
+  /// a shell; with conjugate_gradients.explicit_schur_complement it is formed, and preconditioners
+  /// have its entries
   kKsp,
 };
 
@@ -39,11 +40,13 @@ struct CheckpointOptions {
 /// Options of a DistributedSolver; the same on all ranks, but for num_threads, progress, callback
 /// and observer.
 struct DistributedOptions {
-  /// As of a batch solve in one process: strategy (not kSubspaceDogleg), conjugate_gradients (no
-  /// preconditioner by clusters or kSubset; explicit_schur_complement with kKsp only, or with
-  /// kCholesky, which forms S without it), num_threads (of each rank), tolerances and radii,
-  /// progress, callback, observer. linear_model and reduced_solver stay kAutomatic: linear_solver
-  /// takes their place. refine_landmarks, dynamic_sparsity and recompute_jacobians are refused.
+  /// As of a batch solve in one process: strategy (not kSubspaceDogleg; kDogleg with kCholesky
+  /// only), conjugate_gradients (no preconditioner by clusters or kSubset;
+  /// explicit_schur_complement with kKsp only, or with kCholesky, which forms S without it),
+  /// num_threads (of each rank), tolerances and radii, progress, callback, observer. linear_model
+  /// and reduced_solver stay kAutomatic: linear_solver takes their place. refine_landmarks,
+  /// dynamic_sparsity, recompute_jacobians and max_memory_bytes are refused; with a checkpoint to
+  /// write use_nonmonotonic_steps and reduce_curvature_of_losses too.
   SolverOptions solver;
   DistributedLinearSolver linear_solver = DistributedLinearSolver::kAutomatic;  ///< see there
   CheckpointOptions checkpoint;                                                 ///< see there

@@ -88,7 +88,8 @@ class INCERES_EXPORT ReducedSolver {
   Work work_;  ///< for the solver to fill
 };
 
-/// Which built-in solver takes the reduced system S δ = b.
+/// Which built-in solver takes the reduced system S δ = b. Where a sparse factor is expensive METIS
+/// may order it, which seeds the process's rand() anew (docs/determinism.md).
 enum class ReducedSolverKind {
   /// By predicted flops: dense for small or full systems, else sparse; in an IncrementalSolver,
   /// call by call, kResumed or a sparse factor that is kept clique by clique (Bayes tree).
