@@ -108,6 +108,8 @@ def main():
     parser.add_argument("--count", action="store_true", help="count instructions by valgrind instead")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build", help="the build directory")
     arguments = parser.parse_args()
+    if arguments.count and arguments.rounds != parser.get_default("rounds"):
+        parser.error("--rounds: --count plays one")
     unit = "million" if arguments.count else "ms"
     tool = arguments.build.resolve() / "bin" / "replay"
     print("| file | steps | at most 1.2 times | above twice | worst | all |\n|---|---|---|---|---|---|")

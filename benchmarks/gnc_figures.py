@@ -3,7 +3,8 @@
 
     benchmarks/gnc_figures.py build/bin/pose_graph_solve FILE.g2o… [--fractions 0.1,0.2,…]
                               [--seeds 10] [--first_seed 1] [--convention geodesic] [--flags "…"] [--json FILE]
-    benchmarks/gnc_figures.py build/bin/replay FILE.g2o… --living [--steps 0] [--tolerance 1e-6] […]
+    benchmarks/gnc_figures.py build/bin/replay FILE.g2o… --living [--steps 0] [--tolerance 1e-6]
+                              [--fractions …] [--seeds …] [--first_seed …] [--flags "…"]
 
 For each file and each share of wrong loops among all loops runs the tool with --gnc --outliers for
 seeds 1, 2, … (or from another first), and prints a row: wrong loops found, right ones lost, the
@@ -62,7 +63,7 @@ def play(tool, path, steps, tolerance, flags):
 def living_row(arguments, path, fraction):
     ratios, alone, last = [], [], []
     for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
-        runs = [play(arguments.tool, path, arguments.steps, arguments.tolerance, flags)
+        runs = [play(arguments.tool, path, arguments.steps, arguments.tolerance, flags + shlex.split(arguments.flags))
                 for flags in ([], ["--gnc"], ["--gnc", "--outliers", str(fraction), "--seed", str(seed)])]
         alone.append(runs[1][0] / runs[0][0])
         ratios.append(runs[2][0] / runs[0][0])
@@ -97,6 +98,9 @@ def main():
     parser.add_argument("--tolerance", type=float, default=1e-6, help="with --living: function_tolerance")
     arguments = parser.parse_args()
     if arguments.living:
+        for name in ("convention", "json"):
+            if getattr(arguments, name) != parser.get_default(name):
+                parser.error(f"--{name} is not for --living")
         print_living(arguments)
         return
     print("| file | wrong of all loops | wrong loops | seeds that find all | most missed | "

@@ -2,7 +2,7 @@
 """Peak memory of whole processes that read and solve a BAL problem, ours beside stock Ceres, on Ladybug-49 and on a generated problem
 of the size of a cathedral.
 
-    benchmarks/memory_figures.py [--build build] [--limit 1.2]
+    benchmarks/memory_figures.py [--preset cathedral] [--build build] [--limit 1.2]
 
 Needs the tools in the build directory and the data of INCERES_DATA_DIR (or ../shared/data beside the repository) for Ladybug; without
 it that problem is skipped by name. Two iterations each: memory does not grow with more. One thread, stock's CHOLMOD too

@@ -44,7 +44,7 @@ def row(path, strategy, report):
     ratio, difference = report["ratio_to_best_stock"], report["relative_cost_difference"]
     same = ours["iterations"] == stock["iterations"] and abs(difference) <= SAME_COST
     counts = re.findall(r"\d+", report["description"])
-    cells = [path.stem, " ".join(counts[:2]), strategy, f"{1e3 * ours['seconds']['median']:.1f}", f"{1e3 * stock['seconds']['median']:.1f}",
+    cells = [path.stem, f"{counts[0]}, {counts[2]}", strategy, f"{1e3 * ours['seconds']['median']:.1f}", f"{1e3 * stock['seconds']['median']:.1f}",
              f"**{ratio['median']:.2f}** ({ratio['min']:.2f}–{ratio['max']:.2f})", f"{ours['iterations']}, {stock['iterations']}",
              f"{difference:.0e}" + ("" if same else " **differs**")]
     return f"| {' | '.join(cells)} |", same

@@ -6,12 +6,12 @@
 
 #include <cmath>
 #include <cstdio>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <gflags/gflags.h>
+#include <nlohmann/json.hpp>
 
 #include "tools/command_line/command_line.h"
 #include "tools/command_line/heartbeat.h"
@@ -54,29 +54,15 @@ constexpr Variant kVariants[] = {
     {"without", "without", false, LandmarkForm::kBearing},
     {"without, first view exact", "exact", false, LandmarkForm::kInverseDepth}};
 
-std::string Array(const std::vector<double>& values) {
-  std::string text = "[";
-  char number[32];
-  for (const double value : values) {
-    std::snprintf(number, sizeof(number), "%s%.6g", text.size() > 1 ? ", " : "", value);
-    text += number;
-  }
-  return text + "]";
-}
-
-Status WriteJson(const std::vector<PoseNees>& results) {
-  std::ostringstream file;
-  file << "{\"runs\": " << FLAGS_runs << ", \"frames\": " << FLAGS_frames
-       << ", \"size\": " << FLAGS_size << ", \"rule\": \"" << FLAGS_rule << "\""
-       << ", \"band\": " << results.front().Band()
-       << ",\n \"times\": " << Array(results.front().times);
+nlohmann::json ToJson(const std::vector<PoseNees>& results) {
+  nlohmann::json report = {
+      {"runs", FLAGS_runs}, {"frames", FLAGS_frames},         {"size", FLAGS_size},
+      {"rule", FLAGS_rule}, {"band", results.front().Band()}, {"times", results.front().times}};
   for (std::size_t k = 0; k < results.size(); ++k) {
-    file << ",\n \"" << kVariants[k].key << "\": {\"name\": \"" << kVariants[k].name
-         << "\", \"rms\": " << results[k].rms_error << ", \"nees\": " << Array(results[k].means)
-         << "}";
+    report[kVariants[k].key] = {
+        {"name", kVariants[k].name}, {"rms", results[k].rms_error}, {"nees", results[k].means}};
   }
-  file << "}";
-  return inceres::tools::WriteJsonReport(file.str());
+  return report;
 }
 
 Status Run() {
@@ -87,6 +73,11 @@ Status Run() {
   if (FLAGS_rule != "okvis" && FLAGS_rule != "vins") {
     return Status::Error(StatusCode::kInvalidArgument,
                          "--rule is okvis or vins, not '" + FLAGS_rule + "'");
+  }
+  SlidingWindowOptions window;
+  window.size = FLAGS_size;
+  if (Status status = window.Validate(); !status.ok()) {
+    return status;
   }
   std::vector<PoseNees> results;
   for (const Variant& variant : kVariants) {
@@ -106,7 +97,7 @@ Status Run() {
         "%-28s mean %.3f of 6, in the band 6 +- %.3f at %.0f %% of the times; RMS error %.4g m\n",
         variant.name, nees.Mean(), nees.Band(), 100.0 * nees.ShareInBand(), nees.rms_error);
   }
-  if (Status status = WriteJson(results); !status.ok()) {
+  if (Status status = inceres::tools::WriteJsonReport(ToJson(results)); !status.ok()) {
     return status;
   }
   const double mean = results.front().Mean();

@@ -39,12 +39,13 @@ DEFINE_bool(inner_iterations, false,
             "use_inner_iterations, in the order that each chooses, for both: coordinate descent "
             "after each step. In exact mode, with cost functions.");
 DEFINE_int32(repeats, 11, "Rounds in which every solver runs once, at least 1.");
-DEFINE_string(configurations, "",
-              "Comma-separated stock configurations to run, without the pre-pass that drops slow "
-              "ones: dense_schur, "
-              "dense_schur_points_first, sparse_schur, sparse_schur_points_first, iterative_schur "
-              "(bal and vio), sparse_normal_cholesky. "
-              "By default all but iterative_schur that make sense for the problem.");
+DEFINE_string(
+    configurations, "",
+    "Comma-separated stock configurations to run, without the pre-pass that drops slow "
+    "ones: dense_schur, dense_schur_points_first, sparse_schur, sparse_schur_points_first, "
+    "iterative_schur, iterative_schur_points_first (all of these for bal and vio), "
+    "sparse_normal_cholesky. By default all that make sense for the problem but the "
+    "iterative ones; with --linear_solver iterative_schur these and the sparse ones.");
 DEFINE_string(picture, "",
               "Show in this SVG file how each came near the lowest cost over time, of the first "
               "round.");
@@ -230,7 +231,7 @@ int Report(const SolverSettings& settings, const ProblemSource& source, const Ab
   }
   Status status;
   if (WantsJson()) {
-    status = WriteJsonReport(AbJson(context, result).dump(2));
+    status = WriteJsonReport(AbJson(context, result));
   }
   if (status.ok() && !FLAGS_picture.empty()) {
     status = WriteTextFile(FLAGS_picture, AbPicture(context, result));

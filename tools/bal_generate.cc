@@ -98,7 +98,7 @@ Status Report(const inceres::BalProblem& problem, std::size_t num_outliers, doub
       {"initial_rms_pixels", start_rms},
       {"true_rms_pixels", true_rms},
       {"seed", inceres::tools::SceneSeed()}};
-  return WriteJsonReport(report.dump(2));
+  return WriteJsonReport(report);
 }
 
 // The truth takes the place of the problem when that is written: one copy in memory.

@@ -1,11 +1,6 @@
 // Solves a BAL file with inceres or stock Ceres.
 
-#include <unistd.h>
-
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
@@ -69,17 +64,6 @@ struct Solved {
   std::string description;
   std::string solver;
 };
-
-// Before a solve that may take an hour, not after it.
-Status CheckOutput() {
-  const std::filesystem::path folder = std::filesystem::path(FLAGS_output).parent_path();
-  if (FLAGS_output.empty() || access(folder.empty() ? "." : folder.c_str(), W_OK) == 0) {
-    return Status::Ok();
-  }
-  return Status::Error(
-      StatusCode::kIo,
-      "--output " + FLAGS_output + ": cannot write into its folder: " + std::strerror(errno));
-}
 
 Status ReadPlan(RunPlan* plan) {
   Status status = ReadSolverFlags(&plan->settings);
@@ -190,7 +174,7 @@ Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
     status = WriteBal(FLAGS_output, solved.after);
   }
   if (status.ok() && WantsJson()) {
-    status = WriteJsonReport(ToJson(settings, solved).dump(2));
+    status = WriteJsonReport(ToJson(settings, solved));
   }
   if (status.ok() && !FLAGS_picture.empty()) {
     status = WriteTextFile(FLAGS_picture, Picture(settings, solved));
@@ -198,21 +182,18 @@ Status WriteFiles(const SolverSettings& settings, const Solved& solved) {
   return status;
 }
 
-int Main() {
+Status Main() {
   RunPlan plan;
   Status status = ReadPlan(&plan);
   if (!status.ok()) {
-    return Fail(kExitUsage, status.message);
-  }
-  if (status = CheckOutput(); !status.ok()) {
-    return Fail(kExitFailure, status.message);
+    return status;
   }
   KeepStockOnItsThreads(plan.settings.num_threads);
   BalProblem bal;
   status = ReadBal(FLAGS_input, &bal, ReadProgressPrinter(FLAGS_input, ProgressOutput()),
                    ReadOptionsFromFlags());
   if (!status.ok()) {
-    return Fail(kExitFailure, status.message);
+    return status;
   }
   plan.linear_solver = LinearSolverOr(plan.settings, AutomaticLinearSolver(bal));
   ProgressTable progress;
@@ -224,19 +205,19 @@ int Main() {
     status = Run(plan, source, &outcome);
   }
   if (!status.ok()) {
-    return Fail(kExitUsage, status.message);
+    return status;
   }
   if (!outcome.record.usable) {
-    return Fail(kExitFailure,
-                "not solved: " + outcome.record.termination + ": " + outcome.record.message);
+    return Status::Error(
+        StatusCode::kEvaluationFailed,
+        "not solved: " + outcome.record.termination + ": " + outcome.record.message);
   }
   Solved solved{source.bal(), source.WithParameters(outcome.parameters), outcome.record,
                 source.Describe(),
                 FLAGS_solver + (plan.settings.incremental ? ", incremental" : "") +
                     (plan.settings.builtin_factors ? ", with built-in factors" : "")};
   PrintTable(solved);
-  status = WriteFiles(plan.settings, solved);
-  return status.ok() ? static_cast<int>(kExitSuccess) : Fail(kExitFailure, status.message);
+  return WriteFiles(plan.settings, solved);
 }
 
 }  // namespace
@@ -245,6 +226,5 @@ int Main() {
 int main(int argc, char** argv) {
   google::InitGoogleLogging(argv[0]);
   FLAGS_logtostderr = true;
-  const auto exit_code = inceres::tools::ParseCommandLine(inceres::tools::kHelp, &argc, &argv);
-  return exit_code ? *exit_code : inceres::tools::Main();
+  return inceres::tools::RunTool(inceres::tools::kHelp, argc, argv, inceres::tools::Main);
 }

@@ -114,6 +114,9 @@ Status WriteOutput(MPI_Comm comm, const Tracks& tracks) {
 Status Run(MPI_Comm comm, ExitCode* code) {
   MpiSettings settings;
   Status status = ReadMpiFlags(&settings);
+  if (status.ok()) {
+    status = Agree(comm, IsRoot(comm) ? CheckFoldersToWrite() : Status::Ok());
+  }
   if (!status.ok()) {
     return status;
   }
@@ -133,10 +136,7 @@ Status Run(MPI_Comm comm, ExitCode* code) {
     std::vector<Seen>().swap(tracks.seen);  // the graph has them
   }
   if (IsRoot(comm)) {
-    settings.options.solver.progress = [](const std::string& line) {
-      std::fprintf(Out(), "%s\n", line.c_str());
-      std::fflush(Out());
-    };
+    settings.options.solver.progress = PrintLine;
   }
   report.summary = DistributedSolver(comm, settings.options).Solve(part.part);
   const Summary& solve = report.summary.solve;

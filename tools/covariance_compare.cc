@@ -65,7 +65,8 @@ const ToolHelp kHelp = {
       "covariance_compare --problem bal:problem.txt --only_ours --points"},
      {"cameras of 6 parameters along a path, held by control points",
       "covariance_compare --problem bal:problem.txt --hold_intrinsics --gauge points "
-      "--only_ours"}}};
+      "--only_ours"}},
+    {{kExitUsedStock, "inceres leaves the problem to stock Ceres: no measurement"}}};
 
 constexpr int kCameraSize = 9;
 constexpr int kTranslation = 3;  // of a camera, its first entry
@@ -79,7 +80,7 @@ using Pairs = std::vector<std::pair<const double*, const double*>>;
 struct Result {
   std::string name;
   bool computed = false;
-  bool used_stock = false;
+  bool used_stock = false;  // or, with --only_ours, would have
   std::string message;
   std::vector<double> seconds;
   std::vector<double> values;  // all blocks one after the other
@@ -129,9 +130,10 @@ void RunOursAlone(const Pairs& pairs, ceres::Problem* problem, Result* result) {
   options.num_threads = FLAGS_num_threads;
   const double start = internal::NowInSeconds();
   ProblemCovariance covariance;
-  result->computed = covariance.Compute(options, pairs, *problem, nullptr) ==
-                     ProblemCovariance::Outcome::kComputed;
+  const auto outcome = covariance.Compute(options, pairs, *problem, nullptr);
   result->seconds.push_back(internal::NowInSeconds() - start);
+  result->computed = outcome == ProblemCovariance::Outcome::kComputed;
+  result->used_stock = outcome == ProblemCovariance::Outcome::kDeclined;
   result->message = covariance.message();
   result->values.clear();
   for (const auto& [a, b] : pairs) {
@@ -198,7 +200,8 @@ double LargestDifference(const Pairs& pairs, const ceres::Problem& problem, cons
   return largest;
 }
 
-// Of each camera what is constant: intrinsics, and of the second one coordinate for the scale.
+// Of each camera what is constant: intrinsics, and of the second one coordinate for the scale. A
+// camera or a point that nobody observes is no block of the problem.
 void HoldCameras(const BalProblem& bal, ProblemSource::CeresInstance* instance) {
   for (int i = 0; i < bal.num_cameras; ++i) {
     double* camera = instance->parameters.data() + static_cast<std::ptrdiff_t>(i) * kCameraSize;
@@ -213,7 +216,7 @@ void HoldCameras(const BalProblem& bal, ProblemSource::CeresInstance* instance) 
       instance->problem->SetManifold(camera, new ceres::SubsetManifold(kCameraSize, constant));
     }
   }
-  if (FLAGS_gauge == "held") {
+  if (FLAGS_gauge == "held" && instance->problem->HasParameterBlock(instance->parameters.data())) {
     instance->problem->SetParameterBlockConstant(instance->parameters.data());
   }
 }
@@ -231,18 +234,23 @@ void HoldControlPoints(const BalProblem& bal, ProblemSource::CeresInstance* inst
 
 Pairs Requested(const BalProblem& bal, const ProblemSource::CeresInstance& instance) {
   Pairs pairs;
+  const auto add = [&](const double* block) {
+    if (instance.problem->HasParameterBlock(block)) {
+      pairs.emplace_back(block, block);
+    }
+  };
   const double* cameras = instance.parameters.data();
-  for (int i = FLAGS_gauge == "held" ? 1 : 0; i < bal.num_cameras; ++i) {
-    pairs.emplace_back(cameras + i * kCameraSize, cameras + i * kCameraSize);
+  for (std::ptrdiff_t i = FLAGS_gauge == "held" ? 1 : 0; i < bal.num_cameras; ++i) {
+    add(cameras + i * kCameraSize);
   }
   const double* points = cameras + static_cast<std::ptrdiff_t>(bal.num_cameras) * kCameraSize;
   for (std::ptrdiff_t i = 0; FLAGS_points && i < bal.num_points; ++i) {
-    pairs.emplace_back(points + i * kPointSize, points + i * kPointSize);
+    add(points + i * kPointSize);
   }
   return pairs;
 }
 
-void Solve(ceres::Problem* problem) {
+Status Solve(ceres::Problem* problem) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_SCHUR;
   options.max_num_iterations = FLAGS_iterations;
@@ -250,6 +258,22 @@ void Solve(ceres::Problem* problem) {
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, problem, &summary);
+  return summary.IsSolutionUsable()
+             ? Status::Ok()
+             : Status::Error(StatusCode::kEvaluationFailed, "not solved: " + summary.message);
+}
+
+// Whether there is something to compare. A Jacobian that is rank deficient is a verdict.
+Status CheckOurs(const Result& ours, ceres::Problem* problem) {
+  if (ours.used_stock) {
+    return Status::Error(
+        StatusCode::kUnavailable,
+        "NO MEASUREMENT: inceres leaves this problem to stock Ceres. Reason: " + ours.message);
+  }
+  std::vector<double> gradient;
+  return ours.computed || problem->Evaluate({}, nullptr, nullptr, &gradient, nullptr)
+             ? Status::Ok()
+             : Status::Error(StatusCode::kEvaluationFailed, ours.message);
 }
 
 void Print(const std::vector<Result>& results, const nlohmann::json& report) {
@@ -263,7 +287,7 @@ void Print(const std::vector<Result>& results, const nlohmann::json& report) {
     }
     std::fprintf(Out(), "%-18s %10.4f %8.3f %12s  %s%s%s\n", results[k].name.c_str(),
                  row["seconds"].get<double>(), row["ratio"].get<double>(), difference,
-                 results[k].computed ? "computed" : "rank deficient",
+                 results[k].computed ? "computed" : "not computed",
                  results[k].message.empty() ? "" : ": ", results[k].message.c_str());
   }
 }
@@ -351,7 +375,7 @@ Status RunAll() {
   Instance instance;
   status = status.ok() ? MakeInstance(*source, &instance) : status;
   if (status.ok() && FLAGS_iterations > 0) {
-    Solve(instance.ceres.problem.get());
+    status = Solve(instance.ceres.problem.get());
   }
   Instance own;  // ours, where it is not the same
   if (status.ok() && FLAGS_inceres_autodiff) {
@@ -367,15 +391,20 @@ Status RunAll() {
       contenders[k](its.pairs, its.ceres.problem.get(), &results[k]);
     }
   }
+  status = CheckOurs(results[0], instance.ceres.problem.get());
+  if (!status.ok()) {
+    return status;
+  }
   const nlohmann::json report = MakeReport(*source, instance, results);
   std::fprintf(Out(), "%s, %zu blocks\n\n", source->Describe().c_str(), instance.pairs.size());
   Print(results, report);
-  return WriteJsonReport(report.dump(2));
+  return WriteJsonReport(report);
 }
 
 }  // namespace
 }  // namespace inceres::tools
 
 int main(int argc, char** argv) {
-  return inceres::tools::RunTool(inceres::tools::kHelp, argc, argv, inceres::tools::RunAll);
+  return inceres::tools::RunTool(inceres::tools::kHelp, argc, argv, inceres::tools::RunAll,
+                                 inceres::tools::kExitUsedStock);
 }

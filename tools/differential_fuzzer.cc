@@ -152,7 +152,7 @@ Status Report(const ModeResult& result) {
   for (const Defect& defect : result.defects) {
     line["defects"].push_back(ToJson(defect));
   }
-  return tools::AppendJsonReport(line.dump());
+  return tools::AppendJsonReport(line);
 }
 
 // Runs the sibling that is linked to the drop-in, with this program's flags; returns its exit code.
@@ -196,6 +196,9 @@ int RunModes(const std::vector<std::string>& wanted) {
   if (FLAGS_verbose && tools::Out() != stdout) {
     return tools::Fail(ExitCode::kExitUsage,
                        "--verbose prints, which --quiet and --json - do not let it");
+  }
+  if (const Status status = tools::CheckNumbers({}, {{"--seconds", FLAGS_seconds}}); !status.ok()) {
+    return tools::Fail(ExitCode::kExitUsage, status.message);
   }
   if (FLAGS_max_threads < 1 || FLAGS_max_threads > 2) {
     return tools::Fail(ExitCode::kExitUsage,

@@ -1,12 +1,10 @@
 // A program that knows Ceres only and keeps a problem that grows: run bare, or with the drop-in
 // preloaded.
 
-#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <memory>
 #include <string>
-#include <utility>
 
 #include <gflags/gflags.h>
 #include <glog/logging.h>
@@ -34,12 +32,6 @@ DEFINE_bool(autodiff, false,
             "has AutoDiff ones anyway, vio has "
             "none.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all. Not for --oneshot.");
-DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
-DEFINE_int32(max_num_iterations, 50, "Iterations a solve at most, at least 1.");
-DEFINE_double(function_tolerance, 1e-6, "Ceres's; at least 0.");
-DEFINE_double(gradient_tolerance, 1e-10, "Ceres's; at least 0.");
-DEFINE_double(parameter_tolerance, 0.0,
-              "Ceres's, whose default of 1e-8 is not for BAL (see replay --help); at least 0.");
 DEFINE_string(trust_region, "auto",
               "lm, dogleg, or auto: dogleg for kf, g2o and vio, lm for the others, and for bal, "
               "g2o and vio with --oneshot.");
@@ -75,7 +67,8 @@ Status CheckCombination() {
       return Invalid(std::string("--") + flag + ": --oneshot has no steps");
     }
   }
-  for (const char* flag : {"free_intrinsics", "no_priors", "presolve", "loops", "seed"}) {
+  for (const char* flag :
+       {"free_intrinsics", "no_priors", "presolve", "loops", "seed", "outliers"}) {
     if (IsFromFile() && IsSet(flag)) {
       return Invalid(std::string("--") + flag +
                      ": --oneshot takes the problem as it stands in the file");
@@ -88,39 +81,24 @@ Status CheckCombination() {
 }
 
 Status CheckFlags() {
-  if (FLAGS_mode != "plain" && FLAGS_mode != "rebuild") {
-    return Invalid("--mode '" + FLAGS_mode + "': use plain or rebuild");
-  }
-  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" &&
-      FLAGS_trust_region != "dogleg") {
-    return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
-  }
   if (FLAGS_autodiff && FLAGS_problem.rfind("vio:", 0) == 0) {
     return Invalid("--autodiff: vio problems have analytic cost functions only");
   }
-  ceres::LinearSolverType ignored = ceres::DENSE_SCHUR;
-  Status status = ParseReplayLinearSolver("--linear_solver", FLAGS_linear_solver, true, &ignored);
-  status = status.ok() ? CheckNumbers({{"--steps", FLAGS_steps, 0},
-                                       {"--num_threads", FLAGS_num_threads, 1},
-                                       {"--max_num_iterations", FLAGS_max_num_iterations, 1}},
-                                      {{"--function_tolerance", FLAGS_function_tolerance},
-                                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                                       {"--parameter_tolerance", FLAGS_parameter_tolerance}})
-                       : status;
+  LivingMode mode = LivingMode::kPlain;
+  ReplaySettings unused;
+  Status status = Choose("--mode", FLAGS_mode,
+                         {{"plain", LivingMode::kPlain}, {"rebuild", LivingMode::kRebuild}}, &mode);
+  status = status.ok()
+               ? ReadReplaySettings("--linear_solver", FLAGS_linear_solver, true, false, &unused)
+               : status;
+  status = status.ok() ? CheckNumbers({{"--steps", FLAGS_steps, 0}}, {}) : status;
   return status.ok() ? CheckCombination() : status;
 }
 
 ReplaySettings Settings(bool landmarks, bool dogleg) {
   ReplaySettings settings;
-  settings.autodiff = FLAGS_autodiff;
-  settings.dogleg = FLAGS_trust_region == "auto" ? dogleg : FLAGS_trust_region == "dogleg";
   static_cast<void>(  // CheckFlags has seen it
-      ParseReplayLinearSolver("", FLAGS_linear_solver, landmarks, &settings.linear_solver));
-  settings.num_threads = FLAGS_num_threads;
-  settings.max_num_iterations = FLAGS_max_num_iterations;
-  settings.function_tolerance = FLAGS_function_tolerance;
-  settings.gradient_tolerance = FLAGS_gradient_tolerance;
-  settings.parameter_tolerance = FLAGS_parameter_tolerance;
+      ReadReplaySettings("", FLAGS_linear_solver, landmarks, dogleg, &settings));
   return settings;
 }
 
@@ -149,7 +127,7 @@ Status SolveFile(Run* run) {
 
 Status PlayScript(Run* run) {
   ReplayScript script;
-  if (Status status = MakeScriptFromFlags(FLAGS_num_threads, &script); !status.ok()) {
+  if (Status status = MakeScriptFromFlags(&script); !status.ok()) {
     return status;
   }
   run->description = script.description;
@@ -185,7 +163,7 @@ Status Report(const Run& run) {
       json["trust_region"].get<std::string>().c_str(), run.report.solves.size(),
       ms["median"].get<double>(), ms["p95"].get<double>(), ms["max"].get<double>(),
       ms["total"].get<double>(), run.report.total_seconds, run.report.solves.back().final_cost);
-  return WriteJsonReport(json.dump(1));
+  return WriteJsonReport(json);
 }
 
 // Names the first solve that failed.

@@ -2,8 +2,6 @@
 
 #include <cstdio>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include <gflags/gflags.h>
 #include <glog/logging.h>
@@ -55,7 +53,8 @@ DEFINE_double(outliers, 0.0,
 DEFINE_int32(seed, 1, "Seed of the wrong loops, at least 0.");
 DEFINE_bool(certificate, false,
             "Also bound the chordal cost with isotropic noise from below (SE-Sync's dual). It is a "
-            "statement about that cost, not about the one that is minimized.");
+            "statement about that cost, not about the one that is minimized. Where there is no "
+            "bound the exit code is 1, after the report.");
 DEFINE_string(trust_region, "dogleg", "Trust-region strategy: lm or dogleg.");
 DEFINE_int32(num_threads, 1, "Threads of the solver, at least 1.");
 DEFINE_int32(max_num_iterations, 100, "Stop after this many iterations, at least 0.");
@@ -86,50 +85,34 @@ const ToolHelp kHelp = {
      {"the trajectory for other tools",
       "pose_graph_solve --input sphere.g2o --gnc --output trajectory.tum"}}};
 
-Status OneOf(const char* flag, const std::string& value,
-             const std::vector<std::pair<std::string, int>>& known, int* chosen) {
-  std::string words;
-  for (const auto& [word, number] : known) {
-    if (value == word) {
-      *chosen = number;
-      return Status::Ok();
-    }
-    words += (words.empty() ? "" : ", ") + word;
-  }
-  return Invalid(std::string(flag) + " '" + value + "': use one of " + words);
-}
-
 Status ReadChoices(PoseGraphPlan* plan) {
-  int start = 0, convention = 0, kernel = 0, strategy = 0, suspects = 0, rounds = 0;
-  const auto number = [](auto value) { return static_cast<int>(value); };
-  using Convention = PoseErrorConvention;
   for (const Status& status :
-       {OneOf("--initialize", FLAGS_initialize, {{"file", 0}, {"spanning_tree", 1}, {"chordal", 2}},
-              &start),
-        OneOf("--convention", FLAGS_convention,
-              {{"geodesic", number(Convention::kGeodesic)},
-               {"ceres", number(Convention::kCeres)},
-               {"g2o", number(Convention::kG2o)},
-               {"gtsam", number(Convention::kGtsam)}},
-              &convention),
-        OneOf("--kernel", FLAGS_kernel,
-              {{"truncated_least_squares", number(GncKernel::kTruncatedLeastSquares)},
-               {"geman_mcclure", number(GncKernel::kGemanMcClure)}},
-              &kernel),
-        OneOf("--trust_region", FLAGS_trust_region, {{"lm", 0}, {"dogleg", 1}}, &strategy),
-        OneOf("--suspects", FLAGS_suspects, {{"loops", 0}, {"all", 1}}, &suspects),
-        OneOf("--gnc_start", FLAGS_gnc_start, {{"previous", 0}, {"chordal", 1}}, &rounds)}) {
+       {Choose("--initialize", FLAGS_initialize,
+               {{"file", PoseGraphStart::kFile},
+                {"spanning_tree", PoseGraphStart::kSpanningTree},
+                {"chordal", PoseGraphStart::kChordal}},
+               &plan->start),
+        Choose("--convention", FLAGS_convention,
+               {{"geodesic", PoseErrorConvention::kGeodesic},
+                {"ceres", PoseErrorConvention::kCeres},
+                {"g2o", PoseErrorConvention::kG2o},
+                {"gtsam", PoseErrorConvention::kGtsam}},
+               &plan->graph.convention),
+        Choose("--kernel", FLAGS_kernel,
+               {{"truncated_least_squares", GncKernel::kTruncatedLeastSquares},
+                {"geman_mcclure", GncKernel::kGemanMcClure}},
+               &plan->gnc_options.kernel),
+        Choose("--trust_region", FLAGS_trust_region,
+               {{"lm", TrustRegionStrategyKind::kLevenbergMarquardt},
+                {"dogleg", TrustRegionStrategyKind::kDogleg}},
+               &plan->solver.strategy),
+        Choose("--suspects", FLAGS_suspects, {{"loops", false}, {"all", true}}, &plan->suspect_all),
+        Choose("--gnc_start", FLAGS_gnc_start, {{"previous", false}, {"chordal", true}},
+               &plan->chordal_rounds)}) {
     if (!status.ok()) {
       return status;
     }
   }
-  plan->start = static_cast<PoseGraphStart>(start);
-  plan->graph.convention = static_cast<Convention>(convention);
-  plan->gnc_options.kernel = static_cast<GncKernel>(kernel);
-  plan->solver.strategy = strategy == 1 ? TrustRegionStrategyKind::kDogleg
-                                        : TrustRegionStrategyKind::kLevenbergMarquardt;
-  plan->suspect_all = suspects == 1;
-  plan->chordal_rounds = rounds == 1;
   return Status::Ok();
 }
 
@@ -216,10 +199,12 @@ Status Main() {
     std::fprintf(Out(), "%-26s %s\n", name.c_str(), text.c_str());
   }
   status = WriteOutput(run);
-  status = status.ok() && WantsJson()
-               ? WriteJsonReport(PoseGraphJson(FLAGS_input, plan, run).dump(2))
-               : status;
-  return status.ok() ? WritePicture(run) : status;
+  status =
+      status.ok() && WantsJson() ? WriteJsonReport(PoseGraphJson(FLAGS_input, plan, run)) : status;
+  status = status.ok() ? WritePicture(run) : status;
+  return status.ok() && !run.bound_failure.empty()
+             ? Status::Error(StatusCode::kSingular, "--certificate: " + run.bound_failure)
+             : status;
 }
 
 }  // namespace

@@ -1,12 +1,9 @@
 // Plays a problem that arrives step by step to inceres and to stock Ceres, side by side.
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <gflags/gflags.h>
@@ -26,6 +23,9 @@
 
 DECLARE_string(problem);
 DECLARE_int32(seed);
+DECLARE_int32(num_threads);
+DECLARE_double(function_tolerance);
+DECLARE_double(parameter_tolerance);
 DEFINE_string(mode, "incremental",
               "How inceres solves: incremental (the solver that remembers: Levenberg-Marquardt in "
               "its own metric, stopped by "
@@ -56,18 +56,6 @@ DEFINE_bool(beside_batch, false,
             "Also solve each step's graph by the batch solver, from the values ours began with, "
             "by the strategy and tolerances of --mode exact, and tell which steps took longer.");
 DEFINE_int32(steps, 0, "Stop after this many steps; 0: play all.");
-DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
-DEFINE_int32(max_num_iterations, 50, "Iterations a step at most, at least 1.");
-DEFINE_double(function_tolerance, 1e-6,
-              "Stop a step's solve when the cost changes by less than this, relative; 0: never.");
-DEFINE_double(
-    gradient_tolerance, 1e-10,
-    "Stock, and ours with --mode exact: stop when no entry of the gradient is larger; 0: never.");
-DEFINE_double(parameter_tolerance, 0.0,
-              "As --gradient_tolerance: stop when the step is shorter than this, relative to the "
-              "parameters; 0: never. Ceres's "
-              "default of 1e-8 is not for BAL: a few points run off, and against their coordinates "
-              "every step is short.");
 DEFINE_string(trust_region, "auto",
               "Strategy of stock, and of ours with --mode exact: lm, dogleg, or auto: lm for bal, "
               "stereo and path, dogleg for "
@@ -121,33 +109,30 @@ bool FindOptimum() {
 }
 
 Status CheckFlags() {
-  if (FLAGS_mode != "exact" && FLAGS_mode != "incremental") {
-    return Invalid("--mode '" + FLAGS_mode + "': use exact or incremental");
+  bool incremental = true;
+  ReplaySettings unused;
+  for (const Status& status :
+       {Choose("--mode", FLAGS_mode, {{"incremental", true}, {"exact", false}}, &incremental),
+        ReadReplaySettings("--stock_linear_solver", FLAGS_stock_linear_solver, true, false,
+                           &unused)}) {
+    if (!status.ok()) {
+      return status;
+    }
   }
   if (FLAGS_stock_autodiff && (FLAGS_autodiff || !FLAGS_stock)) {
     return Invalid(std::string("--stock_autodiff: ") +
                    (FLAGS_autodiff ? "--autodiff says that already" : "--nostock leaves it out"));
   }
-  if (FLAGS_trust_region != "auto" && FLAGS_trust_region != "lm" &&
-      FLAGS_trust_region != "dogleg") {
-    return Invalid("--trust_region '" + FLAGS_trust_region + "': use auto, lm or dogleg");
-  }
-  ceres::LinearSolverType ignored = ceres::DENSE_SCHUR;
-  if (Status status = ParseReplayLinearSolver("--stock_linear_solver", FLAGS_stock_linear_solver,
-                                              true, &ignored);
-      !status.ok()) {
-    return status;
-  }
-  if (FLAGS_gnc && (FLAGS_mode != "incremental" || FLAGS_stock || FindOptimum())) {
+  if (FLAGS_gnc && (!incremental || FLAGS_stock || FindOptimum())) {
     return Invalid("--gnc: needs --mode incremental and --nostock: its weights are its own");
   }
-  if (FLAGS_covariance && (FLAGS_mode != "incremental" || FLAGS_gnc)) {
+  if (FLAGS_covariance && (!incremental || FLAGS_gnc)) {
     return Invalid("--covariance: needs --mode incremental, and not --gnc");
   }
   if (FLAGS_gnc && FLAGS_problem.compare(0, 4, "g2o:") != 0) {
     return Invalid("--gnc is for g2o: problems only");
   }
-  if (FLAGS_structure_step > 0 && (FLAGS_mode != "incremental" || !WantsJson())) {
+  if (FLAGS_structure_step > 0 && (!incremental || !WantsJson())) {
     return Invalid("--structure_step: needs --mode incremental and --json");
   }
   if (FLAGS_beside_batch && (FLAGS_gnc || FLAGS_autodiff)) {
@@ -158,35 +143,19 @@ Status CheckFlags() {
   }
   return CheckNumbers({{"--steps", FLAGS_steps, 0},
                        {"--checkpoints", FLAGS_checkpoints, 0},
-                       {"--num_threads", FLAGS_num_threads, 1},
-                       {"--max_num_iterations", FLAGS_max_num_iterations, 1},
                        {"--print_every", FLAGS_print_every, 1},
                        {"--structure_step", FLAGS_structure_step, 0}},
-                      {{"--function_tolerance", FLAGS_function_tolerance},
-                       {"--gradient_tolerance", FLAGS_gradient_tolerance},
-                       {"--parameter_tolerance", FLAGS_parameter_tolerance}});
+                      {});
 }
 
 ReplaySettings Settings(const ReplayScript& script) {
   ReplaySettings settings;
-  settings.autodiff = FLAGS_autodiff;
-  settings.dogleg = FLAGS_trust_region == "auto" ? script.dogleg : FLAGS_trust_region == "dogleg";
   static_cast<void>(  // CheckFlags has seen it
-      ParseReplayLinearSolver("", FLAGS_stock_linear_solver, HasLandmarks(script),
-                              &settings.linear_solver));
-  settings.num_threads = FLAGS_num_threads;
-  settings.max_num_iterations = FLAGS_max_num_iterations;
-  settings.function_tolerance = FLAGS_function_tolerance;
-  settings.gradient_tolerance = FLAGS_gradient_tolerance;
-  settings.parameter_tolerance = FLAGS_parameter_tolerance;
+      ReadReplaySettings("", FLAGS_stock_linear_solver, HasLandmarks(script), script.dogleg,
+                         &settings));
   settings.gnc = FLAGS_gnc;
   settings.covariance = FLAGS_covariance;
   return settings;
-}
-
-int NumSteps(const ReplayScript& script) {
-  const int all = static_cast<int>(script.steps.size());
-  return FLAGS_steps > 0 ? std::min(FLAGS_steps, all) : all;
 }
 
 void PrintRow(const ReplayRow& row) {
@@ -243,7 +212,7 @@ Status Report(const ReplayContext& context, const ReplaySummary& summary,
   if (structure.has_value()) {
     json["structure"] = StructureJson(FLAGS_structure_step, *structure);
   }
-  return WriteJsonReport(json.dump(2));
+  return WriteJsonReport(json);
 }
 
 int Play(const ReplayScript& script) {
@@ -266,7 +235,8 @@ int Play(const ReplayScript& script) {
   const auto look_at = [&](const ReplayRow& row) {
     PrintRow(row);
     progress([&] {
-      return "step " + std::to_string(row.step) + " of " + std::to_string(NumSteps(script));
+      return "step " + std::to_string(row.step) + " of " +
+             std::to_string(NumSteps(script, FLAGS_steps));
     });
     if (row.step == FLAGS_structure_step) {
       structure = ours->Structure();
@@ -290,7 +260,7 @@ int Play(const ReplayScript& script) {
 
 // --flat needs room for both of its windows, --structure_step its step.
 Status CheckLength(const ReplayScript& script) {
-  const int steps = NumSteps(script);
+  const int steps = static_cast<int>(NumSteps(script, FLAGS_steps));
   if (FLAGS_structure_step > steps) {
     return Invalid("--structure_step " + std::to_string(FLAGS_structure_step) + ": there are " +
                    std::to_string(steps) + " steps");
@@ -304,8 +274,9 @@ Status CheckLength(const ReplayScript& script) {
 int Main() {
   ReplayScript script;
   Status status = CheckFlags();
+  status = status.ok() ? CheckFoldersToWrite() : status;
   KeepStockOnItsThreads(FLAGS_num_threads);
-  status = status.ok() ? MakeScriptFromFlags(FLAGS_num_threads, &script) : status;
+  status = status.ok() ? MakeScriptFromFlags(&script) : status;
   status = status.ok() ? CheckLength(script) : status;
   if (!status.ok()) {
     const bool usage =

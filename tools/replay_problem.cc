@@ -2,7 +2,6 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <functional>
 #include <limits>
 #include <map>
 #include <string>
@@ -19,6 +18,7 @@
 #include "tools/command_line/read_flags.h"
 #include "tools/command_line/read_progress.h"
 #include "tools/pose_graph/pose_graph_run.h"
+#include "tools/replay/replay_ceres_solve.h"
 #include "tools/replay/replay_scripts.h"
 #include "tools/replay/vio_source.h"
 
@@ -42,6 +42,20 @@ DEFINE_int32(
 DEFINE_double(outliers, 0.0,
               "g2o only: add wrong loops, so many that they are this share of all loops, from the "
               "same pairs as pose_graph_solve does. At least 0, below 1.");
+DEFINE_int32(num_threads, 1, "Threads of each solver, at least 1.");
+DEFINE_int32(max_num_iterations, 50, "Iterations a solve at most, at least 1.");
+DEFINE_double(function_tolerance, 1e-6,
+              "Stop a solve when the cost changes by less than this, relative; 0: never.");
+DEFINE_double(gradient_tolerance, 1e-10,
+              "Of Ceres, and of inceres in exact mode: stop when no entry of the gradient is "
+              "larger; 0: never.");
+DEFINE_double(parameter_tolerance, 0.0,
+              "As --gradient_tolerance: stop when the step is shorter than this, relative to the "
+              "parameters; 0: never. Ceres's default of 1e-8 is not for BAL: a few points run off, "
+              "and against their coordinates every step is short.");
+// Of the program.
+DECLARE_bool(autodiff);
+DECLARE_string(trust_region);
 
 namespace inceres::tools {
 namespace {
@@ -72,7 +86,7 @@ Status CheckKind(const std::string& kind) {
   return Status::Ok();
 }
 
-Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* script) {
+Status MakeBalScript(const std::string& path, ReplayScript* script) {
   BalProblem bal;
   Status status =
       ReadBal(path, &bal, ReadProgressPrinter(path, ProgressOutput()), ReadOptionsFromFlags());
@@ -84,7 +98,7 @@ Status MakeBalScript(const std::string& path, int num_threads, ReplayScript* scr
     std::fprintf(Out(), "solving %s first, not timed\n", path.c_str());
     std::fflush(Out());
     const Heartbeat heartbeat(ProgressOutput(), "solving " + path);
-    status = SolveForReplay(num_threads, &bal);
+    status = SolveForReplay(FLAGS_num_threads, &bal);
   }
   if (status.ok()) {
     BalReplayOptions options;
@@ -166,17 +180,11 @@ Status MakePathScript(const std::string& size, ReplayScript* script) {
 
 }  // namespace
 
-Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
-  using Make = std::function<Status(const std::string&, ReplayScript*)>;
-  const auto make_bal = [num_threads](const std::string& path, ReplayScript* made) {
-    return MakeBalScript(path, num_threads, made);
-  };
-  const std::map<std::string, Make> kinds = {{"bal", make_bal},
-                                             {"kf", MakeKeyframeScript},
-                                             {"stereo", MakeStereoScript},
-                                             {"g2o", MakePoseGraphScript},
-                                             {"vio", MakeVioScript},
-                                             {"path", MakePathScript}};
+Status MakeScriptFromFlags(ReplayScript* script) {
+  using Make = Status (*)(const std::string&, ReplayScript*);
+  const std::map<std::string, Make> kinds = {
+      {"bal", MakeBalScript},       {"kf", MakeKeyframeScript}, {"stereo", MakeStereoScript},
+      {"g2o", MakePoseGraphScript}, {"vio", MakeVioScript},     {"path", MakePathScript}};
   const std::size_t colon = FLAGS_problem.find(':');
   const auto kind = kinds.find(FLAGS_problem.substr(0, colon));
   if (colon == std::string::npos || colon + 1 == FLAGS_problem.size() || kind == kinds.end()) {
@@ -186,6 +194,30 @@ Status MakeScriptFromFlags(int num_threads, ReplayScript* script) {
   }
   const Status status = CheckKind(kind->first);
   return status.ok() ? kind->second(FLAGS_problem.substr(colon + 1), script) : status;
+}
+
+Status ReadReplaySettings(const std::string& solver_flag, const std::string& solver, bool landmarks,
+                          bool dogleg, ReplaySettings* settings) {
+  for (const Status& status :
+       {Choose("--trust_region", FLAGS_trust_region,
+               {{"auto", dogleg}, {"lm", false}, {"dogleg", true}}, &settings->dogleg),
+        ParseReplayLinearSolver(solver_flag, solver, landmarks, &settings->linear_solver),
+        CheckNumbers({{"--num_threads", FLAGS_num_threads, 1},
+                      {"--max_num_iterations", FLAGS_max_num_iterations, 1}},
+                     {{"--function_tolerance", FLAGS_function_tolerance},
+                      {"--gradient_tolerance", FLAGS_gradient_tolerance},
+                      {"--parameter_tolerance", FLAGS_parameter_tolerance}})}) {
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  settings->autodiff = FLAGS_autodiff;
+  settings->num_threads = FLAGS_num_threads;
+  settings->max_num_iterations = FLAGS_max_num_iterations;
+  settings->function_tolerance = FLAGS_function_tolerance;
+  settings->gradient_tolerance = FLAGS_gradient_tolerance;
+  settings->parameter_tolerance = FLAGS_parameter_tolerance;
+  return Status::Ok();
 }
 
 }  // namespace inceres::tools

@@ -178,7 +178,7 @@ Status Report(const inceres::VioSequence& sequence, int imu_per_frame) {
                                  {"initial_rms_pixels", start_rms},
                                  {"true_rms_pixels", true_rms},
                                  {"seed", FLAGS_seed}};
-  return WriteJsonReport(report.dump(2));
+  return WriteJsonReport(report);
 }
 
 Status Run() {

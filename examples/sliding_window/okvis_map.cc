@@ -10,10 +10,10 @@ int main(int argc, char** argv) {
   RunOptions options;
   OkvisOptions okvis_options;
   const std::string usage =
-      "okvis_map: a visual-inertial map of keyframes and landmarks in one ceres::Problem that "
-      "lives as long as the run, solved "
-      "after\n"
-      "every image by DENSE_SCHUR and DOGLEG on one thread.";
+      R"(okvis_map: a visual-inertial map of keyframes and landmarks in one ceres::Problem that
+lives as long as the run, solved after every image by DOGLEG on one thread. The startup scene has
+two cameras, whose images show as many features as --features says, and begins with velocity
+zero.)";
   const Switch newest_first{
       "--newest_first",
       "before each solve, another of two iterations with all held but the newest frame",

@@ -9,10 +9,10 @@ int main(int argc, char** argv) {
   using namespace sliding_window;  // NOLINT(google-build-using-namespace)
   RunOptions options;
   const std::string usage =
-      "vins_window: a visual-inertial window of eleven frames, rebuilt as a new ceres::Problem for "
-      "every image (300 of them), "
-      "solved\n"
-      "by DENSE_SCHUR and DOGLEG on one thread.";
+      R"(vins_window: a visual-inertial window of eleven frames, rebuilt as a new ceres::Problem
+for every image, and solved by DOGLEG on one thread. There is one camera, whose images show half as
+many features as --features says; the startup scene begins where an alignment of images and IMU
+ends.)";
   if (const auto exit_code = ParseCommandLine(usage, argc, argv, &options)) {
     return *exit_code;
   }

@@ -22,8 +22,8 @@ READS = re.compile(r'(?:getenv|secure_getenv|environ\.get|value_of)\(\s*"([A-Z][
 OWN = re.compile(r"`((?:INCERES|SITE)_[A-Z_]+)`")
 SUMMARY_KEY = re.compile(r'\.Add(?:String|Raw|Array)?\(\s*"([^"]+)"')
 TOOL_KEY = re.compile(r'\{"([a-z0-9][a-z_0-9-]*)",\s*[^"\s]|\w+\["([a-z0-9_]+)"\]\s*=[^=]')
-# Modes of the fuzzer, and what its processes tell each other.
-NOT_KEYS = {"auto", "dropin", "dropin_incremental", "counts", "defect"}
+# Modes of the fuzzer, of replay and of living_problem, and what the fuzzer's processes tell each other.
+NOT_KEYS = {"auto", "dropin", "dropin_incremental", "exact", "incremental", "plain", "rebuild", "counts", "defect"}
 SUMMARIES = ("src/trust_region/summary.cc", "src/incremental/update_summary.cc")
 FOUNDATIONS = {"inceres/export.h", "inceres/problem/rotation.h",
                "inceres/problem/pose_composition.h", "inceres/factors/point_observation.h",

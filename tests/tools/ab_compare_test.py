@@ -183,6 +183,9 @@ class AbCompareTest(unittest.TestCase):
             drawn = xml.etree.ElementTree.parse(curves).getroot()
             labels = [path.get("data-label") for path in drawn.iter("{http://www.w3.org/2000/svg}path") if path.get("data-label")]
             self.assertEqual(labels, [f"{entry['solver']}, {entry['configuration']}" for entry in report["runs"]])
+        self.compare("--configurations", "iterative_schur", "--preconditioner", "jacobi", "--tolerance", "1e-3")  # stock's alone
+        _, message = run(TOOL, "--problem", "bal:" + self.small, "--preconditioner", "jacobi", code=2)
+        self.assertIn("--preconditioner", message)
 
     def test_a_cost_above_the_tolerance_is_an_error_after_the_report(self):
         report = self.file("report.json")

@@ -192,7 +192,11 @@ class AbReportTest(unittest.TestCase):
         self.assertTrue((self.folder / "page.html").exists())
         self.assertIn("nowhere.jsonl", self.run_tool(self.folder / "nowhere.jsonl", code=1).stderr)
         self.assertIn("no/page.html", self.run_tool(self.log, "--output", self.folder / "no/page.html", code=1).stderr)
-        self.assertIn("overwrite", self.run_tool(self.log, "--output", self.log, code=2).stderr)
+        log = self.log.read_bytes()
+        for flags in (("--output", self.log), ("--json", self.log), ("--json", self.log.with_suffix(".html")),
+                      ("--output", self.folder / "one", "--json", self.folder / "one")):
+            self.assertIn("overwrite", self.run_tool(self.log, *flags, code=2).stderr)
+        self.assertEqual(self.log.read_bytes(), log)
         self.run_tool(code=2)
         self.assertIn("--output", self.run_tool("--help").stdout)
 

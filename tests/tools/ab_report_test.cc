@@ -75,6 +75,13 @@ TEST_F(AbReportTest, TimeToGapIsAgainstTheLowestCostOfAllRuns) {
   EXPECT_TRUE(stock.at("1e-4").is_null());
 }
 
+TEST_F(AbReportTest, PictureOfACostOfZeroHasNumbers) {
+  result_.ours = {"inceres", "dense_schur", {Record(1.0, 0.0)}, {}};
+  const std::string picture = AbPicture(context_, result_);
+  EXPECT_EQ(picture.find("nan"), std::string::npos) << picture;
+  EXPECT_EQ(picture.find("inf"), std::string::npos) << picture;
+}
+
 TEST_F(AbReportTest, TableNamesEverySolverTheRatioAndTheEnvironment) {
   const std::string table = AbTable(context_, result_);
   for (const char* text :

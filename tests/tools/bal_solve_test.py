@@ -4,6 +4,9 @@
 import json
 import os
 import re
+import resource
+import signal
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -161,9 +164,20 @@ class BalSolveTest(unittest.TestCase):
         for flag in ("--output", "--json", "--picture"):
             message = self.fails(1, "--input", self.small, flag, self.file("no/such/folder.txt"))
             self.assertIn("no/such/folder.txt", message)
-        # Before anything is read, let alone solved.
-        message = self.fails(1, "--input", self.file("nowhere.txt"), "--output", self.file("no/such/folder.txt"))
-        self.assertIn("no/such/folder.txt", message)
+            # Before anything is read, let alone solved.
+            message = self.fails(1, "--input", self.file("nowhere.txt"), flag, self.file("no/such/folder.txt"))
+            self.assertIn("no/such/folder.txt", message)
+
+    def test_a_file_that_does_not_fit_leaves_nothing(self):
+        def small_files_only():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+        for flag in ("--output", "--json", "--picture"):
+            result = subprocess.run([TOOL, "--input", self.small, flag, self.file("large.txt")], preexec_fn=small_files_only,
+                                    capture_output=True, text=True, timeout=300, check=False)
+            self.assertEqual(result.returncode, 1, result.stderr)
+            self.assertIn("large.txt", result.stderr)
+            self.assertEqual(os.listdir(self.directory.name), ["small.txt"], flag)
 
     def test_flags_that_make_no_sense(self):
         for flag, value in (("--trust_region", "newton"), ("--linear_solver", "magic"), ("--num_threads", "0"),
@@ -189,6 +203,19 @@ class BalSolveTest(unittest.TestCase):
         self.assertIn("two_level", self.fails(2, "--input", self.small, *two_level))
         self.assertIn("--max_memory", self.fails(2, "--input", self.small, "--max_memory", "-1"))
         self.assertIn("go together", self.fails(2, "--input", self.small, "--linear_solver", "cgnr", "--trust_region", "dogleg"))
+
+    def test_flags_of_conjugate_gradients_need_some(self):
+        direct = ([], ["--solver", "ceres"], ["--linear_solver", "sparse_schur", "--builtin_factors"], ["--mode", "incremental"],
+                  ["--linear_solver", "lagged_pcg", "--builtin_factors"])
+        iterative = ["--linear_solver", "iterative_schur"]
+        for flag, value in (("--preconditioner", "jacobi"), ("--eta", "0.01"), ("--max_linear_solver_iterations", "7")):
+            for flags in direct:
+                self.assertIn(flag, self.fails(2, "--input", self.small, *flags, flag, value))
+            for flags in (iterative, [*iterative, "--solver", "ceres"], ["--linear_solver", "cgnr"], [*iterative, "--builtin_factors"]):
+                self.solve(*flags, flag, value)
+        self.solve("--builtin_factors", "--eta", "0.01")  # which may take them
+        self.assertIn("--preconditioner", self.fails(2, "--input", self.small, "--builtin_factors", "--preconditioner", "two_level"))
+        self.solve("--mode", "incremental", "--preconditioner", "two_level", "--eta", "0.01")
 
     def test_preconditioners_of_a_ceres_problem(self):
         solved = self.file("solved.json")
@@ -216,6 +243,10 @@ class BalSolveTest(unittest.TestCase):
         self.assertLess(reports[1]["work"]["bytes"], reports[0]["work"]["bytes"])
         for flags in ([], ["--builtin_factors", "--linear_solver", "iterative_schur"], ["--builtin_factors", "--mode", "incremental"]):
             self.assertIn("recompute_jacobians", self.fails(2, "--input", self.small, "--recompute_jacobians", *flags))
+        command = [TOOL, "--input", self.small, *direct, "--recompute_jacobians"]
+        self.assertIn("iter      cost", run(*command)[0])
+        self.assertGreater(json.loads(run(*command, "--json", "-")[0])["final_cost"], 0.0)
+        self.assertEqual(run(*command, "--quiet")[0], "")
 
     def test_a_solve_that_does_not_fit_is_refused(self):
         for flags in ([], ["--builtin_factors"], ["--mode", "incremental"]):

@@ -41,11 +41,12 @@ class CovarianceCompareTest(unittest.TestCase):
         self.assertIn("computed", out)
 
     def test_a_free_gauge_is_false_in_both_and_told(self):
-        report, _ = self.compare("--gauge", "free", "--iterations", "20", "--repeats", "1")
+        report, out = self.compare("--gauge", "free", "--iterations", "20", "--repeats", "1")
         ours, stock = report["results"]
         self.assertFalse(ours["computed"])
         self.assertFalse(stock["computed"])
         self.assertIn("7 directions are open", ours["message"])
+        self.assertIn("not computed: 7 directions", out)
 
     def test_control_points_and_intrinsics_that_are_held(self):
         flags = ("--iterations", "20", "--points", "--gauge", "points", "--hold_intrinsics", "--repeats", "1")
@@ -75,6 +76,38 @@ class CovarianceCompareTest(unittest.TestCase):
         self.assertEqual(len(report["results"]), 1)
         self.assertFalse(report["results"][0]["computed"])
         self.assertIn("7 directions are open", report["results"][0]["message"])
+
+    def test_what_nobody_observes_is_left_out(self):
+        with open(self.small, encoding="ascii") as file:
+            head, *lines = file.read().splitlines()
+        observations, cameras, points = lines[:240], lines[240:-120], lines[-120:]
+        for first in (False, True):  # the camera that is held among them
+            seen = [f"{int(line.split()[0]) + first} {line.split(' ', 1)[1]}" for line in observations]
+            with open(self.small, "w", encoding="ascii") as file:
+                file.write("\n".join(["7 41 240", *seen, *(cameras[:9] + cameras if first else cameras + cameras[:9]), *points,
+                                      "1", "1", "1"]) + "\n")
+            for gauge, blocks in (("held", 6 + 40 - (not first)), ("points", 6 + 40)):
+                report, _ = self.compare("--points", "--gauge", gauge, "--repeats", "1", "--iterations", "5")
+                self.assertEqual(report["blocks"], blocks)
+        self.assertEqual(head, "6 40 240")
+
+    def test_what_cannot_be_evaluated_and_what_goes_to_stock_is_no_comparison(self):
+        with open(self.small, encoding="ascii") as file:
+            lines = file.read().splitlines()
+        for value, code, message in (("1e302", 4, "NO MEASUREMENT"), ("0.0", 1, "not finite")):
+            # A point that is far out, or in the plane of the first camera.
+            changed = lines[:-3] + ["0.0", "0.0", value]
+            changed[241 + 5] = "0.0" if value == "0.0" else lines[241 + 5]
+            with open(self.small, "w", encoding="ascii") as file:
+                file.write("\n".join(changed) + "\n")
+            for flags in ((), ("--only_ours",)):
+                out, error = run(TOOL, "--problem", f"bal:{self.small}", "--json", os.path.join(self.directory.name, "no.json"),
+                                 "--repeats", "1", "--gauge", "free", *flags, code=code)
+                self.assertIn(message, error)
+                self.assertNotIn("ratio", out)
+            self.assertFalse(os.path.exists(os.path.join(self.directory.name, "no.json")))
+        _, error = run(TOOL, "--problem", f"bal:{self.small}", "--iterations", "3", code=1)
+        self.assertIn("not solved", error)
 
     def test_bad_flags(self):
         for flags, message in ((("--algorithms", "qr"), "'qr' is unknown"),

@@ -113,6 +113,7 @@ class LivingProblemTest(unittest.TestCase):
             self.assertIn("--oneshot has no steps", self.fails(2, "--problem", self.bal, "--oneshot", flag))
         for flag in ("--no_priors", "--seed=2", "--nopresolve", "--free_intrinsics"):
             self.assertIn("as it stands in the file", self.fails(2, "--problem", self.bal, "--oneshot", flag))
+        self.assertIn("as it stands in the file", self.fails(2, "--problem", self.graph, "--oneshot", "--outliers=0.2"))
         self.assertIn("--robust", self.fails(2, "--problem", self.bal, "--oneshot", "--robust", "huber"))
         self.assertIn("--autodiff", self.fails(2, "--problem", "vio:cubic", "--autodiff"))
         self.assertIn("--problem", self.fails(2, "--problem", "toro:x"))

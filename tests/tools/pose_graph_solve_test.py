@@ -3,6 +3,7 @@
 
 import json
 import os
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -110,6 +111,24 @@ class PoseGraphSolveTest(unittest.TestCase):
         else:
             with open(self.file("errors"), encoding="utf-8") as file:
                 self.assertIn("Spectra", file.read())
+
+    def test_a_certificate_that_is_not_to_be_had_costs_no_result(self):
+        with open(self.graphs[2], encoding="ascii") as file:
+            edges = file.read()
+        with open(self.graphs[2], "w", encoding="ascii") as file:
+            file.write("EDGE_SE2 39 40 1 0 0 1 2 0 1 0 1\n" + edges)  # indefinite information
+        flags = ["--input", self.graphs[2], "--project_information", "--certificate"]
+        result = subprocess.run([TOOL, *flags, "--json", self.file("report.json"), "--output", self.file("solved.g2o")],
+                                capture_output=True, text=True, timeout=300, check=False)
+        if "Spectra" in result.stderr:
+            self.skipTest("without Spectra there are no certificates")
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn("--certificate: ", result.stderr)
+        self.assertIn("edge 0", result.stderr)
+        self.assertIn("CONVERGENCE", result.stdout)
+        self.assertTrue(os.path.exists(self.file("solved.g2o")))
+        with open(self.file("report.json"), encoding="utf-8") as file:
+            self.assertNotIn("chordal_bound", json.load(file))
 
     def test_writes_what_can_be_read_again(self):
         solved = self.file("solved.g2o")

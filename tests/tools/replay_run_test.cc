@@ -425,6 +425,24 @@ TEST(Replay, Flatness) {
   EXPECT_NE(text.find("150-250        301-400"), std::string::npos);
 }
 
+TEST(Replay, FlatnessFindsCountsByName) {
+  std::vector<ReplayRow> rows(400);
+  for (int step = 1; step <= 400; ++step) {
+    ReplayOutcome& outcome = rows[static_cast<std::size_t>(step - 1)].ours.outcome;
+    outcome.work = {{"visits", 10}, {"newest", step > 300 ? 30 : 20}};
+    if (step % 3 == 0) {  // the last step among those without it
+      outcome.work.insert(outcome.work.begin(), {"any", 5});
+    }
+  }
+  const nlohmann::json json = FlatnessJson(MeasureFlatness(rows));
+  for (const char* window : {"early", "late"}) {
+    EXPECT_EQ(json[window]["work"]["any"], 5.0);
+    EXPECT_EQ(json[window]["work"]["visits"], 10.0);
+  }
+  EXPECT_EQ(json["growth_percent"]["work"]["any"], 0.0);
+  EXPECT_EQ(json["growth_percent"]["work"]["newest"], 50.0);
+}
+
 TEST(Statistics, Percentile) {
   std::vector<double> values;
   for (int k = 20; k > 0; --k) {

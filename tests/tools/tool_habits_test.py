@@ -134,6 +134,23 @@ class ToolHabitsTest(unittest.TestCase):
                 self.assertEqual(set(json.loads(text)), set(in_file), name)
             self.run_tool(name, *SHORT[name], "--json", "no/such/folder.json", code=1)
 
+    def test_json_of_a_file_whose_name_is_not_utf8(self):
+        strange = os.fsdecode(b"\xff")
+        (self.folder / strange).mkdir()
+        for name in ("problem.txt", "M3500.g2o", "run.jsonl"):
+            (self.folder / strange / name).symlink_to(self.folder / name)
+        for name in TOOLS:
+            flags = [re.sub(r"(\w+\.(txt|g2o|vio|jsonl))$", rf"{strange}/\1", flag)
+                     for flag in SHORT[name]]
+            self.assertTrue(json.loads(self.run_tool(name, *flags, "--json", "-")[0]), name)
+
+    def test_a_folder_that_is_not_there_is_told_before_work(self):
+        for name in TOOLS.keys() & {"bal_solve", "bal_solve_mpi", "pose_graph_solve",
+                                    "covariance_compare", "replay", "living_problem"}:
+            _, message = self.run_tool(name, *MISSING[name], "--json", "not/there.json", code=1)
+            self.assertIn("--json not/there.json", message)
+            self.assertNotIn("no/file", message)
+
     def test_exit_codes(self):
         for name in TOOLS:
             _, message = self.run_tool(name, *MISSING[name], code=1)
@@ -182,6 +199,12 @@ class ToolHabitsTest(unittest.TestCase):
         _, message = self.run_tool("differential_fuzzer", *SHORT["differential_fuzzer"],
                                    "--verbose", "--quiet", code=2)
         self.assertIn("--verbose", message)
+
+    def test_a_limit_of_time_is_a_number(self):
+        for seconds in ("nan", "inf", "-1"):
+            _, message = self.run_tool("differential_fuzzer", *SHORT["differential_fuzzer"],
+                                       "--seconds", seconds, code=2)
+            self.assertIn("--seconds", message)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <optional>
 
 #include "src/base/formatted.h"
@@ -136,9 +137,13 @@ std::string AbPicture(const AbContext& context, const AbResult& result) {
   };
   add(result.ours);
   std::for_each(result.stock.begin(), result.stock.end(), add);
+  // Not 0: what is below is rounding, as for RelativeCostDifference.
+  const double lowest_cost =
+      std::max({result.LowestCost(), 1e-16 * result.ours.first().initial_cost,
+                std::numeric_limits<double>::min()});
   return GapCurvesSvg(
       context.problem.substr(context.problem.rfind('/') + 1) + ": " + context.description,
-      result.LowestCost(), curves);
+      lowest_cost, curves);
 }
 
 json AbJson(const AbContext& context, const AbResult& result) {

@@ -1,8 +1,12 @@
 #include "tools/command_line/command_line.h"
 
+#include <unistd.h>
+
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <vector>
 
 #include <gflags/gflags.h>
@@ -56,21 +60,27 @@ Status CheckArguments(int argc, char** argv) {
   return Status::Ok();
 }
 
-// Two files of one name: the one written last would be all that is left.
-Status CheckFilesToWrite() {
+// The files that are to be written, each after its flag.
+std::vector<std::pair<std::string, std::string>> FilesToWrite() {
   std::vector<std::pair<std::string, std::string>> files;
   for (const char* name : {"output", "truth", "picture", "json"}) {
-    gflags::CommandLineFlagInfo flag;
-    const bool is_file = gflags::GetCommandLineFlagInfo(name, &flag) &&
-                         !flag.current_value.empty() && flag.current_value != "-" &&
-                         flag.current_value.rfind("/dev/", 0) != 0;
-    if (is_file) {
-      for (const auto& [other, file] : files) {
-        if (file == flag.current_value) {
-          return Invalid("--" + other + " and --" + name + " name the same file");
-        }
+    std::string file;
+    if (gflags::GetCommandLineOption(name, &file) && !file.empty() && file != "-" &&
+        file.rfind("/dev/", 0) != 0) {
+      files.emplace_back(name, file);
+    }
+  }
+  return files;
+}
+
+// Two files of one name: the one written last would be all that is left.
+Status CheckFilesToWrite() {
+  const auto files = FilesToWrite();
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (files[i].second == files[j].second) {
+        return Invalid("--" + files[j].first + " and --" + files[i].first + " name the same file");
       }
-      files.emplace_back(name, flag.current_value);
     }
   }
   return Status::Ok();
@@ -100,13 +110,17 @@ std::optional<int> ParseCommandLine(const ToolHelp& help, int* argc, char*** arg
   return status.ok() ? std::nullopt : std::optional<int>(Fail(kExitUsage, status.message));
 }
 
-int RunTool(const ToolHelp& help, int argc, char** argv, const std::function<Status()>& run) {
+int RunTool(const ToolHelp& help, int argc, char** argv, const std::function<Status()>& run,
+            ExitCode unavailable) {
   if (const std::optional<int> exit_code = ParseCommandLine(help, &argc, &argv)) {
     return *exit_code;
   }
-  const Status status = run();
+  Status status = CheckFoldersToWrite();
+  status = status.ok() ? run() : status;
   if (!status.ok()) {
-    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage : kExitFailure,
+    return Fail(status.code == StatusCode::kInvalidArgument ? kExitUsage
+                : status.code == StatusCode::kUnavailable   ? unavailable
+                                                            : kExitFailure,
                 status.message);
   }
   return kExitSuccess;
@@ -114,6 +128,19 @@ int RunTool(const ToolHelp& help, int argc, char** argv, const std::function<Sta
 
 Status Invalid(const std::string& message) {
   return Status::Error(StatusCode::kInvalidArgument, message);
+}
+
+Status CheckFoldersToWrite() {
+  for (const auto& [name, file] : FilesToWrite()) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    if (access(file.c_str(), W_OK) != 0 &&
+        access(folder.empty() ? "." : folder.c_str(), W_OK) != 0) {
+      return Status::Error(
+          StatusCode::kIo,
+          "--" + name + " " + file + ": cannot write into its folder: " + std::strerror(errno));
+    }
+  }
+  return Status::Ok();
 }
 
 bool IsSet(const char* flag) {

@@ -1,8 +1,10 @@
 #include "tools/command_line/json_report.h"
 
 #include <cstdio>
+#include <string>
 
 #include <gflags/gflags.h>
+#include <nlohmann/json.hpp>
 
 #include "tools/command_line/text_file.h"
 
@@ -13,16 +15,18 @@ DEFINE_string(json, "",
 namespace inceres::tools {
 namespace {
 
-Status Write(const std::string& json, const char* how) {
+Status Write(const nlohmann::json& report, int indent, const char* how) {
   if (!WantsJson()) {
     return Status::Ok();
   }
+  const std::string text =
+      report.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   if (FLAGS_json == "-") {
-    return std::fputs((json + "\n").c_str(), stdout) >= 0 && std::fflush(stdout) == 0
+    return std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0
                ? Status::Ok()
                : Status::Error(StatusCode::kIo, "--json -: cannot write to standard output");
   }
-  Status status = WriteTextFile(FLAGS_json, json + "\n", how);
+  Status status = WriteTextFile(FLAGS_json, text, how);
   status.message = status.ok() ? "" : "--json " + status.message;
   return status;
 }
@@ -33,12 +37,12 @@ bool WantsJson() {
   return !FLAGS_json.empty();
 }
 
-Status WriteJsonReport(const std::string& json) {
-  return Write(json, "w");
+Status WriteJsonReport(const nlohmann::json& report) {
+  return Write(report, 2, "w");
 }
 
-Status AppendJsonReport(const std::string& json) {
-  return Write(json, "a");
+Status AppendJsonReport(const nlohmann::json& report) {
+  return Write(report, -1, "a");
 }
 
 }  // namespace inceres::tools

@@ -2,8 +2,6 @@
 
 #include <unistd.h>
 
-#include <string>
-
 #include <gflags/gflags.h>
 
 #include "tools/command_line/command_line.h"
@@ -32,6 +30,11 @@ std::FILE* Nowhere() {
 
 std::FILE* Out() {
   return FLAGS_quiet || JsonTakesStandardOutput() ? Nowhere() : stdout;
+}
+
+void PrintLine(const std::string& line) {
+  std::fprintf(Out(), "%s\n", line.c_str());
+  std::fflush(Out());
 }
 
 std::FILE* ProgressOutput() {

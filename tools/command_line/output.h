@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdio>
+#include <string>
 
 #include "inceres/status.h"
 
@@ -9,6 +10,9 @@ namespace inceres::tools {
 /// Where a tool prints what it tells people: standard output; nowhere with --quiet, and with
 /// --json -, when standard output is for JSON alone.
 std::FILE* Out();
+
+/// Prints the line there at once.
+void PrintLine(const std::string& line);
 
 /// Where progress is told: standard error, or null for nowhere. By --progress: always, never, or
 /// auto, on a terminal. Never with --quiet.

@@ -1,7 +1,5 @@
 #include "tools/distributed/mpi_flags.h"
 
-#include <utility>
-
 #include <gflags/gflags.h>
 
 #include "tools/command_line/command_line.h"
@@ -31,29 +29,15 @@ DEFINE_string(resume, "", "Go on from this checkpoint, on any number of ranks.")
 namespace inceres::tools {
 namespace {
 
-template <typename Kind>
-Status Choose(const char* flag, const std::string& text,
-              std::initializer_list<std::pair<const char*, Kind>> names, Kind* kind) {
-  std::string known;
-  for (const auto& [name, value] : names) {
-    if (text == name) {
-      *kind = value;
-      return Status::Ok();
-    }
-    known += known.empty() ? name : std::string(", ") + name;
-  }
-  return Invalid("--" + std::string(flag) + " '" + text + "': use one of " + known);
-}
-
 Status ChooseKinds(MpiSettings* settings) {
   SolverOptions& solver = settings->options.solver;
-  Status status = Choose("trust_region", FLAGS_trust_region,
+  Status status = Choose("--trust_region", FLAGS_trust_region,
                          {{"lm", TrustRegionStrategyKind::kLevenbergMarquardt},
                           {"marquardt", TrustRegionStrategyKind::kMarquardt},
                           {"dogleg", TrustRegionStrategyKind::kDogleg}},
                          &solver.strategy);
   if (status.ok()) {
-    status = Choose("linear_solver", FLAGS_linear_solver,
+    status = Choose("--linear_solver", FLAGS_linear_solver,
                     {{"auto", DistributedLinearSolver::kAutomatic},
                      {"conjugate_gradients", DistributedLinearSolver::kConjugateGradients},
                      {"cholesky", DistributedLinearSolver::kCholesky},
@@ -61,7 +45,7 @@ Status ChooseKinds(MpiSettings* settings) {
                     &settings->options.linear_solver);
   }
   if (status.ok()) {
-    status = Choose("preconditioner", FLAGS_preconditioner,
+    status = Choose("--preconditioner", FLAGS_preconditioner,
                     {{"identity", PreconditionerKind::kIdentity},
                      {"jacobi", PreconditionerKind::kJacobi},
                      {"schur_jacobi", PreconditionerKind::kSchurJacobi},
@@ -69,7 +53,7 @@ Status ChooseKinds(MpiSettings* settings) {
                     &solver.conjugate_gradients.preconditioner);
   }
   if (status.ok()) {
-    status = Choose<std::string>("partition", FLAGS_partition,
+    status = Choose<std::string>("--partition", FLAGS_partition,
                                  {{"auto", "auto"}, {"order", "order"}, {"ptscotch", "ptscotch"}},
                                  &settings->partition);
   }

@@ -6,8 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "tools/command_line/json_values.h"
 #include "tools/command_line/output.h"
 
@@ -108,33 +106,32 @@ void PrintTable(const MpiReport& report) {
   PrintRanks(report.summary.ranks);
 }
 
-std::string ToJson(const MpiReport& report) {
+nlohmann::json ToJson(const MpiReport& report) {
   nlohmann::json ranks = nlohmann::json::array();
   for (const RankReport& rank : report.summary.ranks) {
     ranks.push_back(ToJson(rank));
   }
   const Summary& solve = report.summary.solve;
-  const nlohmann::json json = {{"input", report.problem},
-                               {"solver", solve.reduced_solver},
-                               {"robust", report.robust},
-                               {"threads", report.num_threads},
-                               {"num_cameras", report.num_cameras},
-                               {"num_points", report.num_points},
-                               {"num_observations", report.num_observations},
-                               {"initial_cost", solve.initial_cost},
-                               {"final_cost", solve.final_cost},
-                               {"iterations", IterationsOf(solve)},
-                               {"message", solve.message},
-                               {"seconds", solve.seconds.total},
-                               {"stage_seconds", JsonObject(StagesOf(report))},
-                               {"partition",
-                                {{"by", report.partition.by},
-                                 {"imbalance", report.partition.imbalance},
-                                 {"num_frame_copies", report.partition.num_frame_copies}}},
-                               {"num_checkpoints", report.summary.num_checkpoints},
-                               {"ranks", ranks},
-                               {"summary", nlohmann::json::parse(solve.ToJson())}};
-  return json.dump(2);
+  return {{"input", report.problem},
+          {"solver", solve.reduced_solver},
+          {"robust", report.robust},
+          {"threads", report.num_threads},
+          {"num_cameras", report.num_cameras},
+          {"num_points", report.num_points},
+          {"num_observations", report.num_observations},
+          {"initial_cost", solve.initial_cost},
+          {"final_cost", solve.final_cost},
+          {"iterations", IterationsOf(solve)},
+          {"message", solve.message},
+          {"seconds", solve.seconds.total},
+          {"stage_seconds", JsonObject(StagesOf(report))},
+          {"partition",
+           {{"by", report.partition.by},
+            {"imbalance", report.partition.imbalance},
+            {"num_frame_copies", report.partition.num_frame_copies}}},
+          {"num_checkpoints", report.summary.num_checkpoints},
+          {"ranks", ranks},
+          {"summary", nlohmann::json::parse(solve.ToJson())}};
 }
 
 }  // namespace inceres::tools

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <string>
 
+#include <nlohmann/json.hpp>
+
 #include "inceres/distributed/summary.h"
 #include "tools/distributed/partition.h"
 
@@ -25,6 +27,6 @@ struct MpiReport {
 /// The table of bal_solve, and a line a rank.
 void PrintTable(const MpiReport& report);
 /// The same for programs.
-std::string ToJson(const MpiReport& report);
+nlohmann::json ToJson(const MpiReport& report);
 
 }  // namespace inceres::tools

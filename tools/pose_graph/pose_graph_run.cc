@@ -195,8 +195,9 @@ Status RunPoseGraph(const PoseGraphPlan& plan, const PoseGraph& graph, PoseGraph
   }
   if (plan.certificate) {
     ChordalBound bound;
-    status = BoundChordalCost(WithoutOutliers(*run), &bound);
-    run->bound = bound;
+    const Status bounded = BoundChordalCost(WithoutOutliers(*run), &bound);
+    run->bound_failure = bounded.message;
+    run->bound = bounded.ok() ? std::optional<ChordalBound>(bound) : std::nullopt;
   }
   return status;
 }

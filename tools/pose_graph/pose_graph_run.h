@@ -49,6 +49,7 @@ struct PoseGraphRun {
   std::optional<GncSummary> gnc;  ///< with it
   std::optional<OutlierScore> score;
   std::optional<ChordalBound> bound;
+  std::string bound_failure;  ///< why there is none, if one was asked for
   double initial_cost = 0.0;
   double final_cost = 0.0;
   double seconds = 0.0;  ///< of the solve, start included

@@ -1,6 +1,5 @@
 #include "tools/replay/living_run.h"
 
-#include <algorithm>
 #include <cstddef>
 #include <memory>
 
@@ -9,11 +8,6 @@
 
 namespace inceres::tools {
 namespace {
-
-std::size_t NumSteps(const ReplayScript& script, int max_steps) {
-  return max_steps > 0 ? std::min(script.steps.size(), static_cast<std::size_t>(max_steps))
-                       : script.steps.size();
-}
 
 Status AddSteps(const ReplayScript& script, std::size_t begin, std::size_t end,
                 ReplayCeresProblem* problem) {

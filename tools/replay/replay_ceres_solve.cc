@@ -10,15 +10,8 @@
 namespace inceres::tools {
 namespace {
 
-constexpr ceres::LinearSolverType kLinearSolvers[] = {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR,
-                                                      ceres::SPARSE_NORMAL_CHOLESKY};
-
 bool IsSchur(ceres::LinearSolverType type) {
   return type == ceres::DENSE_SCHUR || type == ceres::SPARSE_SCHUR;
-}
-
-std::string NameOf(ceres::LinearSolverType type) {
-  return internal::LowerCase(ceres::LinearSolverTypeToString(type));
 }
 
 ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
@@ -45,7 +38,8 @@ ReplayOutcome OutcomeOf(const ceres::Solver::Summary& summary, double seconds) {
 }  // namespace
 
 std::string DescribeLinearSolver(ceres::LinearSolverType type) {
-  return NameOf(type) + (IsSchur(type) ? ", landmarks first" : "");
+  return internal::LowerCase(ceres::LinearSolverTypeToString(type)) +
+         (IsSchur(type) ? ", landmarks first" : "");
 }
 
 ceres::Solver::Options CeresOptions(
@@ -78,19 +72,12 @@ ReplayOutcome SolveGrowing(const ReplaySettings& settings, ReplayCeresProblem* l
 
 Status ParseReplayLinearSolver(const std::string& flag, const std::string& name, bool landmarks,
                                ceres::LinearSolverType* type) {
-  if (name == "auto") {
-    *type = landmarks ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
-    return Status::Ok();
-  }
-  std::string known = "auto";
-  for (const ceres::LinearSolverType candidate : kLinearSolvers) {
-    known += ", " + NameOf(candidate);
-    if (NameOf(candidate) == name) {
-      *type = candidate;
-      return Status::Ok();
-    }
-  }
-  return Invalid(flag + " '" + name + "': use one of " + known);
+  return Choose(flag, name,
+                {{"auto", landmarks ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY},
+                 {"dense_schur", ceres::DENSE_SCHUR},
+                 {"sparse_schur", ceres::SPARSE_SCHUR},
+                 {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY}},
+                type);
 }
 
 }  // namespace inceres::tools

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 
 #include "src/base/formatted.h"
 #include "tools/ab/statistics.h"
@@ -14,16 +15,49 @@ using internal::Formatted;
 
 constexpr char kBytes[] = "bytes";
 
+const ReplaySide& Ours(const std::vector<ReplayRow>& rows, int step) {
+  return rows[static_cast<std::size_t>(step - 1)].ours;
+}
+
 template <typename Value>
 double MedianOf(const std::vector<ReplayRow>& rows, int first, int last, const Value& value) {
   std::vector<double> values;
   for (int step = first; step <= last; ++step) {
-    values.push_back(value(rows[static_cast<std::size_t>(step - 1)].ours));
+    values.push_back(value(Ours(rows, step)));
   }
   return Summarize(std::move(values)).median;
 }
 
-ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, int first, int last) {
+// Of the steps first … last.
+std::vector<std::string> NamesOfWork(const std::vector<ReplayRow>& rows, int first, int last) {
+  std::vector<std::string> names;
+  for (int step = first; step <= last; ++step) {
+    for (const auto& [name, count] : Ours(rows, step).outcome.work) {
+      if (std::find(names.begin(), names.end(), name) == names.end()) {
+        names.push_back(name);
+      }
+    }
+  }
+  return names;
+}
+
+// A step need not have each count; not a number where none has it.
+double MedianCount(const std::vector<ReplayRow>& rows, int first, int last,
+                   const std::string& wanted) {
+  std::vector<double> counts;
+  for (int step = first; step <= last; ++step) {
+    for (const auto& [name, count] : Ours(rows, step).outcome.work) {
+      if (name == wanted) {
+        counts.push_back(static_cast<double>(count));
+      }
+    }
+  }
+  return counts.empty() ? std::numeric_limits<double>::quiet_NaN()
+                        : Summarize(std::move(counts)).median;
+}
+
+ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, const std::vector<std::string>& names,
+                      int first, int last) {
   ReplayWindow window;
   window.first = first;
   window.last = last;
@@ -33,15 +67,11 @@ ReplayWindow WindowOf(const std::vector<ReplayRow>& rows, int first, int last) {
       MedianOf(rows, first, last, [](const ReplaySide& side) { return 1e3 * side.growth_seconds; });
   window.iterations = MedianOf(
       rows, first, last, [](const ReplaySide& side) { return 1.0 * side.outcome.iterations; });
-  const auto& names = rows[static_cast<std::size_t>(last - 1)].ours.outcome.work;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (names[i].first == kBytes) {
-      window.bytes_per_step = static_cast<double>(names[i].second) / last;
+  for (const std::string& name : names) {
+    if (name == kBytes) {
+      window.bytes_per_step = MedianCount(rows, last, last, name) / last;
     } else {
-      const auto count = [i](const ReplaySide& side) {
-        return static_cast<double>(side.outcome.work[i].second);
-      };
-      window.work.emplace_back(names[i].first, MedianOf(rows, first, last, count));
+      window.work.emplace_back(name, MedianCount(rows, first, last, name));
     }
   }
   return window;
@@ -75,7 +105,8 @@ void AppendLine(std::string* text, const std::string& name, double early, double
 
 ReplayFlatness MeasureFlatness(const std::vector<ReplayRow>& rows) {
   const int steps = static_cast<int>(rows.size());
-  return {WindowOf(rows, 150, 250), WindowOf(rows, steps - 99, steps)};
+  const std::vector<std::string> names = NamesOfWork(rows, steps - 99, steps);
+  return {WindowOf(rows, names, 150, 250), WindowOf(rows, names, steps - 99, steps)};
 }
 
 std::optional<double> GrowthInPercent(double early, double late) {

@@ -19,7 +19,8 @@ struct ReplayWindow {
   double ms = 0.0;         ///< the solve
   double growth_ms = 0.0;  ///< adding the step
   double iterations = 0.0;
-  std::vector<std::pair<std::string, double>> work;  ///< counts by name, "bytes" aside
+  /// counts by name, "bytes" aside; both windows have those of the late one, in its order
+  std::vector<std::pair<std::string, double>> work;
   /// bytes held after the last step over the number of steps so far
   std::optional<double> bytes_per_step;
 };

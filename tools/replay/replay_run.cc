@@ -79,10 +79,7 @@ Status RunReplay(const ReplayScript& script, const ReplayRunOptions& options, Re
                  ReplaySolver* stock, ReplaySolver* batch, ReplayReference* judge,
                  const std::function<void(const ReplayRow&)>& on_row,
                  std::vector<ReplayRow>* rows) {
-  std::size_t count = script.steps.size();
-  if (options.max_steps > 0) {
-    count = std::min(count, static_cast<std::size_t>(options.max_steps));
-  }
+  const std::size_t count = NumSteps(script, options.max_steps);
   ReplayRow row;
   if (stock != nullptr) {
     row.stock.emplace();

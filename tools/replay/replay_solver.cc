@@ -213,15 +213,17 @@ class IncrementalReplaySolver : public ReplaySolver {
     if (newest < 0) {
       return;
     }
-    const auto any = static_cast<VariableId>(7919LL * newest % (newest + 1));
+    std::vector<std::pair<const char*, VariableId>> asked = {{"newest", newest}};
+    if (const auto any = static_cast<VariableId>(7919LL * newest % (newest + 1)); any != newest) {
+      asked.emplace_back("any", any);
+    }
     LiveCovariance covariance;
-    for (const VariableId id : {newest, any}) {
-      const char* const name = id == newest ? "newest" : "any";
+    for (const auto& one : asked) {
       Status status;
       const double seconds =
-          SecondsOf([&] { status = solver_.MarginalCovariance(id, {}, &covariance); });
+          SecondsOf([&] { status = solver_.MarginalCovariance(one.second, {}, &covariance); });
       if (status.ok() && covariance.size() > 0) {
-        outcome->work.emplace_back(std::string("covariance_ns_") + name,
+        outcome->work.emplace_back(std::string("covariance_ns_") + one.first,
                                    static_cast<std::int64_t>(1e9 * seconds));
       }
     }

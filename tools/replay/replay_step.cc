@@ -59,6 +59,11 @@ std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first
   return starts;
 }
 
+std::size_t NumSteps(const ReplayScript& script, int max_steps) {
+  return max_steps > 0 ? std::min(script.steps.size(), static_cast<std::size_t>(max_steps))
+                       : script.steps.size();
+}
+
 bool HasLandmarks(const ReplayScript& script) {
   return std::any_of(script.steps.begin(), script.steps.end(), [](const ReplayStep& step) {
     return std::any_of(step.variables.begin(), step.variables.end(),

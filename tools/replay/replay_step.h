@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -94,6 +95,9 @@ struct ReplayScript {
 /// together: both planar, or a pose or point in space and a pose.
 std::vector<std::array<double, 9>> StartValues(const ReplayStep& step, int first,
                                                const std::function<const double*(int)>& value);
+
+/// Of the script's steps as many as `max_steps` leaves; 0: all.
+std::size_t NumSteps(const ReplayScript& script, int max_steps);
 
 /// Whether a variable of the script is a landmark.
 bool HasLandmarks(const ReplayScript& script);

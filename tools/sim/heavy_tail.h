@@ -15,7 +15,6 @@ class HeavyTail {
   /// on. A mean that no α reaches gets the nearest.
   HeavyTail(double mean, const std::vector<int>& limits, const std::vector<std::int64_t>& draws);
 
-  double exponent() const { return exponent_; }
   /// What a draw with this limit is in the mean, and the sum of all draws. The limit is at most the
   /// largest of those given.
   double Expected(int limit) const { return expected_[static_cast<std::size_t>(limit)]; }
@@ -26,7 +25,7 @@ class HeavyTail {
   // Fills expected_ and sum_.
   void Expect(const std::vector<int>& limits, const std::vector<std::int64_t>& draws);
 
-  double exponent_ = 1.0;
+  double exponent_ = 1.0;  // α
   std::vector<double> expected_;
   double sum_ = 0.0;
 };

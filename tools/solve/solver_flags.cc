@@ -1,6 +1,7 @@
 #include "tools/solve/solver_flags.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <ceres/types.h>
 #include <gflags/gflags.h>
@@ -50,62 +51,38 @@ using internal::LowerCase;
 constexpr double kBytesPerGibibyte = 1073741824.0;
 constexpr double kMostMemory = 1e9;  // GiB: as good as no limit
 
-Status ParseTrustRegion(const std::string& text, ceres::TrustRegionStrategyType* type) {
-  if (text != "lm" && text != "dogleg") {
-    return Invalid("--trust_region '" + text + "': use lm or dogleg");
-  }
-  *type = text == "lm" ? ceres::LEVENBERG_MARQUARDT : ceres::DOGLEG;
-  return Status::Ok();
-}
-
 Status ParseLinearSolver(const std::string& text, SolverSettings* settings) {
   settings->lagged_pcg = text == "lagged_pcg";
-  if (text == "auto" || settings->lagged_pcg) {
-    return settings->lagged_pcg && !FLAGS_builtin_factors
-               ? Invalid("--linear_solver lagged_pcg: with --builtin_factors only")
-               : Status::Ok();
+  if (settings->lagged_pcg && !FLAGS_builtin_factors) {
+    return Invalid("--linear_solver lagged_pcg: with --builtin_factors only");
   }
-  for (const ceres::LinearSolverType candidate :
-       {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::ITERATIVE_SCHUR,
-        ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_NORMAL_CHOLESKY, ceres::DENSE_QR,
-        ceres::CGNR}) {
-    if (FlagName(candidate) == text) {
-      settings->linear_solver = candidate;
-      return Status::Ok();
-    }
-  }
-  return Invalid("--linear_solver '" + text +
-                 "': use auto, dense_schur, sparse_schur, iterative_schur, sparse_normal_cholesky, "
-                 "dense_normal_cholesky, dense_qr, cgnr "
-                 "or lagged_pcg");
+  return Choose<std::optional<ceres::LinearSolverType>>(
+      "--linear_solver", text,
+      {{"auto", std::nullopt},
+       {"dense_schur", ceres::DENSE_SCHUR},
+       {"sparse_schur", ceres::SPARSE_SCHUR},
+       {"iterative_schur", ceres::ITERATIVE_SCHUR},
+       {"sparse_normal_cholesky", ceres::SPARSE_NORMAL_CHOLESKY},
+       {"dense_normal_cholesky", ceres::DENSE_NORMAL_CHOLESKY},
+       {"dense_qr", ceres::DENSE_QR},
+       {"cgnr", ceres::CGNR},
+       {"lagged_pcg", std::nullopt}},
+      &settings->linear_solver);
 }
 
 Status ParsePreconditioner(const std::string& text, SolverSettings* settings) {
   settings->two_level = text == "two_level";
-  if (settings->two_level) {
-    return FLAGS_builtin_factors || FLAGS_mode == "incremental"
-               ? Status::Ok()
-               : Invalid(
-                     "--preconditioner two_level: with --builtin_factors or --mode incremental");
+  if (settings->two_level && !FLAGS_builtin_factors && FLAGS_mode != "incremental") {
+    return Invalid("--preconditioner two_level: with --builtin_factors or --mode incremental");
   }
-  for (const ceres::PreconditionerType candidate :
-       {ceres::IDENTITY, ceres::JACOBI, ceres::SCHUR_JACOBI, ceres::CLUSTER_JACOBI,
-        ceres::CLUSTER_TRIDIAGONAL}) {
-    if (LowerCase(ceres::PreconditionerTypeToString(candidate)) == text) {
-      settings->preconditioner = candidate;
-      return Status::Ok();
-    }
-  }
-  return Invalid("--preconditioner '" + text +
-                 "': use identity, jacobi, schur_jacobi, cluster_jacobi, cluster_tridiagonal or "
-                 "two_level");
-}
-
-Status ParseMode(const std::string& text, bool* incremental) {
-  *incremental = text == "incremental";
-  return *incremental || text == "exact"
-             ? Status::Ok()
-             : Invalid("--mode '" + text + "': use exact or incremental");
+  return Choose("--preconditioner", text,
+                {{"identity", ceres::IDENTITY},
+                 {"jacobi", ceres::JACOBI},
+                 {"schur_jacobi", ceres::SCHUR_JACOBI},
+                 {"cluster_jacobi", ceres::CLUSTER_JACOBI},
+                 {"cluster_tridiagonal", ceres::CLUSTER_TRIDIAGONAL},
+                 {"two_level", ceres::SCHUR_JACOBI}},
+                &settings->preconditioner);
 }
 
 // Where conjugate gradients are sure to be ours.
@@ -124,6 +101,28 @@ Status CheckRecomputing(const SolverSettings& read) {
   return !FLAGS_recompute_jacobians || (FLAGS_builtin_factors && !read.incremental)
              ? Status::Ok()
              : Invalid("--recompute_jacobians: with --builtin_factors and --mode exact");
+}
+
+// Where nobody's steps come from conjugate gradients.
+Status CheckConjugateGradients(const SolverSettings& read) {
+  std::string stock;  // of ab_compare
+  const bool named = read.linear_solver == ceres::ITERATIVE_SCHUR ||
+                     read.linear_solver == ceres::CGNR || (read.incremental && read.two_level) ||
+                     (gflags::GetCommandLineOption("configurations", &stock) &&
+                      stock.find("iterative_schur") != std::string::npos);
+  // It may take them, and then chooses the preconditioner.
+  const bool automatic = FLAGS_builtin_factors && !read.incremental &&
+                         !read.linear_solver.has_value() && !read.lagged_pcg;
+  for (const auto& [flag, is_read] :
+       {std::pair("preconditioner", named), std::pair("eta", named || automatic),
+        std::pair("max_linear_solver_iterations", named || automatic)}) {
+    if (IsSet(flag) && !is_read) {
+      return Invalid(std::string("--") + flag +
+                     ": is for conjugate gradients: with --linear_solver iterative_schur or cgnr, "
+                     "or with --preconditioner two_level --mode incremental");
+    }
+  }
+  return Status::Ok();
 }
 
 // Without a Schur complement there is no preconditioner by it.
@@ -179,13 +178,16 @@ ConjugateGradientsOptions TwoLevels(const SolverSettings& settings) {
 
 Status ReadSolverFlags(SolverSettings* settings) {
   SolverSettings read;
-  for (Status& status :
-       std::vector<Status>{ParseMode(FLAGS_mode, &read.incremental),
-                           ParseTrustRegion(FLAGS_trust_region, &read.trust_region),
-                           ParseLinearSolver(FLAGS_linear_solver, &read),
-                           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
-                           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}}),
-                           CheckSinglePrecision(read), CheckRecomputing(read)}) {
+  for (Status& status : std::vector<Status>{
+           Choose("--mode", FLAGS_mode, {{"exact", false}, {"incremental", true}},
+                  &read.incremental),
+           Choose("--trust_region", FLAGS_trust_region,
+                  {{"lm", ceres::LEVENBERG_MARQUARDT}, {"dogleg", ceres::DOGLEG}},
+                  &read.trust_region),
+           ParseLinearSolver(FLAGS_linear_solver, &read),
+           ParsePreconditioner(FLAGS_preconditioner, &read), ReadCommonFlags(&read),
+           CheckNumbers({}, {{"--max_memory", FLAGS_max_memory}}), CheckSinglePrecision(read),
+           CheckRecomputing(read), CheckConjugateGradients(read)}) {
     if (!status.ok()) {
       return status;
     }

@@ -31,8 +31,8 @@ struct SolverSettings : CommonSettings {
 };
 
 /// Reads --trust_region, --linear_solver, --preconditioner, --max_memory, --mode,
-/// --builtin_factors and the common flags. A value that makes no sense is kInvalidArgument; the
-/// message names the flag and what it may be.
+/// --builtin_factors and the common flags. A value that makes no sense, and a flag that nothing
+/// reads, is kInvalidArgument; the message names the flag and what it may be.
 Status ReadSolverFlags(SolverSettings* settings);
 
 /// The linear solver the settings ask for; `automatic` where they leave it open.

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -12,13 +13,13 @@ namespace {
 
 constexpr int kExitUsage = 2;
 constexpr char kFlags[] = R"(
-  --scene WHICH           hall: one camera, a mild start. startup: two cameras, 90 points an image,
-                          and seconds in which attitude, biases and calibration are hardly
-                          determined; SPARSE_SCHUR, 10 iterations, 50 images; hall
+  --scene WHICH           hall: a mild start. startup: seconds in which attitude, biases and
+                          calibration are hardly determined; SPARSE_SCHUR, 10 iterations, 50
+                          images, 90 features; hall
   --frames N              images to play, at least 20; 300
-  --features N            features that have a variable at a time, on average (startup: that an
-                          image shows), 20 to 5000; 150
-  --seed N                of the simulation; 1
+  --features N            features that have a variable at a time, on average, in the hall, 20 to
+                          5000; 150
+  --seed N                of the simulation, at least 0; 1
   --kick N                not 0: seed of one ulp, up or down, on every value that a solve starts
                           from; 0
   --ordering WHICH        auto: Ceres chooses what is eliminated; landmarks_first; auto
@@ -32,7 +33,8 @@ constexpr char kOutput[] = R"(
 Prints, as JSON: frames; milliseconds of the calls of ceres::Solve (median, p95, max, total); the
 absolute trajectory error of the newest frame's position in meters, as evo_ape --align; the same
 error without alignment (the first pose's position and yaw are the true ones); the sum of the final
-costs. Exit code: 0 success, 1 failure, 2 usage.
+costs. Solves that fail are left out, and counted on standard error. Exit code: 0 success, 1 failure
+(of a solve, or to write the report), 2 usage.
 )";
 
 // Sets an option from the text of its value; false if the text is no such value.
@@ -42,8 +44,9 @@ Setter ToInteger(std::int64_t low, std::int64_t high,
                  const std::function<void(std::int64_t)>& set) {
   return [=](const std::string& text) {
     char* end = nullptr;
+    errno = 0;
     const long long value = std::strtoll(text.c_str(), &end, 10);
-    const bool fine = !text.empty() && *end == '\0' && value >= low && value <= high;
+    const bool fine = errno == 0 && !text.empty() && *end == '\0' && value >= low && value <= high;
     if (fine) {
       set(value);
     }

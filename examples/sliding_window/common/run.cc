@@ -30,15 +30,23 @@ Statistics Summarize(std::vector<double> values) {
   return {at(0.5), at(0.95), values.back(), std::accumulate(values.begin(), values.end(), 0.0)};
 }
 
+// JSON has no word for what is not finite.
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return std::isfinite(value) ? text : "null";
+}
+
 std::string ToJson(const RunReport& report) {
   const Statistics ms = Summarize(report.solve_ms);
   char text[400];
   std::snprintf(text, sizeof text,
                 "{\"frames\": %d, \"solve_ms\": {\"median\": %.6g, \"p95\": %.6g, \"max\": %.6g, "
                 "\"total\": %.6g}, "
-                "\"ate_m\": %.17g, \"position_rmse_m\": %.17g, \"final_cost_sum\": %.17g}\n",
-                report.num_frames, ms.median, ms.p95, ms.max, ms.total, report.ate_m,
-                report.position_rmse_m, report.final_cost_sum);
+                "\"ate_m\": %s, \"position_rmse_m\": %s, \"final_cost_sum\": %s}\n",
+                report.num_frames, ms.median, ms.p95, ms.max, ms.total,
+                Number(report.ate_m).c_str(), Number(report.position_rmse_m).c_str(),
+                Number(report.final_cost_sum).c_str());
   return text;
 }
 
@@ -79,15 +87,21 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator,
               const SolveFunction& solve) {
   RunReport report;
   report.num_frames = options.num_frames;
+  std::uint64_t num_solves = 0;
   const SolveFunction timed_solve = [&](const ceres::Solver::Options& solver,
                                         ceres::Problem* problem, ceres::Solver::Summary* summary) {
     if (options.kick != 0) {
-      KickAll(static_cast<std::uint64_t>(options.kick) << 32U | report.solve_ms.size(), problem);
+      KickAll(static_cast<std::uint64_t>(options.kick) << 32U | num_solves, problem);
     }
+    ++num_solves;
     const auto start = std::chrono::steady_clock::now();
     solve(solver, problem, summary);
     const std::chrono::duration<double, std::milli> elapsed =
         std::chrono::steady_clock::now() - start;
+    if (!summary->IsSolutionUsable()) {
+      ++report.num_failed_solves;
+      return;
+    }
     report.solve_ms.push_back(elapsed.count());
     report.final_cost_sum += summary->final_cost;
   };
@@ -111,16 +125,18 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator,
 bool Write(const RunOptions& options, const RunReport& report) {
   const std::string json = ToJson(report);
   std::fputs(json.c_str(), stdout);
-  if (options.json.empty()) {
-    return true;
+  if (report.num_failed_solves > 0) {
+    std::fprintf(stderr, "%d solves failed\n", report.num_failed_solves);
   }
-  std::FILE* file = std::fopen(options.json.c_str(), "w");
-  const bool written = file != nullptr && std::fputs(json.c_str(), file) >= 0;
-  if ((file != nullptr && std::fclose(file) != 0) || !written) {
-    std::fprintf(stderr, "--json: cannot write '%s'\n", options.json.c_str());
-    return false;
+  if (!options.json.empty()) {
+    std::FILE* file = std::fopen(options.json.c_str(), "w");
+    const bool written = file != nullptr && std::fputs(json.c_str(), file) >= 0;
+    if ((file != nullptr && std::fclose(file) != 0) || !written) {
+      std::fprintf(stderr, "--json: cannot write '%s'\n", options.json.c_str());
+      return false;
+    }
   }
-  return true;
+  return report.num_failed_solves == 0;
 }
 
 }  // namespace sliding_window

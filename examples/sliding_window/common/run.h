@@ -22,8 +22,8 @@ enum class Scene {
 struct RunOptions {
   Scene scene = Scene::kHall;
   int num_frames = 300;
-  int num_features =
-      150;       // that have a variable at a time, on average; kStartup: that an image shows
+  // that have a variable at a time, on average; kStartup: that an image shows, of VINS twice that
+  int num_features = 150;
   int kick = 0;  // not 0: seed of one ulp, up or down, on every value that a solve starts from
   // kStartup: speed and attitude start as an alignment of images and IMU leaves them, not as OKVIS
   // starts
@@ -35,11 +35,12 @@ struct RunOptions {
 
 struct RunReport {
   int num_frames = 0;
-  std::vector<double> solve_ms;  // per solve
-  double ate_m = 0.0;            // as evo_ape --align
+  std::vector<double> solve_ms;  // per solve that did not fail
+  int num_failed_solves = 0;
+  double ate_m = 0.0;  // as evo_ape --align
   // of the same positions as they are: the first pose's position and yaw are the true ones
   double position_rmse_m = 0.0;
-  double final_cost_sum = 0.0;  // of all solves
+  double final_cost_sum = 0.0;  // of all solves that did not fail
 };
 
 /// A flag without a value that only one program has.
@@ -68,7 +69,7 @@ RunReport Run(const RunOptions& options, const MakeEstimator& make_estimator,
               const SolveFunction& solve);
 
 /// Prints the report, and writes the JSON file if one was asked for. False, with a message, if it
-/// cannot be written.
+/// cannot be written or a solve failed.
 bool Write(const RunOptions& options, const RunReport& report);
 
 }  // namespace sliding_window

@@ -40,8 +40,6 @@ class VinsEstimator {
   void AddFrame(const Frame& frame);
 
   const ImuState& newest_state() const { return newest_state_; }
-  const Pose& extrinsic() const { return body_from_camera_; }
-  const MarginalizationInfo* prior() const { return prior_.get(); }
 
   /// All values the running solve is about, for a solve function that looks at them or changes
   /// them.
