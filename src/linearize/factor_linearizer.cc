@@ -104,10 +104,11 @@ Status FactorLinearizer::Linearize(FactorId id, LinearizedFactor* result) {
   double* f = factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size;
   // The same correction as batch mode with Ceres's options.
   const LossValue value(graph_.loss(id.family, id.index), f, factors.residual_size);
-  if (!value.HasRoot()) {
-    return Status::Error(StatusCode::kEvaluationFailed,
-                         graph_.DescribeFailure(id.family, {id.index, kLossWithoutRoot},
-                                                factors.Parameters(id.index)));
+  if (!value.HasRoot() || !value.HasWeight()) {
+    const char* const reason = value.HasRoot() ? kLossWithoutWeight : kLossWithoutRoot;
+    return Status::Error(
+        StatusCode::kEvaluationFailed,
+        graph_.DescribeFailure(id.family, {id.index, reason}, factors.Parameters(id.index)));
   }
   RobustifyFactor(value, factors.residual_size, factors.num_slots, slots_.data(), 0,
                   offsets_.data(), LossCurvature::kPositive, f);

@@ -69,11 +69,13 @@ std::string RankDeficiency::ToString() const {
 }
 
 Status GraphCovariance::Compute(const FactorGraph& graph, const Pairs& pairs) {
-  return ComputeAt(graph, graph.state(), pairs);
+  // Looked at as before a solve: whatever evaluates it may rely on its rules.
+  return ComputeAt(graph, graph.Validate(), graph.state(), pairs);
 }
 
 // The solver holds values of its own, which stand in for those of the graph. Constants that are
-// borrowed have no place in the state and are read where they lie.
+// borrowed have no place in the state and are read where they lie. Its edits were looked at; the
+// graph's own state lags behind, and need not be within bounds.
 Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pairs) {
   const FactorGraph& graph = solver.graph();
   std::vector<double> state = graph.state();
@@ -82,7 +84,7 @@ Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pa
       std::copy_n(solver.Values(id), graph.AmbientSize(id), state.begin() + graph.StateOffset(id));
     }
   }
-  return ComputeAt(graph, state, pairs);
+  return ComputeAt(graph, Status::Ok(), state, pairs);
 }
 
 // Blocks of what moves from the system, once it is factored; of constants zeros.
@@ -124,13 +126,12 @@ Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
 }
 
 // What was computed before is forgotten first: after an error there are no blocks.
-Status GraphCovariance::ComputeAt(const FactorGraph& graph, const std::vector<double>& state,
-                                  const Pairs& pairs) {
+Status GraphCovariance::ComputeAt(const FactorGraph& graph, const Status& valid,
+                                  const std::vector<double>& state, const Pairs& pairs) {
   blocks_.clear();
   deficiency_ = RankDeficiency();
-  // The graph is looked at as before a solve: whatever evaluates it may rely on its rules.
   Status status = options_.Validate();
-  status = status.ok() ? graph.Validate() : status;
+  status = status.ok() ? valid : status;
   if (!status.ok()) {
     return status;
   }

@@ -77,6 +77,10 @@ Status DenseSvdCovariance::Compute() {
     return status;
   }
   Eigen::MatrixXd J = DenseJacobian();
+  if (!J.allFinite()) {  // a loss without a weight
+    return Status::Error(StatusCode::kSingular,
+                         "there is no covariance: the Jacobian is not finite");
+  }
   if (J.rows() > J.cols()) {  // the singular values are those of R
     Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(J);
     // Q is not needed: V belongs to R as well.

@@ -38,18 +38,22 @@ namespace internal {
 namespace {
 
 // The priors that marginalization makes; kept apart from those a user adds, which may not be
-// written to. A graph gives its families out as constant: these say by themselves who may write.
+// written to. A graph gives its families out as constant: these say by themselves who may write,
+// which is the graph they were made for and none of its copies, that have the same families.
 class OwnPriorFamily final : public LinearPriorFamily {
  public:
-  static std::shared_ptr<OwnPriorFamily> Make(const LinearPrior& shape) {
+  static std::shared_ptr<OwnPriorFamily> Make(const LinearPrior& shape, const FactorGraph* graph) {
     auto made = std::make_shared<OwnPriorFamily>(shape);
+    made->graph_ = graph;
     made->self_ = made;
     return made;
   }
   using LinearPriorFamily::LinearPriorFamily;
+  bool IsOf(const FactorGraph& graph) const { return graph_ == &graph; }
   std::shared_ptr<OwnPriorFamily> self() const { return self_.lock(); }
 
  private:
+  const FactorGraph* graph_ = nullptr;
   std::weak_ptr<OwnPriorFamily> self_;
 };
 
@@ -293,11 +297,11 @@ class Marginalizer {
   FamilyHandle<OwnPriorFamily> FamilyForPrior() {
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       const auto* own = dynamic_cast<const OwnPriorFamily*>(&graph_.family(id));
-      if (own != nullptr && own->Fits(prior_)) {
+      if (own != nullptr && own->IsOf(graph_) && own->Fits(prior_)) {
         return {id, own->self()};
       }
     }
-    return graph_.AddFamily(OwnPriorFamily::Make(prior_));
+    return graph_.AddFamily(OwnPriorFamily::Make(prior_, &graph_));
   }
 
   Status Apply() {

@@ -57,6 +57,9 @@ std::set<VariableId> LandmarksSeenBy(const FactorGraph& graph,
                                      const std::vector<VariableId>& frames) {
   std::set<VariableId> landmarks;
   for (const VariableId frame : frames) {
+    if (!graph.HasVariable(frame)) {  // Marginalize names it
+      continue;
+    }
     graph.ForEachFactorOf(frame, [&](FactorId factor) {
       ForEachVariable(graph, factor, [&](VariableId id) {
         if (IsFreeLandmark(graph, id)) {

@@ -124,6 +124,9 @@ bool Graduation::TryWith(double limit) {
     return true;
   }
   problem_.Restore(before);
+  if (summary.termination == Termination::kUserFailure) {  // an abort ends all of it
+    return false;
+  }
   const std::vector<GncRound> rounds = std::move(summary.rounds);
   const int num_iterations = summary.num_iterations;
   summary = told;  // but for the work that it took
@@ -141,7 +144,8 @@ void Graduation::LookAgain(double farthest) {
     return;
   }
   int num_tried = 0;
-  for (std::size_t i = 0; i < std::size(kSecondLooks) && kSecondLooks[i] <= farthest;) {
+  for (std::size_t i = 0; i < std::size(kSecondLooks) && kSecondLooks[i] <= farthest &&
+                          problem_.summary().termination != Termination::kUserFailure;) {
     int num_near = 0;
     for (std::size_t k = 0; k < problem_.num_suspects(); ++k) {
       num_near += problem_.weight(k) == 0.0 && problem_.Ratio(k) <= kSecondLooks[i] ? 1 : 0;

@@ -71,6 +71,10 @@ bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvalua
     return false;
   }
   iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
+  // A maximum passes over entries that are no number, and would be no gradient at all.
+  if (std::isnan(iteration->gradient_norm)) {
+    iteration->gradient_max_norm = iteration->gradient_norm;
+  }
   if (by_entries && iteration->gradient_max_norm == 0.0) {
     iteration->gradient_max_norm = MaxNorm(g.data(), g.data() + g.size());
   }

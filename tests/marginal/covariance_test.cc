@@ -519,6 +519,49 @@ TEST(Covariance, OfALivingProblem) {
   ExpectInverse(copy, moving, covariance);
 }
 
+// The graph of a solver lags behind the values it holds.
+TEST(Covariance, OfALivingProblemThatWasStartedBeyondABound) {
+  IncrementalSolver solver{IncrementalOptions()};
+  const auto priors = solver.AddFamily(ScalarFamily([](double x) { return 2.0 * x; }, 2.0));
+  GraphEdit edit(solver.graph());
+  const double beyond = 5.0, least = 0.0, most = 1.0;
+  const VariableId bounded = edit.AddVariable(&beyond, 1, Role::kFrame);
+  const VariableId other = edit.AddVariable(&beyond, 1, Role::kFrame);
+  edit.SetBounds(bounded, &least, &most);
+  edit.AddFactor(priors, 0, {bounded});
+  edit.AddFactor(priors, 1, {other});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  solver.Update();
+  GraphEdit hold(solver.graph());
+  hold.SetConstant(bounded, true);
+  ASSERT_TRUE(solver.Apply(hold).ok());
+  GraphCovariance covariance;
+  const Status status = covariance.Compute(solver, {{other, other}});
+  ASSERT_TRUE(status.ok()) << status.message;
+  double variance = 0.0;
+  ASSERT_TRUE(covariance.Get(other, other, &variance));
+  EXPECT_NEAR(variance, 0.25, 1e-12);
+}
+
+TEST(Covariance, OfALossWithoutAWeightIsAStatus) {
+  for (const auto algorithm :
+       {CovarianceAlgorithm::kSchur, CovarianceAlgorithm::kQr, CovarianceAlgorithm::kDenseSvd}) {
+    for (const double slope : {-1.0, static_cast<double>(NAN)}) {
+      FactorGraph graph;
+      const auto priors = graph.AddFamily(ScalarFamily([](double x) { return x; }, 1.0));
+      const double one = 1.0;
+      for (int i = 0; i < 2; ++i) {
+        graph.AddFactor(priors, i, {graph.AddVariable(&one, 1, Role::kFrame)},
+                        i == 0 ? std::make_shared<LossOfSlope>(slope) : nullptr);
+      }
+      CovarianceOptions options;
+      options.algorithm = algorithm;
+      options.null_space_rank = algorithm == CovarianceAlgorithm::kDenseSvd ? -1 : 0;
+      EXPECT_FALSE(GraphCovariance(options).Compute(graph, {{0, 0}, {1, 1}}).ok());
+    }
+  }
+}
+
 TEST(Covariance, IsTheSameForAnyNumberOfThreads) {
   BundleOptions bundle_options;
   bundle_options.num_landmarks = 600;

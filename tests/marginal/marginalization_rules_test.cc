@@ -71,6 +71,14 @@ TEST_F(Rules, TheOldestFrameTakesItsLandmarksAlong) {
   EXPECT_TRUE(graph().HasVariable(constant_));
 }
 
+TEST_F(Rules, AFrameThatIsNotThereIsNamedByMarginalize) {
+  const MarginalizationRequest request = OldestFrameRule(graph(), {12345678});
+  EXPECT_EQ(request.marginalized, Ids{12345678});
+  EXPECT_NE(
+      Marginalize(request, MarginalizationOptions(), &graph()).status.message.find("12345678"),
+      std::string::npos);
+}
+
 // Such a constant is fine where nothing is asked by it.
 TEST_F(Rules, AKeptConstantHasTheDegreesOfFreedomOfItsSlots) {
   FactorGraph graph;

@@ -162,6 +162,33 @@ TEST(MarginalizationFailure, AFactorThatCannotBeEvaluated) {
       {});
 }
 
+TEST(MarginalizationFailure, ALossWithoutAWeightIsNamed) {
+  for (const double slope : {-1.0, static_cast<double>(NAN), HUGE_VAL}) {
+    Chain chain;
+    GraphEdit edit(chain.graph);
+    edit.SetLoss(chain.prior, std::make_shared<LossOfSlope>(slope));
+    ASSERT_TRUE(chain.graph.Apply(edit).ok());
+    ExpectRefused(&chain.graph, Request({0, chain.landmark}), MarginalizationOptions(),
+                  StatusCode::kEvaluationFailed, "factor 0 of linear (variables 0): its loss has",
+                  {});
+  }
+}
+
+// A copy has the same families: priors that are made in it are not written over those of the graph.
+TEST(Marginalization, ACopyHasPriorsOfItsOwn) {
+  Chain chain;
+  ASSERT_TRUE(
+      Marginalize(Request({chain.landmark}), MarginalizationOptions(), &chain.graph).status.ok());
+  FactorGraph copy = chain.graph;
+  const std::string before = Dump(chain.graph);
+  const DenseOracle oracle(chain.graph, {0, 1, 2, 3});
+  for (const VariableId id : {0, 1, 2}) {
+    ASSERT_TRUE(Marginalize(Request({id}), MarginalizationOptions(), &copy).status.ok());
+  }
+  EXPECT_EQ(Dump(chain.graph), before);
+  EXPECT_EQ(DenseOracle(chain.graph, {0, 1, 2, 3}).H, oracle.H);
+}
+
 TEST(Marginalization, TheCallersOrder) {
   Chain chain;
   Chain by_id;

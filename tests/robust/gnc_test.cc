@@ -172,6 +172,41 @@ TEST_F(GncFailure, NamesASolveThatFails) {
   ExpectRefused(GncOptions(), "planar relative pose");
 }
 
+// Whenever it does: in the first solve, in one of those with weights, in a second look.
+TEST(Gnc, AnObserverThatAbortsLeavesTheGraph) {
+  class Aborting final : public SolveObserver {
+   public:
+    explicit Aborting(int last) : last_(last) {}
+    ObserverAction EndOfIteration(const IterationSummary& /*iteration*/,
+                                  const double* /*state*/) override {
+      return ++num_calls_ < last_ ? ObserverAction::kContinue : ObserverAction::kAbort;
+    }
+    int num_calls() const { return num_calls_; }
+
+   private:
+    const int last_;
+    int num_calls_ = 0;
+  };
+  Aborting never(1 << 30);
+  GncWorld whole(PoseGraphWorld(2, 60, 20, 5, 0.02, 1));
+  GncOptions options = whole.Options();
+  options.solver.observer = &never;
+  ASSERT_TRUE(SolveGnc(options, whole.suspects, &whole.graph).IsSolutionUsable());
+  for (int last = 1; last <= never.num_calls(); last += 1 + never.num_calls() / 20) {
+    GncWorld world(PoseGraphWorld(2, 60, 20, 5, 0.02, 1));
+    options = world.Options();
+    Aborting aborting(last);
+    options.solver.observer = &aborting;
+    const std::vector<double> state = world.graph.state();
+    const GncSummary summary = SolveGnc(options, world.suspects, &world.graph);
+    EXPECT_EQ(summary.termination, Termination::kUserFailure) << last;
+    EXPECT_FALSE(summary.IsSolutionUsable());
+    EXPECT_EQ(aborting.num_calls(), last);
+    EXPECT_EQ(world.graph.state(), state) << last;
+    EXPECT_FALSE(world.graph.HasLosses(world.ids.planar.id));
+  }
+}
+
 TEST(Gnc, StopsAtMaxRounds) {
   GncWorld world(PoseGraphWorld(2, 120, 40, 20, 0.02, 3));
   GncOptions options = world.Options();

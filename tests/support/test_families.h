@@ -104,4 +104,18 @@ std::shared_ptr<FunctionFamily> ScalarFamily(F f, D... derivatives) {
                                           ScalarFunction(f, derivatives...));
 }
 
+/// Of the derivative that it is told: one that is no weight, say.
+class LossOfSlope final : public Loss {
+ public:
+  explicit LossOfSlope(double slope) : slope_(slope) {}
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = s;
+    rho[1] = slope_;
+    rho[2] = 0.0;
+  }
+
+ private:
+  double slope_;
+};
+
 }  // namespace inceres::test

@@ -301,6 +301,27 @@ TEST(NotFinite, OverflowingCostEndsWithoutMoving) {
   EXPECT_EQ(graph.state()[0], 1.0);
 }
 
+// Where a loss has no weight at the start, as √s at a residual of zero, there is no gradient that
+// could be below a tolerance.
+TEST(NotFinite, AGradientThatIsNoNumberIsNoMinimum) {
+  for (const LinearModelKind model :
+       {LinearModelKind::kAutomatic, LinearModelKind::kSchur, LinearModelKind::kDenseQr}) {
+    FactorGraph graph;
+    const auto priors = graph.AddFamily(test::ScalarFamily([](double x) { return x; }, 1.0));
+    const double starts[2] = {0.0, 2.5};
+    for (const double& start : starts) {
+      graph.AddVariable(&start, 1, Role::kFrame);
+    }
+    graph.AddFactor(priors, 0, {0}, std::make_shared<test::LossOfSlope>(HUGE_VAL));
+    graph.AddFactor(priors, 1, {1});
+    SolverOptions options;
+    options.linear_model = model;
+    const Summary summary = Solve(options, &graph);
+    EXPECT_EQ(summary.termination, Termination::kFailure) << summary.message;
+    EXPECT_EQ(graph.state()[1], 2.5);
+  }
+}
+
 // Frames that know the two before them, enough for the sparse factorization, whose order is AMD's.
 TEST(OutOfMemory, BeforeTheFirstIterationNothingHasHappened) {
   test::RandomGraph path(1);

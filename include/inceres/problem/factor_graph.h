@@ -91,7 +91,7 @@ void AddMeasurement(Family* family, int index, const typename Family::Measuremen
 /// the state or its place in the family, for something later of the same size or family.
 /// num_variables() and NumFactors() go on counting ids and places, free ones included.
 ///
-/// Threads: one writer; concurrent reads are fine. Two graphs share nothing.
+/// Threads: one writer; concurrent reads are fine. Graphs share nothing; copies share families.
 /// Source: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
 class INCERES_EXPORT FactorGraph {
  public:

@@ -117,7 +117,8 @@ class INCERES_EXPORT GraphCovariance {
   template <typename Factorize, typename System>
   Status Fill(const FactorGraph& graph, const Pairs& pairs, const Factorize& factorize,
               const System& system);
-  Status ComputeAt(const FactorGraph& graph, const std::vector<double>& state, const Pairs& pairs);
+  Status ComputeAt(const FactorGraph& graph, const Status& valid, const std::vector<double>& state,
+                   const Pairs& pairs);
 
   struct Block {
     int rows = 0;

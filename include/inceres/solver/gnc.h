@@ -115,7 +115,7 @@ struct INCERES_EXPORT GncSummary {
   double seconds = 0.0;              ///< all of it
 
   /// Whether values and weights are those of a solution.
-  bool IsSolutionUsable() const { return termination != Termination::kFailure; }
+  bool IsSolutionUsable() const { return IsUsable(termination); }
 };
 
 /// Minimizes a graph's cost with a robust cost of the suspects that is non-convex from a start far
@@ -137,7 +137,8 @@ struct INCERES_EXPORT GncSummary {
 /// solve, a covariance or a file of the graph afterwards has the same cost; null where w is 1.
 ///
 /// kInvalidArgument-like failures (options, a suspect that does not exist or is named twice), and
-/// failures of a solve, are told by termination and message; the graph is then unchanged.
+/// failures of a solve, are told by termination and message, and so is an observer's abort; the
+/// graph is then unchanged.
 ///
 /// Cost: a few steps of the batch solver a round, one structure for all, and for each suspect a
 /// residual a round. Where many weights have become zero their blocks are left out of the
