@@ -122,35 +122,20 @@ py::dict SolveGraph(Graph& graph, const py::object& callback, const py::kwargs& 
   return result;
 }
 
-// A solve with all variables held evaluates the cost and neither Jacobians nor steps, and writes
-// nothing. A bound that a constant's values break would be an error: there are none meanwhile.
-Summary SolveStandstill(FactorGraph* graph) {
-  std::vector<std::pair<VariableId, VariableBounds>> lifted;
-  std::vector<VariableId> held;
-  for (VariableId id = 0; id < graph->num_variables(); ++id) {
-    if (const VariableBounds* bounds = graph->bounds(id)) {
-      lifted.emplace_back(id, *bounds);
-      graph->SetBounds(id, nullptr, nullptr);
-    }
-    if (!graph->IsConstant(id)) {
-      held.push_back(id);
-      graph->SetConstant(id, true);
-    }
+// Of a copy with all variables held a solve evaluates the cost, and neither Jacobians nor steps. A
+// bound that a constant's values break would be an error: there are none.
+Summary SolveStandstill(FactorGraph graph) {
+  for (VariableId id = 0; id < graph.num_variables(); ++id) {
+    graph.SetBounds(id, nullptr, nullptr);
+    graph.SetConstant(id, true);
   }
-  const Summary summary = Solve(SolverOptions(), graph);
-  for (const auto& [id, bounds] : lifted) {
-    graph->SetBounds(id, bounds.lower.data(), bounds.upper.data());
-  }
-  for (const VariableId id : held) {
-    graph->SetConstant(id, false);
-  }
-  return summary;
+  return Solve(SolverOptions(), &graph);
 }
 
 double CostOf(Graph& graph) {
   const Occupation::Guard guard(&graph.occupation, "cost");
   const Summary summary =
-      CallWithoutGil(graph.families, [&graph] { return SolveStandstill(&graph.core); });
+      CallWithoutGil(graph.families, [&graph] { return SolveStandstill(graph.core); });
   if (summary.initial_cost < 0.0) {
     throw std::runtime_error(summary.message + " " + summary.detail);
   }

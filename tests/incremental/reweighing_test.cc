@@ -2,7 +2,6 @@
 // factor is not linearized again.
 
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -295,18 +294,10 @@ TEST(Reweighing, KnowsTheAgeOfWhatHadNoWeight) {
   EXPECT_NEAR(family.weighed().SquaredError(0), 8.0 * half, 1e-12);
 }
 
-class NoWeight final : public Loss {
- public:
-  void Evaluate(double s, double rho[3]) const override {
-    rho[0] = s;
-    rho[1] = rho[2] = std::numeric_limits<double>::quiet_NaN();
-  }
-};
-
 // And leaves the factor to the linearization, which names it.
 TEST(Reweighing, TakesNoWeightThatIsNone) {
   Bend bend(nullptr);
-  const Status status = bend.SetLoss(std::make_shared<NoWeight>());
+  const Status status = bend.SetLoss(std::make_shared<test::LossOfSlope>(std::nan("")));
   EXPECT_EQ(status.code, StatusCode::kEvaluationFailed);
   EXPECT_NE(status.message.find("first derivative"), std::string::npos) << status.message;
 }
