@@ -19,8 +19,8 @@ enum class StatusCode {
   kUnavailable,
 };
 
-/// Outcome of an operation that data can make fail. The library throws no exceptions of its own and
-/// never aborts on data: it returns one of these and leaves the state as it was.
+/// Outcome of an operation that data can make fail. On data the library throws no exception of its
+/// own and never aborts: it returns one of these and leaves the state as it was.
 ///
 /// Cost: the success value holds an empty string and allocates nothing.
 struct [[nodiscard]] INCERES_EXPORT Status {

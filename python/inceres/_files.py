@@ -1,4 +1,7 @@
-"""Files of problems, as arrays. Readers take text, .gz and .bz2; failures are OSError."""
+"""Files of problems, as arrays. Readers take text, .gz and .bz2, and BAL as .balb.
+
+Failures are OSError.
+"""
 
 from __future__ import annotations
 
@@ -71,12 +74,15 @@ class Keyframes:
 
 
 def read_bal(path: Path, *, max_unpacked_bytes: int = 0) -> BalProblem:
-    """Reads a "bundle adjustment in the large" file."""
+    """Reads a "bundle adjustment in the large" file: text, or binary if the name ends in .balb."""
     return BalProblem(*_core.read_bal(os.fspath(path), max_unpacked_bytes))
 
 
 def write_bal(path: Path, problem: BalProblem) -> None:
-    """Writes one; compressed if the name ends in .gz or .bz2. Numbers read back the same."""
+    """Writes one; compressed if the name ends in .gz or .bz2, binary if in .balb.
+
+    Numbers read back the same.
+    """
     _core.write_bal(os.fspath(path), *problem.arrays())
 
 

@@ -9,6 +9,7 @@ PLACES = {
     "CMakeLists.txt": r"project\(inceres VERSION ([\d.]+)",
     "CITATION.cff": r"^version: ([\d.]+)",
     "pyproject.toml": r'^version = "([\d.]+)"',
+    "python/inceres/__init__.py": r'^__version__ = "([\d.]+)"',
     "package.xml": r"<version>([\d.]+)</version>",
     "packaging/deb/changelog": r"\Ainceres \(([\d.]+)-",
     "CHANGELOG.md": r"^## ([\d.]+)",

@@ -18,7 +18,8 @@ import sys
 import checking
 
 READS = re.compile(r'(?:getenv|secure_getenv|environ\.get|value_of)\(\s*"([A-Z][A-Z0-9_]+)"|'
-                   r'environ\["([A-Z][A-Z0-9_]+)"\]|!ENV \[?([A-Z][A-Z0-9_]+)')
+                   r'environ\["([A-Z][A-Z0-9_]+)"\]|!ENV \[?([A-Z][A-Z0-9_]+)|'
+                   r'\$\{?((?:INCERES|SITE)_[A-Z0-9_]+)')
 OWN = re.compile(r"`((?:INCERES|SITE)_[A-Z_]+)`")
 SUMMARY_KEY = re.compile(r'\.Add(?:String|Raw|Array)?\(\s*"([^"]+)"')
 TOOL_KEY = re.compile(r'\{"([a-z0-9][a-z_0-9-]*)",\s*[^"\s]|\w+\["([a-z0-9_]+)"\]\s*=[^=]')
@@ -28,8 +29,8 @@ SUMMARIES = ("src/trust_region/summary.cc", "src/incremental/update_summary.cc")
 FOUNDATIONS = {"inceres/export.h", "inceres/problem/rotation.h",
                "inceres/problem/pose_composition.h", "inceres/factors/point_observation.h",
                "inceres/estimator/trajectory_error.h", "inceres/io/read_options.h"}
-SOURCE_FOLDERS = ("src", "adapters", "tools", "tests", "benchmarks", "examples", "docs")
-SOURCE_SUFFIXES = (".cc", ".h", ".py")
+SOURCE_FOLDERS = ("src", "adapters", "tools", "tests", "benchmarks", "examples", "docs", "bal_data")
+SOURCE_SUFFIXES = (".cc", ".h", ".py", ".sh")
 
 
 def sources(root, folders, suffixes):
@@ -49,11 +50,12 @@ def words_of(page):
 
 def variables_read(root):
     found = {}
-    for path in [*sources(root, SOURCE_FOLDERS, SOURCE_SUFFIXES), root / "mkdocs.yml"]:
+    for path in [*sources(root, SOURCE_FOLDERS, SOURCE_SUFFIXES), root / "mkdocs.yml",
+                 root / "setup.py"]:
         if path.name == pathlib.Path(__file__).name:
             continue
         for match in READS.finditer(text_of(path)):
-            name = match.group(1) or match.group(2) or match.group(3)
+            name = match[match.lastindex]
             found.setdefault(name, path.relative_to(root).as_posix())
     return found
 
@@ -104,11 +106,13 @@ def problems_of(root):
 
 
 CLEAN = {
-    "docs/environment.md": "`INCERES_MODE`\n",
+    "docs/environment.md": "`INCERES_MODE`, `SITE_URL`, `CMAKE_ARGS`\n",
     "docs/json.md": "`cost`, `seconds`, `ms`\n",
     "docs/api.md": "[a](../include/inceres/a.h)\n",
     "mkdocs.yml": "nav: [environment.md, json.md, api.md]\n",
     "src/a.cc": 'std::getenv("INCERES_MODE");\n',
+    "bal_data/a.sh": "url=${SITE_URL:-here}\n",
+    "setup.py": 'os.environ.get("CMAKE_ARGS", "")\n',
     "src/trust_region/summary.cc": 'x.Add("cost", cost).AddRaw("seconds", y);\n',
     "tools/a.cc": 'nlohmann::json j = {{"ms", 1}};\n',
     "include/inceres/a.h": "\n",
@@ -116,6 +120,8 @@ CLEAN = {
 VIOLATIONS = [
     ("src/a.cc", "MODE", "MOOD", "does not have INCERES_MOOD"),
     ("src/a.cc", "getenv", "get", "has INCERES_MODE, which nothing reads"),
+    ("bal_data/a.sh", "SITE_URL", "INCERES_URL", "does not have INCERES_URL"),
+    ("setup.py", "CMAKE_ARGS", "CMAKE_FLAGS", "does not have CMAKE_FLAGS"),
     ("src/trust_region/summary.cc", "seconds", "minutes", "the key minutes"),
     ("tools/a.cc", '"ms"', '"us"', "the key us"),
     ("docs/api.md", "a.h", "b.h", "does not link to include/inceres/a.h"),

@@ -41,12 +41,12 @@ struct CheckpointOptions {
 /// and observer.
 struct DistributedOptions {
   /// As of a batch solve in one process: strategy (not kSubspaceDogleg; kDogleg with kCholesky
-  /// only), conjugate_gradients (no preconditioner by clusters or kSubset;
-  /// explicit_schur_complement with kKsp only, or with kCholesky, which forms S without it),
-  /// num_threads (of each rank), tolerances and radii, progress, callback, observer. linear_model
-  /// and reduced_solver stay kAutomatic: linear_solver takes their place. refine_landmarks,
-  /// dynamic_sparsity, recompute_jacobians and max_memory_bytes are refused; with a checkpoint to
-  /// write use_nonmonotonic_steps and reduce_curvature_of_losses too.
+  /// only), conjugate_gradients (neither clusters, kSubset, eta_follows_gradient nor
+  /// single_precision_jacobians; explicit_schur_complement with kKsp only, or with kCholesky, which
+  /// forms S without it), num_threads (of each rank), tolerances and radii, progress, callback,
+  /// observer. linear_model and reduced_solver stay kAutomatic: linear_solver takes their place.
+  /// refine_landmarks, dynamic_sparsity, recompute_jacobians and max_memory_bytes are refused; with
+  /// a checkpoint to write use_nonmonotonic_steps and reduce_curvature_of_losses too.
   SolverOptions solver;
   DistributedLinearSolver linear_solver = DistributedLinearSolver::kAutomatic;  ///< see there
   CheckpointOptions checkpoint;                                                 ///< see there

@@ -28,7 +28,7 @@ enum class RelinearizationRule {
 
 /// Which matrix the damping μ is added to.
 enum class DampingForm {
-  kHybrid,  ///< μ diag(C) on the frames, and on a landmark the μ of its last elimination, ≥ 1e-6
+  kHybrid,  ///< μ diag(C) on frames; on a landmark that of its last elimination, mostly ≥ 1e-6
   /// μ diag(S) on the frames, none on landmarks: for comparison, it does not survive real data
   kThesis,
 };

@@ -18,8 +18,8 @@ enum class CovarianceAccuracy {
   /// S without the damping of the frames: a second factor is kept for it, clique by clique, of
   /// which a call renews what has changed since the one before. A few changed rows, such as those
   /// of poses along the odometry, wait until they are more: products around them are nearly as
-  /// exact. Landmarks keep their damping, 1e-6 or more: FactorStaleness::damping_error tells how
-  /// much of a variance that takes, found to 1 %.
+  /// exact. Landmarks keep their damping, 1e-6 or more unless a claim of convergence has asked for
+  /// less: FactorStaleness::damping_error tells how much of a variance that takes, found to 1 %.
   kUndamped,
   /// The undamped normal equations at the values held now, all factors linearized anew, by
   /// conjugate gradients with the Update's factor as preconditioner: what GraphCovariance computes.

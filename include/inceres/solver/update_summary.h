@@ -76,8 +76,8 @@ struct INCERES_EXPORT UpdateSummary {
   double initial_cost = 0.0;  ///< ½ Σ ρ where it began
   double final_cost = 0.0;    ///< ½ Σ ρ where it ended
   /// What the model saw left to gain before the last step of the frames, or at convergence:
-  /// truncated and unvisited parts too. -1 where the end tells nothing of it: a gradient or a step
-  /// below its tolerance, steps that were refused or stagnate.
+  /// truncated and unvisited parts too. -1 where the end tells nothing of it: the batch solver
+  /// was stopped, a gradient or step is below its tolerance, steps were refused or stagnate.
   double remaining_decrease = 0.0;
 
   int num_iterations = 0;                     ///< solves of the reduced system

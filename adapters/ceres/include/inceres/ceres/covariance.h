@@ -26,10 +26,10 @@ class ProblemCovariance;
 ///
 /// DENSE_SVD takes the singular values of the whole Jacobian, with Ceres's rank rules.
 ///
-/// Stock computes what is asked by DENSE_SVD of a problem with a variable block that no residual
-/// block touches; by SPARSE_QR a problem in which variances are inflated more than
-/// 1e8-fold over those with all else known, of which the normal equations lose too many digits; and
-/// what misuse there is, as a pair given twice, for which Ceres ends the process. report() says so.
+/// Of SPARSE_QR, variances inflated more than 1e8-fold over those with all else known, of which
+/// normal equations lose too many digits, come from a QR of the Jacobian. Stock computes DENSE_SVD
+/// with options out of range, an invalid problem, what there is no memory for, and misuse for which
+/// Ceres ends the process, as a pair given twice. report() says so.
 ///
 /// Compute returns false where the Jacobian is rank deficient: of SPARSE_QR by the same measure,
 /// above 1e12, which does not depend on the units of a parameter block as the rule of stock's QR

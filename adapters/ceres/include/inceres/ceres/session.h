@@ -32,8 +32,8 @@ struct INCERES_EXPORT SessionOptions {
   /// trajectory may be several times as wrong although each cost is within the tolerance. So a
   /// problem of a window's size (up to 100 blocks of more than four tangent unknowns, up to 16,384
   /// residual blocks) is solved exactly until 20 solves in a row have passed without a slide, and
-  /// one of any size for 20 solves after one. SolveReport::exact_reason tells of it. False: every
-  /// solve is incremental.
+  /// one of any size for 20 solves after one. SolveReport::exact_reason tells of it. False, and
+  /// with ITERATIVE_SCHUR or CGNR, which no window needs: every solve is incremental.
   bool exact_windows = true;
 
   /// Whether solves are exact while that takes less work: while most of the problem is not
