@@ -78,4 +78,11 @@ function(inceres_set_shared target output_name)
     LINK_DEPENDS ${map})
   target_link_options(${target} PRIVATE
     LINKER:--version-script=${map} LINKER:-z,defs LINKER:-Bsymbolic-functions)
+  inceres_keep_loaded(${target})
+endfunction()
+
+# A shared library that stays where it is when whoever loaded it is unloaded: threads of oneTBB's,
+# which it brings, sleep there between two solves.
+function(inceres_keep_loaded target)
+  target_link_options(${target} PRIVATE LINKER:-z,nodelete)
 endfunction()

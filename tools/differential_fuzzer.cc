@@ -37,6 +37,9 @@ DEFINE_int32(edits, 60, "Edits of a life; it is solved after every few.");
 DEFINE_int32(max_threads, 2,
              "Most threads of a solve, 1 or 2. With 1 a life of a session repeats: two threads "
              "shuffle the addresses of memory that comes back, and a session's sums follow them.");
+DEFINE_bool(bounds, false,
+            "Give a third of the parameter blocks bounds, in all modes; without it a life may have "
+            "some where stock's iterates are followed.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
 DEFINE_bool(verbose, false,
             "Print every edit and solve, and the iterations of the one that is a defect.");
@@ -91,9 +94,10 @@ void Print(const Defect& defect) {
                defect.edits, defect.solves, defect.finding.detail.c_str());
   std::fprintf(out,
                "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d "
-               "--max_threads %d\n",
+               "--max_threads %d%s\n",
                plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
-               static_cast<std::uintmax_t>(plan.life), plan.max_edits, plan.max_threads);
+               static_cast<std::uintmax_t>(plan.life), plan.max_edits, plan.max_threads,
+               plan.bounds ? " --bounds" : "");
   std::fflush(out);
 }
 
@@ -111,9 +115,13 @@ ModeResult RunMode(const std::string& mode) {
   const double begin = internal::NowInSeconds();
   tools::ProgressLines progress(tools::ProgressOutput());
   while (result.lives < FLAGS_lives && (FLAGS_seconds <= 0.0 || result.seconds < FLAGS_seconds)) {
-    const LifePlan plan{
-        FLAGS_seed,   FLAGS_first_life + result.lives, mode, FLAGS_edits, FLAGS_max_threads,
-        FLAGS_verbose};
+    const LifePlan plan{FLAGS_seed,
+                        FLAGS_first_life + result.lives,
+                        mode,
+                        FLAGS_edits,
+                        FLAGS_max_threads,
+                        FLAGS_bounds,
+                        FLAGS_verbose};
     if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
       Print(*defect);
       result.defects.push_back(*defect);
@@ -165,8 +173,8 @@ int RunSibling(const DropInMode& mode) {
     setenv("INCERES_MODE", mode.environment, 1);
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
-    for (const char* flag : {"seed", "first_life", "lives", "edits", "max_threads", "seconds",
-                             "json", "verbose", "quiet", "progress"}) {
+    for (const char* flag : {"seed", "first_life", "lives", "edits", "max_threads", "bounds",
+                             "seconds", "json", "verbose", "quiet", "progress"}) {
       words.push_back(std::string("--") + flag + "=" +
                       gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }

@@ -70,7 +70,6 @@ void SolveOnce(const internal::SolveCall& call) {
   const bool incremental =
       solve_options.mode == SolveMode::kIncremental && report->exact_reason.empty();
   if (!obstacle.empty()) {
-    report->exact_reason.clear();
     internal::Decline(call, obstacle);
     return;
   }

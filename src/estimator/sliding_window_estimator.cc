@@ -76,11 +76,14 @@ void SlidingWindowEstimator::AddFrame(const WindowFrame& frame, WindowSummary* s
   summary->status = window.Admit(frame, summary);
   // A frame that is not admitted leaves all as it was, so there is nothing to solve.
   if (summary->status.ok()) {
-    // The window slides after a failed solve as well: frames come in at a fixed rate, and a window
-    // that does not slide grows. The first thing that went wrong is what is told.
-    summary->status = window.Solve(summary);
-    const Status slid = window.Slide(summary);
-    summary->status = summary->status.ok() ? slid : summary->status;
+    // The window slides whatever fails before, be it landmarks or the solve: frames come in at a
+    // fixed rate, and a window that does not slide grows. The first thing that went wrong is what
+    // is told.
+    for (const auto phase :
+         {&internal::Window::CreateLandmarks, &internal::Window::Solve, &internal::Window::Slide}) {
+      const Status status = (window.*phase)(summary);
+      summary->status = summary->status.ok() ? status : summary->status;
+    }
   }
   summary->num_landmarks = window.tracks().CountLandmarks();
   // The newest frame as the solver leaves it, or the last good one if this one was refused.

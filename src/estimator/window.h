@@ -9,17 +9,21 @@
 
 namespace inceres::internal {
 
-/// What a SlidingWindowEstimator does, phase by phase: AddFrame is Admit, Solve and Slide, one
-/// after the other. A phase that fails leaves frames, tracks and graph in step with each other.
+/// What a SlidingWindowEstimator does, phase by phase: AddFrame is Admit, CreateLandmarks, Solve
+/// and Slide, one after the other. A phase that fails leaves frames, tracks and graph in step with
+/// each other.
 class Window {
  public:
   explicit Window(const SlidingWindowOptions& options) : options_(options), graph_(options_) {}
 
   Status Start(const WindowStart& start, const std::vector<WindowObservation>& observations);
 
-  /// Takes up a frame where the IMU predicts it, with its views of landmarks, and makes new ones.
-  /// (window_frames.cc)
+  /// Takes up a frame where the IMU predicts it, with its views of landmarks. An error: it is not
+  /// in the window. (window_frames.cc)
   Status Admit(const WindowFrame& frame, WindowSummary* summary);
+  /// Makes landmarks of the newest frame's tracks that have become wide enough. What cannot be made
+  /// is tried again when it is seen again.
+  Status CreateLandmarks(WindowSummary* summary);
   /// Minimizes within the budget; then takes out landmarks that are wrong.
   Status Solve(WindowSummary* summary);
   /// Takes frames out until the window has its size. (window_slide.cc)
@@ -40,7 +44,6 @@ class Window {
   Status Predict(const WindowFrame& frame, ImuPreintegrator* imu, WindowState* state) const;
   Status Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
                  const WindowState& predicted);
-  Status CreateLandmarks(WindowSummary* summary);
   bool Triangulate(const Track& track, Feature* feature) const;
 
   bool IsWrong(const Track& track) const;

@@ -33,7 +33,6 @@ Status Window::Admit(const WindowFrame& frame, WindowSummary* summary) {
   status = Connect(frame, imu, predicted);
   if (status.ok()) {
     keeps_second_newest_ = keeps_second_newest;
-    status = CreateLandmarks(summary);
   }
   return status;
 }
@@ -128,6 +127,7 @@ Status Window::CreateLandmarks(WindowSummary* summary) {
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
   const std::int64_t newest = frames_.back().number;
+  int count = 0;
   for (auto& [number, track] : tracks.all()) {
     Feature feature;
     if (track.has_landmark() || track.views.size() < 2 || track.views.back().frame != newest ||
@@ -141,10 +141,11 @@ Status Window::CreateLandmarks(WindowSummary* summary) {
       graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view,
                      FrameNumbered(view->frame), &*view, &edit);
     }
-    ++summary->num_new_landmarks;
+    ++count;
   }
   const Status status = edit.empty() ? Status::Ok() : graph_.solver.Apply(edit);
   if (status.ok()) {
+    summary->num_new_landmarks += count;
     tracks_ = std::move(tracks);
   }
   return status;

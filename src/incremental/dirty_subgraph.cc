@@ -227,9 +227,9 @@ Status DirtySubgraph::Keep(IncrementalFamily* family, bool by_difference) {
 Status DirtySubgraph::EvaluateFamily(IncrementalFamily* family) {
   const EvaluationFailure failure = family->Linearize(list_, executor_);
   if (failure.failed()) {
-    return Status::Error(
-        StatusCode::kEvaluationFailed,
-        graph_.DescribeFailure(family->id(), failure, family->parameters(failure.factor)));
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         graph_.DescribeFailure(family->id(), failure,
+                                                family->linearized_parameters(failure.factor)));
   }
   for (const std::int32_t i : list_) {
     cost_.Add(family->weighed().Cost(i));

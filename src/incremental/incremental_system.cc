@@ -31,7 +31,8 @@ Status IncrementalSystem::Apply(const GraphEdit& edit) {
   only_grew_ = only_grew_ && removed_.empty() && edit.removed_variables().empty() &&
                edit.losses().empty() && edit.measurements().empty() && edit.constants().empty() &&
                edit.new_values().empty() && edit.pins().empty() && edit.bounds().empty();
-  is_rewritten_ = is_rewritten_ || !edit.measurements().empty() || !edit.new_values().empty();
+  is_rewritten_ = is_rewritten_ || !removed_.empty() || !edit.measurements().empty() ||
+                  !edit.new_values().empty();
   FollowVariablesAndFactors(edit);
   FollowFunctionsAndValues(edit);
   return Status::Ok();

@@ -63,7 +63,7 @@ class IncrementalSystem {
   /// the problem is another.
   bool OnlyGrew() const { return only_grew_; }
   void WatchGrowth() { only_grew_ = true; }
-  /// Whether edits have written values or measurements of what was there since the last call.
+  /// Whether edits have rewritten values or measurements, or removed factors, since the last call.
   bool TakeRewritten() { return std::exchange(is_rewritten_, false); }
 
   // What Apply is made of, and what follows a graph that is built without edits.

@@ -5,7 +5,8 @@
 // Who takes part in a living system (docs/algorithms.md, "Incremental Schur complement"). A factor
 // has Jacobians for the variables that have a place when it is connected, and for no others: so
 // whoever gets a place later has its factors taken out and connected anew. What only becomes
-// constant is masked instead, which costs no evaluation.
+// constant is masked instead, which costs no evaluation; but for factors that come later and whose
+// slot has another tangent, which see a constant without a place.
 
 namespace inceres::internal {
 
@@ -93,6 +94,11 @@ void Membership::Attach(FactorRef ref) {
   int landmark = -1;
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId variable = family.variables(ref.factor)[s];
+    // Without a Jacobian for it the factor has nothing to put into its row or its block.
+    if (!family.HasJacobian(ref.factor, s)) {
+      slots_.push_back(-1);
+      continue;
+    }
     slots_.push_back(frame_of_[variable]);
     // Of two landmarks in a factor one is constant.
     // The free one owns the factor. A constant landmark that never took part has no number at all.

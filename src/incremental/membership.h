@@ -18,7 +18,8 @@ namespace inceres::internal {
 /// Which variables and factors of a graph take part in a living system, and where: a frame has a
 /// row of S, a landmark a number among the landmarks, a factor the frames and the landmark it is
 /// connected to. A variable that is constant when it comes stays outside until it is set free, and
-/// then its factors are connected anew; one that becomes constant keeps its place and is held.
+/// then its factors are connected anew; one that becomes constant keeps its place and is held. A
+/// factor that comes while it is held, and could not have it free, is not connected to it.
 ///
 /// Calls follow the graph: removals come before it forgets, all else after it knows. What comes or
 /// is connected anew is marked for relinearization. The cost goes with the variables and factors

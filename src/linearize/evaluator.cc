@@ -316,8 +316,8 @@ Status Evaluator::EvaluateStrips(bool known_point) {
 
 // PlusJacobian at the candidate comes first, as in Ceres, and a failure there is one of the
 // evaluation.
-Status Evaluator::EvaluateCandidateCost(double* cost) {
-  const Status status = points_.ComputeCandidateTangents();
+Status Evaluator::EvaluateCandidateCost(double* cost, bool knows_tangents) {
+  const Status status = knows_tangents ? Status::Ok() : points_.ComputeCandidateTangents();
   return status.ok() ? EvaluateAll(/*jacobians=*/false, /*known_point=*/false, cost) : status;
 }
 
@@ -335,8 +335,8 @@ int Evaluator::Recenter() {
 }
 
 // A known point has been evaluated for its cost: its tangent maps came with that.
-Status Evaluator::EvaluateJacobians(bool known_point, double* cost) {
-  if (!known_point) {
+Status Evaluator::EvaluateJacobians(bool known_point, double* cost, bool knows_tangents) {
+  if (!known_point && !knows_tangents) {
     Status status = points_.ComputeTangents();
     if (!status.ok()) {
       return status;

@@ -51,8 +51,8 @@ class Evaluator {
   /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
   void PointToCandidate() { points_.PointTo(/*candidate=*/true); }
 
-  /// ½ Σ ρ at the candidate, residuals only.
-  Status EvaluateCandidateCost(double* cost);
+  /// ½ Σ ρ at the candidate, residuals only. `knows_tangents`: points() has computed them there.
+  Status EvaluateCandidateCost(double* cost, bool knows_tangents = false);
 
   /// The candidate is the current point from now on.
   void AcceptCandidate() { points_.AcceptCandidate(); }
@@ -68,8 +68,8 @@ class Evaluator {
 
   /// Residuals, Jacobians and cost at the current point. `known_point`: it was a candidate whose
   /// cost EvaluateCandidateCost has evaluated: tangent maps are known, and losses of factors whose
-  /// residual is the same to the bit.
-  Status EvaluateJacobians(bool known_point, double* cost);
+  /// residual is the same to the bit. `knows_tangents`: those of a new point are known, too.
+  Status EvaluateJacobians(bool known_point, double* cost, bool knows_tangents = false);
 
   /// Which second-order terms of losses Jacobians take from now on. At first kPositive.
   void set_loss_curvature(LossCurvature curvature) { loss_curvature_ = curvature; }

@@ -84,8 +84,9 @@ Status FactorLinearizer::LinearizePlainly(FactorId id, LinearizedFactor* result)
   }
   const EvaluationFailure failure = factors.Linearize(id.index, id.index + 1);
   if (failure.failed()) {
-    return Status::Error(StatusCode::kEvaluationFailed,
-                         graph_.DescribeFailure(id.family, failure, factors.Parameters(id.index)));
+    return Status::Error(
+        StatusCode::kEvaluationFailed,
+        graph_.DescribeFailure(id.family, failure, factors.LinearizedParameters(id.index)));
   }
   *result = {factors.residual_size,
              factors.residuals.data() + std::ptrdiff_t{id.index} * factors.residual_size,

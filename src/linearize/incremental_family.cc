@@ -1,5 +1,7 @@
 #include "linearize/incremental_family.h"
 
+#include "problem/slot_space.h"
+
 namespace inceres::internal {
 
 // The cached linearizations of one family in incremental mode. A step goes through
@@ -11,6 +13,20 @@ namespace inceres::internal {
 // the residual for which Jᵀq is the exact robust gradient with that J (docs/algorithms.md,
 // "Linearization"): q is renewed at every point, J only where the linearization has become wrong.
 // Both lie by place, so that lists of factors need no other table.
+
+namespace {
+
+// What a factor is told of a variable that it has no Jacobian for.
+constexpr TangentMap kConstantMap{TangentMap::Kind::kConstant};
+
+// By the rules that a variable has to keep in order to move (problem/find_fault.h).
+bool FitsSlot(const FactorGraph& graph, const FactorFamily& family, int slot, VariableId id) {
+  const Manifold* const manifold = graph.manifold(id);
+  return graph.TangentSize(id) == family.slot(slot).tangent_size &&
+         (manifold == nullptr || MovesIn(family.Space(slot), *manifold));
+}
+
+}  // namespace
 
 IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
     : factors_(graph, id), kernels_(&BestKernels()), weighed_(*factors_.family) {
@@ -29,7 +45,10 @@ void IncrementalFamily::Grow(int num_places) {
 }
 
 // A place that is used again begins like a new one: no linearization, no steadiness, no blocks of
-// Y. Pointers into the variable store are looked up here, once.
+// Y. Pointers into the variable store are looked up here, once. A variable that was free and is
+// held has a map and a place in padded vectors, which are of its own tangent: a factor that came
+// since may have another one at the slot, for of a constant nobody asks. It cannot be set free
+// while that factor is there.
 void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
   if (factor >= num_places()) {
     Grow(factor + 1);
@@ -39,13 +58,15 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
   const FactorGraph& graph = *factors_.graph;
   for (int s = 0; s < num_slots(); ++s) {
     const VariableId id = variables(factor)[s];
-    const TangentMap& map = variable_store->map(id);
+    const bool fits =
+        variable_store->quad(id) < 0 || !graph.IsConstant(id) || FitsSlot(graph, family(), s, id);
+    const TangentMap& map = fits ? variable_store->map(id) : kConstantMap;
     const auto at = static_cast<std::size_t>(factors_.Entry(factor)) + s;
     // A variable that is constant is not linearized and needs no pin.
     factors_.Connect(at, variable_store->current(id),
                      graph.HasPins() && map.wanted() ? graph.PinnedValues(id) : nullptr, map);
     factors_.candidate_parameters[at] = variable_store->candidate(id);
-    factors_.tangent_offsets[at] = variable_store->quad(id);
+    factors_.tangent_offsets[at] = fits ? variable_store->quad(id) : -1;
     y_targets_[at] = -1;
   }
 }

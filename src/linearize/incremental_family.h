@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -37,6 +38,10 @@ class IncrementalFamily {
   const VariableId* variables(int factor) const { return factors_.graph->Variables(id(), factor); }
   /// Where its variables are, one pointer a slot, and where a step would take them.
   const double* const* parameters(int factor) const { return factors_.Parameters(factor); }
+  /// Where Linearize has evaluated it last: where it failed, if it did.
+  const double* const* linearized_parameters(int factor) const {
+    return factors_.LinearizedParameters(factor);
+  }
   const double* const* candidate_parameters(int factor) const {
     return factors_.CandidateParameters(factor);
   }
@@ -44,6 +49,11 @@ class IncrementalFamily {
   /// Takes over the factor at a place, new or used again, or whose variables have got other tangent
   /// maps. Not linearized yet.
   void Connect(int factor, VariableStore* variables);
+  /// Whether the factor has a Jacobian for the slot's variable: not for one that is outside the
+  /// system, and not for one that is held and has another tangent than the slot.
+  bool HasJacobian(int factor, int slot) const {
+    return factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + slot] >= 0;
+  }
   /// The factor at this place is gone, or does not count until it is linearized.
   void Forget(int factor) {
     weighed_.Forget(factor);

@@ -388,14 +388,15 @@ EvaluationFailure Linearization::LinearizePinned(FactorBatch batch) {
   }
   batch.parameters = jacobian_parameters_.data();
   EvaluationFailure failure = family->Evaluate(batch);
-  batch.parameters = parameters.data();
-  // Residuals only, factor by factor where a pin has misplaced them.
+  // Residuals only, factor by factor where a pin has misplaced them: at the values that are taken
+  // over from Parameters, which also tells LinearizedParameters where it would fail.
   batch.tangent_maps = nullptr;
   batch.jacobians = nullptr;
   for (int i = batch.begin, end = batch.end; i < end && !failure.failed(); ++i) {
     if (IsPinned(i)) {
       batch.begin = i;
       batch.end = i + 1;
+      std::copy_n(Parameters(i), num_slots, jacobian_parameters_.begin() + Entry(i));
       failure = family->Evaluate(batch);
     }
   }

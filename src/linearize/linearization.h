@@ -127,6 +127,11 @@ struct Linearization {
                             const Evaluate& evaluate);
 
   const double* const* Parameters(int factor) const { return parameters.data() + Entry(factor); }
+  /// Where Linearize has evaluated the factor last: if it failed, there. Its pins, if the call with
+  /// Jacobians did, else Parameters.
+  const double* const* LinearizedParameters(int factor) const {
+    return (pins.empty() ? parameters.data() : jacobian_parameters_.data()) + Entry(factor);
+  }
   const double* const* CandidateParameters(int factor) const {
     return (candidate_parameters.empty() ? parameters : candidate_parameters).data() +
            Entry(factor);
@@ -189,9 +194,10 @@ struct Linearization {
   int strip_begin_ = 0;
   bool prepared_ = false;  // what is evaluated next
   bool keeps_ = false;
-  std::unique_ptr<KeptEvaluations> kept_;           // null: no room
-  std::vector<const double*> jacobian_parameters_;  // scratch of the size of pins
-  std::vector<EvaluationFailure> failures_;         // per task of ForRuns
+  std::unique_ptr<KeptEvaluations> kept_;  // null: no room
+  // of the size of pins: where the factor of the entry is evaluated at present, or was last
+  std::vector<const double*> jacobian_parameters_;
+  std::vector<EvaluationFailure> failures_;  // per task of ForRuns
 };
 
 /// Strides of blocks that follow each other factor by factor, rows without padding; returns that

@@ -22,7 +22,7 @@ namespace inceres::internal {
 // scale.
 void IncrementalFamily::ScaleJacobian(int factor, double scale) {
   for (int s = 0; s < num_slots(); ++s) {
-    if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] < 0) {
+    if (!HasJacobian(factor, s)) {
       continue;
     }
     const SlotJacobians& slot = slots()[s];
@@ -42,7 +42,7 @@ double IncrementalFamily::TakeBackWeight(int factor) {
   // The rank-one part first; the scalar part is left to the caller, who has another one to apply,
   // in one pass.
   for (int s = 0; s < num_slots() && weighed_.IsCorrected(factor); ++s) {
-    if (factors_.tangent_offsets[static_cast<std::size_t>(factors_.Entry(factor)) + s] >= 0) {
+    if (HasJacobian(factor, s)) {
       TakeBackCorrection(weighed_.correction(factor), residual_size(), slots()[s],
                          slots()[s].data + factor * slots()[s].factor_stride);
     }

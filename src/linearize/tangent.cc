@@ -6,76 +6,14 @@
 #include <utility>
 
 #include "inceres/problem/ambient_family.h"
+#include "problem/tangent_kind.h"
 
-// M = ∂(x ⊞ δ)/∂δ at δ = 0, and what kind it is (docs/algorithms.md, "Linearization"). An identity
-// or a selection of columns makes J M a copy; only a dense M needs a product. The kind is found
-// from the numbers at each point, by exact comparison with 0 and 1, so that user manifolds need
-// not declare it and a map that is special at one point only is treated right at the next.
+// M = ∂(x ⊞ δ)/∂δ at δ = 0, and what kind it is (docs/algorithms.md, "Linearization"), which is
+// found at each point (problem/tangent_kind.h): a map that is special at one point only is treated
+// right at the next.
 
 namespace inceres::internal {
 namespace {
-
-// Exact comparison: one that is nearly the identity is a dense map.
-bool IsIdentity(const TangentMap& map) {
-  if (map.ambient_size != map.tangent_size) {
-    return false;
-  }
-  for (int r = 0; r < map.ambient_size; ++r) {
-    for (int c = 0; c < map.tangent_size; ++c) {
-      if (map.plus_jacobian[r * map.tangent_size + c] != (r == c ? 1.0 : 0.0)) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-// Finds for each column its single unit entry; false if there is a column without that form, of
-// which and those after it nothing is known.
-bool FindSelection(const TangentMap& map, int* selection) {
-  std::fill_n(selection, map.tangent_size, -1);
-  for (int c = 0; c < map.tangent_size; ++c) {
-    for (int r = 0; r < map.ambient_size; ++r) {
-      const double entry = map.plus_jacobian[r * map.tangent_size + c];
-      if (entry == 0.0) {
-        // A zero is no entry; a second nonzero one, or one that is not 1, makes the column no
-        // selection.
-        continue;
-      }
-      if (entry != 1.0 || selection[c] >= 0) {
-        selection[c] = -1;
-        return false;
-      }
-      selection[c] = r;
-    }
-    if (selection[c] < 0) {
-      return false;
-    }
-  }
-  return true;
-}
-
-// Row k of M is that of the identity, whose entry there is known.
-// Together with a unit column k: the product then copies column k and leaves it out of all others.
-bool IsUnitRow(const TangentMap& map, int k) {
-  const double* row = map.plus_jacobian + k * map.tangent_size;
-  for (int c = 0; c < map.tangent_size; ++c) {
-    if (c != k && row[c] != 0.0) {
-      return false;
-    }
-  }
-  return true;
-}
-
-// Of the columns whose unit entry is known.
-// Whether a column is a unit vector is known from FindSelection, its row is looked at here.
-int CountIdentityColumns(const TangentMap& map, const int* selection) {
-  int count = 0;
-  while (count < map.tangent_size && selection[count] == count && IsUnitRow(map, count)) {
-    ++count;
-  }
-  return count;
-}
 
 // Returns null, or what is wrong with M.
 // Ceres's test of outputs: filled with a value nobody computes, then checked for it and for NaN.
@@ -91,25 +29,6 @@ const char* EvaluatePlusJacobian(const FactorGraph& graph, VariableId id, const 
 }
 
 }  // namespace
-
-// From the cheapest kind to the dearest: J M is a copy, a copy of columns, a product.
-void ClassifyTangentMap(TangentMap* map, int* selection) {
-  if (IsIdentity(*map)) {
-    map->kind = TangentMap::Kind::kIdentity;
-  } else if (FindSelection(*map, selection)) {
-    map->kind = TangentMap::Kind::kSelection;
-    map->selection = selection;
-    // Leading columns that stay where they are, as those of a product with a Euclidean first part.
-    map->num_identity_columns = 0;
-    while (map->num_identity_columns < map->tangent_size &&
-           selection[map->num_identity_columns] == map->num_identity_columns) {
-      ++map->num_identity_columns;
-    }
-  } else {
-    map->kind = TangentMap::Kind::kDense;
-    map->num_identity_columns = CountIdentityColumns(*map, selection);
-  }
-}
 
 // Without a manifold a plain sum.
 bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
@@ -141,6 +60,7 @@ void Tangent::Set(const FactorGraph& graph, VariableId id, bool wanted) {
   // Until it is computed, and always of a variable without a manifold.
   map_.kind = wanted ? TangentMap::Kind::kIdentity : TangentMap::Kind::kConstant;
   const bool curved = wanted && graph.manifold(id) != nullptr;
+  // Fits an int, or FactorGraph::Validate has refused the variable.
   const int size = curved ? map_.ambient_size * map_.tangent_size : 0;
   if (curved && (curved_ == nullptr || curved_->capacity < size)) {
     curved_ = MakeCurved(size);

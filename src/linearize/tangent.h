@@ -7,10 +7,6 @@
 
 namespace inceres::internal {
 
-/// Sets map->kind from map->plus_jacobian: identity, selection (the indices go to `selection`,
-/// tangent_size entries) or dense.
-void ClassifyTangentMap(TangentMap* map, int* selection);
-
 /// x ⊞ δ of a variable, into `moved`. False if its manifold's Plus fails.
 bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
                   double* moved);

@@ -97,7 +97,7 @@ std::vector<const double*> ParametersOf(const Linearization& family, int factor,
     result.push_back(family.look_up != nullptr
                          ? family.look_up->Values(family.graph->Variables(family.id, factor)[s])
                      : candidate ? family.CandidateParameters(factor)[s]
-                                 : family.Parameters(factor)[s]);
+                                 : family.LinearizedParameters(factor)[s]);
   }
   return result;
 }

@@ -37,7 +37,7 @@ class VariableLookUp {
 /// As its family does, wherever its parameters are.
 EvaluationFailure EvaluateBatch(const Linearization& family, const FactorBatch& batch);
 
-/// Linearization::Parameters, or CandidateParameters, wherever they are.
+/// Linearization::LinearizedParameters, or CandidateParameters, wherever they are.
 std::vector<const double*> ParametersOf(const Linearization& family, int factor, bool candidate);
 
 /// What a family's linearization takes.

@@ -16,7 +16,8 @@ namespace inceres::internal {
 
 /// The undamped normal equations of a graph at a state, landmarks eliminated, and a Cholesky factor
 /// of their S; of kQr the same from the Jacobian, which is never squared. Whatever is not
-/// determined is found out and named: a factor of a singular S often exists, thanks to rounding.
+/// determined is found out and named: a factor of a singular S often exists, thanks to rounding,
+/// and so does an S of which landmarks have left nothing else.
 class FactoredNormals {
  public:
   /// `keeps_jacobians`: whether they are there after Factorize.
@@ -45,14 +46,18 @@ class FactoredNormals {
 
  private:
   Status FactorizeRows();
-  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows);
+  Status EliminateByRows(double least, std::vector<RowsOfBlocks>* rows,
+                         std::vector<double>* inflations);
   void AddSquares(const RowsOfBlocks& rows);
-  double LargestColumn() const;
+  Eigen::VectorXd ColumnSquares(const std::vector<double>& weights) const;
+  double MostRounding() const;
   Status NameOpen(const std::vector<int>& landmarks);
   Status CheckGauge();
+  Status Probe(const Eigen::VectorXd& diagonal, double most);
   Status NotDetermined(VariableId id, const char* why);
+  VariableId FrameWith(Eigen::Index scalar) const;
   void FindDirections();
-  Eigen::VectorXd DiagonalOfS() const;
+  RankDeficiency::Direction SharesOf(const Eigen::VectorXd& squares) const;
 
   const FactorGraph& graph_;
   const CovarianceOptions& options_;
@@ -62,7 +67,11 @@ class FactoredNormals {
   LandmarkIncidences incidences_;
   DirectElimination elimination_;
   SparseCholesky factor_;
-  Eigen::VectorXd diagonal_;                        // of S
+  // What variances are held against: of C, of kQr of S.
+  Eigen::VectorXd diagonal_;
+  // E: diag(C) with the squares of each landmark's rows times the landmark's inflation. S_kk is
+  // exact to ε E_k, by rows to ε² E_k.
+  Eigen::VectorXd rounding_;
   std::unique_ptr<OrthogonalElimination> by_rows_;  // of kQr
   RankDeficiency deficiency_;
 };

@@ -91,9 +91,9 @@ Status EditRules::CheckComingFactors() {
       return Invalid(NoFamily("Connect", graph_, factor.id.family));
     }
     const FactorFamily& family = graph_.family(factor.id.family);
-    if (family.residual_size() <= 0) {
-      return Invalid(FamilyName(factor.id.family, family) + " has residual size " +
-                     std::to_string(family.residual_size()) + "; it must be positive");
+    Status status = ValidateSizes(factor.id.family, family);
+    if (!status.ok()) {
+      return status;
     }
     if (factor.num_variables != IndexOf(family.num_slots())) {
       return Invalid(marks_.FactorName(factor.id) + " is given " +
@@ -106,7 +106,7 @@ Status EditRules::CheckComingFactors() {
       return Invalid(marks_.FactorName(factor.id) + " has no measurement: the family holds " +
                      std::to_string(family.size()));
     }
-    Status status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
+    status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
     if (!status.ok()) {
       return status;
     }
@@ -259,10 +259,10 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   // where the edit is refused.
   is_edited_ = true;
   // Ids were given out in view of what was free at that revision.
-  if (edit.revision() != revision_) {
+  if (edit.revision() != revision()) {
     return internal::Invalid("the edit was begun at revision " + std::to_string(edit.revision()) +
                              " of the graph, which is now at revision " +
-                             std::to_string(revision_) + ": begin it anew");
+                             std::to_string(revision()) + ": begin it anew");
   }
   // A handle of another graph: what the edit was told cannot be carried out.
   if (!edit.misuse().ok()) {

@@ -144,7 +144,7 @@ void FactorGraph::PlaceMeasurements(const GraphEdit& edit) {
 // their lists while they are. What is freed enters the free lists last: the edit's own ids were
 // taken from them as they were before.
 void FactorGraph::Commit(const GraphEdit& edit, const std::vector<FactorId>& removed) {
-  assert(&edit.graph() == this && edit.revision() == revision_);
+  assert(&edit.graph() == this && edit.revision() == revision());
   // What this throws is the user's, and passes through while the graph is as it was.
   PlaceMeasurements(edit);
   const std::vector<VariableId>& gone = edit.removed_variables();

@@ -1,8 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
+#include <numeric>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "problem/edit_state.h"
 #include "problem/find_fault.h"
@@ -72,6 +75,32 @@ bool internal::AllFinite(const double* values, std::size_t count) {
   return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
 }
 
+// A factor without variables has no entry in the tables by which factors are evaluated.
+Status internal::ValidateSizes(FamilyId id, const FactorFamily& family) {
+  if (family.residual_size() <= 0) {
+    return Invalid(FamilyName(id, family) + " has residual size " +
+                   std::to_string(family.residual_size()) + "; it must be positive");
+  }
+  return family.num_slots() > 0
+             ? Status::Ok()
+             : Invalid(FamilyName(id, family) + " has no slots; a factor touches a variable");
+}
+
+// Slots in the order of their variables, and of each variable in their own: neighbors tell.
+int internal::FirstRepeated(const VariableId* ids, int count) {
+  std::vector<int> slots(IndexOf(count));
+  std::iota(slots.begin(), slots.end(), 0);
+  std::sort(slots.begin(), slots.end(),
+            [ids](int a, int b) { return ids[a] != ids[b] ? ids[a] < ids[b] : a < b; });
+  int first = count;
+  for (std::size_t k = 1; k < slots.size(); ++k) {
+    if (ids[slots[k]] == ids[slots[k - 1]]) {
+      first = std::min(first, slots[k]);
+    }
+  }
+  return first;
+}
+
 // The order matters: sizes come before what is read by them.
 Status internal::ValidateVariable(VariableId id, const VariableRecord& variable, bool constant) {
   if (variable.ambient_size <= 0) {
@@ -96,6 +125,13 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
     return Invalid(VariableName(id) + " has tangent size " + std::to_string(variable.tangent_size) +
                    "; it must lie between 0 and its ambient size " +
                    std::to_string(variable.ambient_size));
+  }
+  // The entries of a plus-Jacobian are counted by an int.
+  const std::int64_t num_entries = std::int64_t{variable.ambient_size} * variable.tangent_size;
+  if (variable.manifold != nullptr && num_entries > std::numeric_limits<int>::max()) {
+    return Invalid(VariableName(id) + " has a plus-Jacobian of " +
+                   std::to_string(variable.ambient_size) + " x " +
+                   std::to_string(variable.tangent_size) + " entries, more than 2^31 - 1");
   }
   if (variable.group < 0) {
     return Invalid(VariableName(id) + " is in the elimination group " +
@@ -150,6 +186,19 @@ Status ValidateVariables(const VariableTable& variables) {
                                                                        : ValidateValues(variables);
 }
 
+// Of the few that are pinned. The values are of the variable's size, as PinLinearization took them.
+Status ValidatePins(const VariableTable& variables) {
+  for (const auto& [id, values] : variables.pins()) {
+    const auto bad = std::find_if(values.begin(), values.end(),
+                                  [](double value) { return !std::isfinite(value); });
+    if (bad != values.end()) {
+      return Invalid("value " + std::to_string(bad - values.begin()) + " of the pin of " +
+                     VariableName(id) + " is " + std::to_string(*bad));
+    }
+  }
+  return Status::Ok();
+}
+
 // As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
 Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double* values,
                       bool constant) {
@@ -182,7 +231,7 @@ bool RepeatsIds(const VariableId* ids, int num_slots) {
   while (s > 0 && ids[s - 1] == ids[s - 1 - num_slots]) {
     --s;
   }
-  return s == 0 && num_slots > 0 && ids[0] >= 0;
+  return s == 0 && ids[0] >= 0;
 }
 
 // Whether factors are in order, at a glance: of a slot that has the variable it had in the factor
@@ -218,7 +267,7 @@ class FactorGlance {
   }
 
  private:
-  static constexpr int kMostSlots = 256;
+  static constexpr int kMostSlots = internal::kManySlots;
 
   bool IsSlotInOrder(const VariableId* ids, int s) {
     const VariableId id = ids[s];
@@ -255,9 +304,9 @@ class FactorGlance {
 // What a family is before its factors are looked at. `edited`: an edit was checked.
 Status CheckCounts(const FamilyRecord& record, FamilyId id, bool edited) {
   const FactorFamily& family = *record.family;
-  if (family.residual_size() <= 0) {
-    return Invalid(FamilyName(id, family) + " has residual size " +
-                   std::to_string(family.residual_size()) + "; it must be positive");
+  const Status sizes = internal::ValidateSizes(id, family);
+  if (!sizes.ok()) {
+    return sizes;
   }
   // More measurements than factors are a mistake while a graph is built. After an edit was checked,
   // it may be one that was refused and had placed its measurement already.
@@ -375,6 +424,7 @@ Status FactorGraph::Validate() const {
     const VariableId id = bounded->first;
     status = ValidateBounds(id, bounded->second, Values(id), IsConstant(id));
   }
+  status = status.ok() ? ValidatePins(variables_) : status;
   for (FamilyId id = 0; status.ok() && id < num_families(); ++id) {
     status = ValidateFamily(*this, variables_, factors_[id], id, is_edited_);
   }

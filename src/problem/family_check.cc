@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "problem/find_fault.h"
+#include "problem/tangent_kind.h"
 
 namespace inceres::internal {
 
@@ -30,8 +31,10 @@ bool FamilyCheck::WriteAnalytic() {
         what_failed_ = "PlusJacobian of the manifold of slot " + std::to_string(s);
         return false;
       }
-      maps_[s].kind = TangentMap::Kind::kDense;
       maps_[s].plus_jacobian = plus_[s].data();
+      // Of the kind that solvers find, for families go by it.
+      selections_[s].resize(NumColumns(s));
+      ClassifyTangentMap(&maps_[s], selections_[s].data());
     }
     parameters_[First() + s] = point_[s].values;
     map_pointers_[First() + s] = &maps_[s];

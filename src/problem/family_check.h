@@ -34,6 +34,7 @@ class FamilyCheck {
         residuals_(static_cast<std::size_t>(num_places) * num_rows_),
         maps_(num_slots_),
         plus_(num_slots_),
+        selections_(num_slots_),
         jacobians_(num_slots_),
         views_(num_slots_) {}
 
@@ -66,6 +67,7 @@ class FamilyCheck {
   int factor_ = -1;
   std::vector<TangentMap> maps_;
   std::vector<std::vector<double>> plus_;       // plus-Jacobians, by slot
+  std::vector<std::vector<int>> selections_;    // of the maps, by slot
   std::vector<std::vector<double>> jacobians_;  // tangent, row-major, by slot
   std::vector<JacobianView> views_;
   std::vector<double> largest_;  // of each row

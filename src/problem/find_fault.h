@@ -136,15 +136,25 @@ Fault FaultAtSlot(const FactorFamily::Slot& slot, const Sight& sight,
   return is_right ? Fault::kNone : Fault::kManifold;
 }
 
+/// Up to so many slots a factor's variables are compared each with each, beyond it sorted.
+constexpr int kManySlots = 256;
+
+/// The first slot whose variable is that of a slot before it; `count` if all differ. Allocates, and
+/// takes count · log(count).
+int FirstRepeated(const VariableId* ids, int count);
+
 /// The rules of a factor, whether it is there already or comes with an edit: see(id) is the
 /// variable as the factor finds it. `accepted` is for factors of this family.
 template <typename SeeVariable>
 FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const SeeVariable& see,
                       AcceptedManifolds* accepted) {
+  const bool has_many = family.num_slots() > kManySlots;
+  const int first_repeated = has_many ? FirstRepeated(ids, family.num_slots()) : -1;
   int num_landmarks = 0;
   for (int s = 0; s < family.num_slots(); ++s) {
     const Sight sight = see(ids[s]);
-    if (sight.fault == Fault::kNone && IsAmong(ids[s], ids, s)) {
+    const bool is_repeated = has_many ? s == first_repeated : IsAmong(ids[s], ids, s);
+    if (sight.fault == Fault::kNone && is_repeated) {
       return {Fault::kRepeated, s};
     }
     const Fault fault = FaultAtSlot(family.slot(s), sight, [&](const Manifold& manifold) {
@@ -160,6 +170,8 @@ FactorFault FindFault(const FactorFamily& family, const VariableId* ids, const S
   return {};
 }
 
+/// The rules of a family, whatever its factors are.
+Status ValidateSizes(FamilyId id, const FactorFamily& family);
 /// The rules of a variable.
 Status ValidateVariable(VariableId id, const VariableRecord& variable, bool constant);
 /// The fault in words. `culprit` is the variable's record, if it has one.

@@ -169,8 +169,8 @@ Status GraphRestorer::Restore(GraphParts parts, FactorGraph* graph) {
   restored.is_edited_ = restored.is_edited_ || variables->num_removed() > 0;
   status = status.ok() ? restored.Validate() : status;
   if (status.ok()) {
-    // Edits that were begun on the graph as it was are refused from now on.
-    restored.revision_ = graph->revision_ + 1;
+    // Edits that were begun on the graph as it was are refused from now on, for an assignment
+    // changes the revision.
     *graph = std::move(restored);
   }
   return status;

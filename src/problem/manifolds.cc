@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "inceres/problem/rotation.h"
@@ -20,9 +23,10 @@ bool EuclideanManifold::Plus(const double* x, const double* delta, double* x_plu
 }
 
 bool EuclideanManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
-  std::fill_n(jacobian, size_ * size_, 0.0);
-  for (int k = 0; k < size_; ++k) {
-    jacobian[k * size_ + k] = 1.0;
+  const std::ptrdiff_t size = size_;
+  std::fill_n(jacobian, size * size, 0.0);
+  for (std::ptrdiff_t k = 0; k < size; ++k) {
+    jacobian[k * size + k] = 1.0;
   }
   return true;
 }
@@ -63,10 +67,10 @@ bool SubsetManifold::Plus(const double* x, const double* delta, double* x_plus_d
 }
 
 bool SubsetManifold::PlusJacobian(const double* /*x*/, double* jacobian) const {
-  const int tangent_size = TangentSize();
+  const std::ptrdiff_t tangent_size = TangentSize();
   // Unit vectors: the tangent map is classified as a selection, and projection is a copy.
   std::fill_n(jacobian, size_ * tangent_size, 0.0);
-  for (int c = 0; c < tangent_size; ++c) {
+  for (std::ptrdiff_t c = 0; c < tangent_size; ++c) {
     jacobian[free_[static_cast<std::size_t>(c)] * tangent_size + c] = 1.0;
   }
   return valid_;
@@ -80,15 +84,21 @@ bool SubsetManifold::Minus(const double* y, const double* x, double* delta) cons
   return valid_;
 }
 
-// Null components have no size; the calls say that they are wrong.
+// Null components have no size; the calls say that they are wrong. What is too large for an int is
+// as large as that: no variable has so many values.
 ProductManifold::ProductManifold(std::vector<std::shared_ptr<const Manifold>> components)
     : components_(std::move(components)) {
+  std::int64_t ambient_size = 0;
+  std::int64_t tangent_size = 0;
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component != nullptr) {
-      ambient_size_ += component->AmbientSize();
-      tangent_size_ += component->TangentSize();
+      ambient_size += component->AmbientSize();
+      tangent_size += component->TangentSize();
     }
   }
+  constexpr std::int64_t kMost = std::numeric_limits<int>::max();
+  ambient_size_ = static_cast<int>(std::min(ambient_size, kMost));
+  tangent_size_ = static_cast<int>(std::min(tangent_size, kMost));
 }
 
 // Values and tangent vectors are next to one another, in the order of the components.
@@ -126,6 +136,7 @@ bool ProductManifold::Minus(const double* y, const double* x, double* delta) con
 
 bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
   // Block diagonal: each component has its own rows and columns.
+  const std::ptrdiff_t row_stride = tangent_size_;
   int first_column = 0;
   for (const std::shared_ptr<const Manifold>& component : components_) {
     if (component == nullptr) {
@@ -140,15 +151,15 @@ bool ProductManifold::PlusJacobian(const double* x, double* jacobian) const {
       return false;
     }
     for (int r = rows - 1; r >= 0; --r) {
-      double* row = jacobian + r * tangent_size_;
+      double* row = jacobian + r * row_stride;
       double* block = row + first_column;
-      std::memmove(block, jacobian + r * columns,
+      std::memmove(block, jacobian + std::ptrdiff_t{r} * columns,
                    static_cast<std::size_t>(columns) * sizeof(double));
       std::fill(row, block, 0.0);
-      std::fill(block + columns, row + tangent_size_, 0.0);
+      std::fill(block + columns, row + row_stride, 0.0);
     }
     x += rows;
-    jacobian += rows * tangent_size_;
+    jacobian += rows * row_stride;
     first_column += columns;
   }
   return true;
@@ -208,7 +219,7 @@ bool SphereManifold::PlusJacobian(const double* x, double* jacobian) const {
     const double v = x[i] / basis.norm + (i == n - 1 ? basis.sign : 0.0);
     for (int j = 0; j < n - 1; ++j) {
       const double B = (i == j ? 1.0 : 0.0) - v * basis.scale * x[j] / basis.norm;
-      jacobian[i * (n - 1) + j] = basis.norm * B;
+      jacobian[std::ptrdiff_t{i} * (n - 1) + j] = basis.norm * B;
     }
   }
   return basis.norm > 0.0;

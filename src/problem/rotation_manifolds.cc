@@ -292,7 +292,9 @@ bool SE2Manifold::Minus(const double* y, const double* x, double* delta) const {
   const double a = Sinc(omega * omega, omega);
   const double b = std::sin(0.5 * omega) * Sinc(0.25 * omega * omega, 0.5 * omega);
   // V(ω) = [a, −b; b, a], whose inverse is its transpose over the determinant.
-  const double determinant = a * a + b * b;  // of V(ω): zero after a full turn
+  const double determinant = a * a + b * b;  // of V(ω): zero after a full turn, but for rounding
+  // Below it δ would be a million million times as long as the way, and of wrong digits.
+  constexpr double kSingular = 1e-24;
   const double c = std::cos(x[2]);
   const double s = std::sin(x[2]);
   const double turned_back[2] = {c * (y[0] - x[0]) + s * (y[1] - x[1]),
@@ -300,7 +302,7 @@ bool SE2Manifold::Minus(const double* y, const double* x, double* delta) const {
   delta[0] = (a * turned_back[0] + b * turned_back[1]) / determinant;
   delta[1] = (a * turned_back[1] - b * turned_back[0]) / determinant;
   delta[2] = omega;
-  return determinant > 0.0;
+  return determinant >= kSingular;
 }
 
 }  // namespace inceres

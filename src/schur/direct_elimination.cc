@@ -1,6 +1,7 @@
 #include "schur/direct_elimination.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "linear/pattern_rows.h"
 #include "linear/small_cholesky.h"
@@ -21,21 +22,26 @@ namespace inceres::internal {
 // calls AddChunk for each of them while it is in memory, and they are never kept.
 //
 // P is not damped, so a landmark may have no factor, or one that is rounding. Both count as open,
-// and such a landmark adds nothing to S; the caller says which they are.
+// and such a landmark adds nothing to S; the caller says which they are. Determined landmarks may
+// leave a frame nothing but rounding, which S does not show: so diag(C) is summed beside S, where
+// the Jacobians are listed.
 
 namespace {
 
 constexpr int kLandmarksATask = 64;
 constexpr int kBlocksATask = 4;
 
-// Variances are held against 1 / P_ii, those with all else known: units cancel. NaN is open.
-bool IsDetermined(int size, const double* P, const double* U_inv, double max_inflation) {
+// Variances are held against 1 / P_ii, those with all else known: units cancel. NaN is infinite.
+double InflationOf(int size, const double* P, const double* U_inv) {
+  double largest = 0.0;
   for (int i = 0; i < size; ++i) {
-    if (!(VarianceOfCoordinate(size, U_inv, i) * P[i * kQuad + i] <= max_inflation)) {
-      return false;
+    const double inflation = VarianceOfCoordinate(size, U_inv, i) * P[i * kQuad + i];
+    if (!(inflation < HUGE_VAL)) {
+      return HUGE_VAL;
     }
+    largest = std::max(largest, inflation);
   }
-  return true;
+  return largest;
 }
 
 }  // namespace
@@ -166,10 +172,10 @@ void DirectElimination::MakeSources() {
   of_sizes_.assign(LandmarkIncidences::kMaxLandmarkSize, ProductLists(num_blocks));
 }
 
-// U_inv; false of one that is not determined. P comes from the Jacobians of the landmark's factors,
-// which are in the cache and are read again for Y. Its η is summed with it and not used: a
-// covariance has no right-hand side.
-bool DirectElimination::FactorizeLandmark(int landmark) {
+// U_inv, and the inflation; infinite of one that is not determined. P comes from the Jacobians of
+// the landmark's factors, which are in the cache and are read again for Y. Its η is summed with it
+// and not used: a covariance has no right-hand side.
+double DirectElimination::FactorizeLandmark(int landmark) {
   const double no_damping[kQuad] = {};
   double P[kQuad * kQuad] = {}, eta[kQuad] = {};
   const int size = incidences_.sizes[landmark];
@@ -178,8 +184,9 @@ bool DirectElimination::FactorizeLandmark(int landmark) {
        ++k) {
     kernels_.landmark_gram(size, incidences_.factors[k], P, eta);
   }
-  return InvertCholeskyFactor(size, P, no_damping, U_inv) &&
-         IsDetermined(size, P, U_inv, max_inflation_);
+  const bool has_factor = InvertCholeskyFactor(size, P, no_damping, U_inv);
+  const double inflation = has_factor ? InflationOf(size, P, U_inv) : HUGE_VAL;
+  return inflation <= max_inflation_ ? inflation : HUGE_VAL;
 }
 
 void DirectElimination::EliminateLandmark(int landmark) {
@@ -196,7 +203,8 @@ void DirectElimination::EliminateLandmark(int landmark) {
 void DirectElimination::ListLandmark(int landmark) {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
-    ListRecords(*owners_[k], incidences_.factors[k].factors, incidences_.factors[k].count);
+    ListRecords(*owners_[k], incidences_.factors[k].factors, incidences_.factors[k].count,
+                inflation_[landmark]);
   }
   ProductLists& lists = of_sizes_[incidences_.sizes[landmark] - 1];
   const int begin = incidences_.begin[landmark], end = incidences_.begin[landmark + 1];
@@ -214,8 +222,9 @@ void DirectElimination::ListLandmark(int landmark) {
 
 // Slots of constants and of landmarks have no frame, and are passed over. Of each pair of slots the
 // lower triangle is listed; where two slots hold different frames, one of the two orders is.
+// `inflation`: of their landmark; 1 without one.
 void DirectElimination::ListRecords(const Linearization& cache, const std::int32_t* records,
-                                    int count) {
+                                    int count, double inflation) {
   const Layout& layout = evaluator_.layout();
   const VariableId* const ids_of_all = evaluator_.graph().Variables(cache.id, 0);
   for (int n = 0; n < count; ++n) {
@@ -224,6 +233,9 @@ void DirectElimination::ListRecords(const Linearization& cache, const std::int32
     Source* of_row = sources_.data() + first_source_[cache.id];
     for (int r = 0; r < cache.num_slots; ++r, of_row += cache.num_slots) {
       const int i = layout.FrameOf(ids[r]);
+      if (i >= 0) {
+        AddSquares(cache, record, r, i, inflation);
+      }
       for (int c = 0; i >= 0 && c < cache.num_slots; ++c) {
         const int j = layout.FrameOf(ids[c]);
         if (j >= 0 && j <= i) {
@@ -231,6 +243,21 @@ void DirectElimination::ListRecords(const Linearization& cache, const std::int32
                               {record * of_row[c].column_quads, record * of_row[c].row_quads});
         }
       }
+    }
+  }
+}
+
+// Of the columns of one Jacobian, to diag(C). One thread does, in the order of the lists.
+void DirectElimination::AddSquares(const Linearization& cache, std::int32_t record, int slot,
+                                   int frame, double inflation) {
+  const SlotJacobians& jacobian = cache.slots[slot];
+  const double* J = jacobian.data + record * jacobian.factor_stride;
+  double* const diagonal = diagonal_.data() + pattern_.offsets[frame];
+  double* const rounding = rounding_.data() + pattern_.offsets[frame];
+  for (int r = 0; r < cache.residual_size; ++r, J += jacobian.row_stride) {
+    for (int c = 0; c < pattern_.block_size(frame); ++c) {
+      diagonal[c] += J[c] * J[c];
+      rounding[c] += inflation * J[c] * J[c];
     }
   }
 }
@@ -247,7 +274,8 @@ void DirectElimination::ListOthers(int chunk) {
       begin = std::lower_bound(begin, end, chunks_->Begin(chunk, cache.id));
       end = std::lower_bound(begin, end, chunks_->End(chunk, cache.id));
     }
-    ListRecords(cache, others.data() + (begin - others.begin()), static_cast<int>(end - begin));
+    ListRecords(cache, others.data() + (begin - others.begin()), static_cast<int>(end - begin),
+                /*inflation=*/1.0);
   }
 }
 
@@ -298,21 +326,21 @@ void DirectElimination::AddChunk(int chunk) {
   AddLists();
 }
 
-// Open ones are only noted here, each by its own flag, so no order among tasks matters.
+// Open ones are only noted here, each by its own inflation, so no order among tasks matters.
 void DirectElimination::EliminateLandmarks(int first, int last) {
   evaluator_.executor().For(last - first, kLandmarksATask, [&](int begin, int end) {
     // All factors first: one does not wait for another's roots and divisions.
     for (int l = first + begin; l < first + end; ++l) {
-      is_open_[l] = FactorizeLandmark(l) ? 0 : 1;
+      inflation_[l] = FactorizeLandmark(l);
     }
     for (int l = first + begin; l < first + end; ++l) {
-      if (is_open_[l] == 0) {
+      if (inflation_[l] < HUGE_VAL) {
         EliminateLandmark(l);
       }
     }
   });
   for (int l = first; l < last; ++l) {
-    if (is_open_[l] == 0) {
+    if (inflation_[l] < HUGE_VAL) {
       ListLandmark(l);
     }
   }
@@ -327,7 +355,9 @@ Status DirectElimination::Eliminate(double max_inflation, std::vector<int>* open
   S_ = ZeroedArray(static_cast<std::size_t>(pattern_.value_begin.back()));
   Y_ = ZeroedArray::Unwritten(static_cast<std::size_t>(incidences_.y_quads * kQuad));
   U_inv_ = ZeroedArray::Unwritten(static_cast<std::size_t>(num_landmarks) * kQuad * kQuad);
-  is_open_.assign(static_cast<std::size_t>(num_landmarks), 0);
+  inflation_.assign(static_cast<std::size_t>(num_landmarks), 0.0);
+  diagonal_.assign(static_cast<std::size_t>(pattern_.size()), 0.0);
+  rounding_ = diagonal_;
   double cost = 0.0;
   // Nothing was evaluated at this state before. Chunks are added as they come.
   const Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
@@ -339,7 +369,7 @@ Status DirectElimination::Eliminate(double max_inflation, std::vector<int>* open
   }
   open->clear();
   for (int l = 0; l < num_landmarks; ++l) {
-    if (is_open_[l] != 0) {
+    if (!(inflation_[l] < HUGE_VAL)) {
       open->push_back(l);
     }
   }

@@ -35,6 +35,11 @@ class DirectElimination {
 
   const BlockPattern& pattern() const { return pattern_; }
   const double* S() const { return S_.data(); }
+  /// diag(C), packed: what S has before landmarks are eliminated.
+  const std::vector<double>& diagonal() const { return diagonal_; }
+  /// The same with the squares of each landmark's rows times its inflation, the largest variance
+  /// for known frames in units of that with all else known: S_kk is exact to ε times this.
+  const std::vector<double>& rounding() const { return rounding_; }
   /// U_inv of landmark l, with U_invᵀ U_inv = P⁻¹: rows four apart, up to the diagonal.
   const double* UInv(int l) const { return U_inv_.data() + std::ptrdiff_t{l} * kQuad * kQuad; }
 
@@ -55,10 +60,13 @@ class DirectElimination {
   void MakeSources();
   void AddChunk(int chunk);
   void EliminateLandmarks(int first, int last);
-  bool FactorizeLandmark(int landmark);
+  double FactorizeLandmark(int landmark);
   void EliminateLandmark(int landmark);
   void ListLandmark(int landmark);
-  void ListRecords(const Linearization& cache, const std::int32_t* records, int count);
+  void ListRecords(const Linearization& cache, const std::int32_t* records, int count,
+                   double inflation);
+  void AddSquares(const Linearization& cache, std::int32_t record, int slot, int frame,
+                  double inflation);
   void ListOthers(int chunk);
   void IndexBlocks();
   void AddLists();
@@ -86,7 +94,9 @@ class DirectElimination {
   std::vector<std::size_t> first_source_;  // per family
   std::vector<ProductLists> of_sizes_;     // products of Y, by the size of their landmarks less one
   double max_inflation_ = 0.0;
-  std::vector<char> is_open_;  // per landmark
+  std::vector<double> inflation_;  // per landmark; infinite: it is open
+  std::vector<double> diagonal_;
+  std::vector<double> rounding_;
   ZeroedArray U_inv_;
   ZeroedArray Y_;  // of a chunk
   ZeroedArray S_;

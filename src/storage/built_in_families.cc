@@ -9,6 +9,7 @@
 #include "inceres/factors/bearing.h"
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/center_distance.h"
+#include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
@@ -180,6 +181,12 @@ void AddPointFamilies(GraphFormats* formats) {
       "point_reprojection",
       std::array{&Pinhole::f_x, &Pinhole::f_y, &Pinhole::c_x, &Pinhole::c_y, &Pinhole::k1,
                  &Pinhole::k2, &Pinhole::p1, &Pinhole::p2},
+      formats);
+  using Fisheye = EquidistantCamera;
+  AddCameraFamily<EquidistantReprojectionFamily>(
+      "equidistant_reprojection",
+      std::array{&Fisheye::f_x, &Fisheye::f_y, &Fisheye::c_x, &Fisheye::c_y, &Fisheye::k1,
+                 &Fisheye::k2, &Fisheye::k3, &Fisheye::k4},
       formats);
   // Without distortion: stereo images are rectified.
   using Stereo = StereoCamera;

@@ -9,25 +9,57 @@
 // losses the inner ones by their own formats, with a name each (graph_formats.cc), null included. A
 // loss that is read computes what the one that was written did, since everything else it holds
 // follows from these parameters. The names stay as they are, for files have them.
+//
+// Losses take any parameters. Those that a reader refuses are not written in the first place.
 
 namespace inceres::internal {
 namespace {
 
+bool IsScale(double value) {
+  return value > 0.0 && std::isfinite(value);
+}
+
+// A weight of 0 switches a factor off.
+bool IsWeight(double value) {
+  return value >= 0.0 && std::isfinite(value);
+}
+
+std::string NoScale(double value) {
+  return "a scale is " + std::to_string(value) + " but must be positive";
+}
+
+std::string NoWeight(double value) {
+  return "a weight is " + std::to_string(value) + " but must not be negative";
+}
+
+void WriteScale(double value, GraphWriter* writer) {
+  if (!IsScale(value)) {
+    writer->Fail(NoScale(value));
+  }
+  writer->WriteDouble(value);
+}
+
+void WriteWeight(double value, GraphWriter* writer) {
+  if (!IsWeight(value)) {
+    writer->Fail(NoWeight(value));
+  }
+  writer->WriteDouble(value);
+}
+
 // After a failure every read gives 0: 1 in its place lets the object be made, which the failed load
 // then throws away.
-double ReadPositive(GraphReader* reader) {
+double ReadScale(GraphReader* reader) {
   const double value = reader->ReadDouble();
-  if (!(value > 0.0 && std::isfinite(value))) {
-    reader->Fail("a scale is " + std::to_string(value) + " but must be positive");
+  if (!IsScale(value)) {
+    reader->Fail(NoScale(value));
   }
   return reader->ok() ? value : 1.0;
 }
 
-// A weight of 0 switches a factor off.
 double ReadWeight(GraphReader* reader) {
   const double value = reader->ReadDouble();
-  if (!(value >= 0.0 && std::isfinite(value))) {
-    reader->Fail("a weight is " + std::to_string(value) + " but must not be negative");
+  if (!IsWeight(value)) {
+    reader->Fail(NoWeight(value));
   }
   return reader->ok() ? value : 1.0;
 }
@@ -38,8 +70,8 @@ template <typename L>
 void AddScaled(const char* name, GraphFormats* formats) {
   formats->AddLoss<L>(
       std::string("inceres.") + name,
-      [](const L& loss, GraphWriter* writer) { writer->WriteDouble(loss.a()); },
-      [](GraphReader* reader) { return std::make_shared<L>(ReadPositive(reader)); });
+      [](const L& loss, GraphWriter* writer) { WriteScale(loss.a(), writer); },
+      [](GraphReader* reader) { return std::make_shared<L>(ReadScale(reader)); });
 }
 
 }  // namespace
@@ -53,21 +85,21 @@ void AddBuiltInLosses(GraphFormats* formats) {
   formats->AddLoss<TolerantLoss>(
       "inceres.tolerant_loss",
       [](const TolerantLoss& loss, GraphWriter* writer) {
-        writer->WriteDouble(loss.a());
-        writer->WriteDouble(loss.b());
+        WriteScale(loss.a(), writer);
+        WriteScale(loss.b(), writer);
       },
       [](GraphReader* reader) {
         // By itself and not as an argument: the order in which arguments are evaluated is the
         // compiler's.
-        const double a = ReadPositive(reader);
-        return std::make_shared<TolerantLoss>(a, ReadPositive(reader));
+        const double a = ReadScale(reader);
+        return std::make_shared<TolerantLoss>(a, ReadScale(reader));
       });
   // A null inner loss is the identity, and so has a meaning: a weight on the squared norm.
   formats->AddLoss<ScaledLoss>(
       "inceres.scaled_loss",
       [](const ScaledLoss& loss, GraphWriter* writer) {
         writer->WriteLoss(loss.loss());
-        writer->WriteDouble(loss.scale());
+        WriteWeight(loss.scale(), writer);
       },
       [](GraphReader* reader) {
         const std::shared_ptr<const Loss> loss = reader->ReadLoss();

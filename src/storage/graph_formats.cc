@@ -19,7 +19,8 @@ constexpr int kMaxDepth = 16;
 
 }  // namespace
 
-// A program may replace a built-in format by adding one of the same name.
+// A program may replace a built-in format by one of the same name, or add one of another name, by
+// which the type is then written.
 GraphFormats::GraphFormats() {
   internal::AddBuiltInManifolds(this);
   internal::AddBuiltInLosses(this);

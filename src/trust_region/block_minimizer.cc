@@ -52,11 +52,13 @@ double NormOf(const std::vector<double>& x) {
 
 }  // namespace
 
-BlockMinimizer::BlockMinimizer(CeresRules rules, const Sighting* last, Evaluator* evaluator)
+BlockMinimizer::BlockMinimizer(CeresRules rules, bool asks_as_ceres, const Sighting* last,
+                               Evaluator* evaluator)
     : last_(last),
       evaluator_(*evaluator),
       graph_(evaluator->graph()),
-      infinite_cost_is_failure_(rules == CeresRules::k22) {
+      infinite_cost_is_failure_(rules == CeresRules::k22),
+      asks_as_ceres_(asks_as_ceres) {
   constant_.kind = TangentMap::Kind::kConstant;
   unwanted_.kind = TangentMap::Kind::kUnwanted;
 }
@@ -293,8 +295,8 @@ bool BlockMinimizer::EvaluateCandidate(double* cost) {
   }
   candidate_.assign(values_, values_ + current_.size());
   // Saves the second evaluation of a step that is taken; where Jacobians fail the cost alone
-  // decides.
-  if (model_decrease_ > kLargePromise * cost_) {
+  // decides. Ceres asks for the Jacobians of a step once it is taken.
+  if (!asks_as_ceres_ && model_decrease_ > kLargePromise * cost_) {
     const bool is_last = model_decrease_ < kLastPromise * cost_;
     if (EvaluateJacobians(is_last ? Asked::kAllJacobians : Asked::kOwnJacobians, candidate_,
                           cost)) {

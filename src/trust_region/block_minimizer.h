@@ -28,9 +28,9 @@ struct Sighting {
 /// Least Squares Problems", 2004, algorithm 3.16.
 class BlockMinimizer {
  public:
-  /// `last`: one after the last of all sightings, those of variables one after the other in the
-  /// order in which they are minimized most likely.
-  BlockMinimizer(CeresRules rules, const Sighting* last, Evaluator* evaluator);
+  /// `asks_as_ceres`: InnerDescent::asks_as_ceres. `last`: one after the last of all sightings,
+  /// those of variables one after the other in the order in which they are minimized most likely.
+  BlockMinimizer(CeresRules rules, bool asks_as_ceres, const Sighting* last, Evaluator* evaluator);
 
   /// Moves the variable in the evaluator's candidate. `begin` to `end`: where it stands.
   void Minimize(VariableId id, const Sighting* begin, const Sighting* end);
@@ -61,6 +61,7 @@ class BlockMinimizer {
   Evaluator& evaluator_;
   const FactorGraph& graph_;
   const bool infinite_cost_is_failure_;
+  const bool asks_as_ceres_;
 
   VariableId id_ = -1;
   const Sighting* begin_ = nullptr;

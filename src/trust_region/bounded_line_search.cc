@@ -62,11 +62,6 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
 // Value and slope at the candidate.
 void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSample* sample) {
   Evaluator& evaluator = evaluation_.evaluator();
-  // Told like any evaluation with Jacobians, for Ceres evaluates the gradient there.
-  if (options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator.points().candidate().data(), /*jacobians=*/true,
-                                        /*new_point=*/true);
-  }
   ++summary_.work.num_jacobian_evaluations;
   // An evaluator of its own, made at the first use: a gradient there needs Jacobians, and those of
   // the current point must stay for the step that follows.
@@ -78,8 +73,17 @@ void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSam
                                          evaluator.executor(), storage);
   }
   trial_->points().SetCurrent(evaluator.points().candidate());
-  sample->value_is_valid = trial_->EvaluateJacobians(/*known_point=*/false, &sample->value).ok() &&
-                           std::isfinite(sample->value);
+  Status status = trial_->points().ComputeTangents();
+  // Told like any evaluation with Jacobians, for Ceres evaluates the gradient there.
+  if (status.ok() && options_.observer != nullptr) {
+    options_.observer->BeforeEvaluation(evaluator.points().candidate().data(), /*jacobians=*/true,
+                                        /*new_point=*/true);
+  }
+  if (status.ok()) {
+    status = trial_->EvaluateJacobians(/*known_point=*/false, &sample->value,
+                                       /*knows_tangents=*/true);
+  }
+  sample->value_is_valid = status.ok() && std::isfinite(sample->value);
   if (sample->value_is_valid) {
     // δᵀg = (Jδ)ᵀf, from the two sums that the pass over J yields.
     const RowProducts products = MultiplyJacobian(*trial_, step.data());

@@ -27,7 +27,7 @@ CandidateRefinement::CandidateRefinement(const SolverOptions& options, const Loo
   }
   if (loop.inner_descent != nullptr) {
     coordinate_descent_ =
-        std::make_unique<CoordinateDescent>(loop.inner_descent->groups, loop.rules, &evaluator);
+        std::make_unique<CoordinateDescent>(*loop.inner_descent, loop.rules, &evaluator);
   }
 }
 

@@ -17,9 +17,9 @@ constexpr int kMaxVariablesPerTask = 64;
 
 }  // namespace
 
-CoordinateDescent::CoordinateDescent(const std::vector<std::vector<VariableId>>& groups,
-                                     CeresRules rules, Evaluator* evaluator)
-    : groups_(groups), rules_(rules), evaluator_(*evaluator) {
+CoordinateDescent::CoordinateDescent(const InnerDescent& descent, CeresRules rules,
+                                     Evaluator* evaluator)
+    : descent_(descent), rules_(rules), evaluator_(*evaluator) {
   CollectSightings();
 }
 
@@ -29,7 +29,7 @@ void CoordinateDescent::CollectSightings() {
   // Numbered group by group; variables in no group have no number and are held.
   index_.assign(graph.num_variables(), -1);
   int num_variables = 0;
-  for (const std::vector<VariableId>& group : groups_) {
+  for (const std::vector<VariableId>& group : descent_.groups) {
     for (const VariableId id : group) {
       index_[id] = num_variables++;
     }
@@ -53,16 +53,17 @@ void CoordinateDescent::Run() {
   // Parameters of all factors point to the candidate, which variables are moved in.
   evaluator_.PointToCandidate();
   // Where a group leaves its variables the next one begins, or the next iteration.
-  KeepEvaluations(true, &evaluator_.families());
+  KeepEvaluations(!descent_.asks_as_ceres, &evaluator_.families());
   const Executor& executor = evaluator_.executor();
-  for (const std::vector<VariableId>& group : groups_) {
+  for (const std::vector<VariableId>& group : descent_.groups) {
     const int count = static_cast<int>(group.size());
     // Several tasks a thread, for variables differ in what they cost; not too small, for each
     // makes a minimizer with memory of its own.
     const int grain =
         std::clamp(count / (kTasksPerThread * executor.num_threads()), 1, kMaxVariablesPerTask);
     executor.For(count, grain, [&](int begin, int end) {
-      BlockMinimizer minimizer(rules_, sightings_.data() + sightings_.size(), &evaluator_);
+      BlockMinimizer minimizer(rules_, descent_.asks_as_ceres,
+                               sightings_.data() + sightings_.size(), &evaluator_);
       for (int k = begin; k < end; ++k) {
         const int index = index_[group[k]];
         minimizer.Minimize(group[k], sightings_.data() + begin_[index],

@@ -18,9 +18,8 @@ namespace inceres::internal {
 /// Nonlinear Least Squares Problems", 1980; docs/ceres_contract.md, "Inner iterations".
 class CoordinateDescent {
  public:
-  /// `groups`: variables of the evaluator's layout; those in none are held.
-  CoordinateDescent(const std::vector<std::vector<VariableId>>& groups, CeresRules rules,
-                    Evaluator* evaluator);
+  /// The groups are of variables of the evaluator's layout. Descent and evaluator outlive this.
+  CoordinateDescent(const InnerDescent& descent, CeresRules rules, Evaluator* evaluator);
 
   /// Moves the evaluator's candidate.
   void Run();
@@ -28,7 +27,7 @@ class CoordinateDescent {
  private:
   void CollectSightings();
 
-  const std::vector<std::vector<VariableId>>& groups_;
+  const InnerDescent& descent_;
   const CeresRules rules_;
   Evaluator& evaluator_;
   std::vector<int> index_;  // per VariableId, into begin_: of those in a group, in their order

@@ -23,7 +23,7 @@ bool EndSolve(Termination termination, std::initializer_list<const char*> words,
 
 // After an iteration was recorded and shown to callbacks. Limits come before convergence.
 bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
-                 const SolverOptions& options, Summary* summary) {
+                 const SolverOptions& options, const LoopOptions& loop, Summary* summary) {
   // The time of the caller's before this solve counts as well.
   if (elapsed_seconds >= options.max_solver_time_in_seconds) {
     return EndSolve(
@@ -38,8 +38,12 @@ bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
                      std::to_string(iteration.iteration).c_str(), "."},
                     summary);
   }
+  // Ceres has it negated, by which NaN is small.
+  const double norm = iteration.gradient_max_norm;
+  const bool is_small =
+      norm <= options.gradient_tolerance || (loop.nan_gradient_is_small && std::isnan(norm));
   // Only a step that was taken has a gradient of its own.
-  if (iteration.step_is_successful && iteration.gradient_max_norm <= options.gradient_tolerance) {
+  if (iteration.step_is_successful && is_small) {
     return EndSolve(Termination::kConvergence,
                     {"Gradient tolerance reached. Gradient max norm: ",
                      Scientific(iteration.gradient_max_norm).text(),

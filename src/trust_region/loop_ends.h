@@ -4,6 +4,7 @@
 
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
+#include "trust_region/loop_options.h"
 
 namespace inceres::internal {
 
@@ -16,7 +17,7 @@ bool EndSolve(Termination termination, std::initializer_list<const char*> words,
 
 /// Between two iterations: time, number of iterations, gradient and least radius. False: ended.
 bool GoesOnAfter(const IterationSummary& iteration, double elapsed_seconds,
-                 const SolverOptions& options, Summary* summary);
+                 const SolverOptions& options, const LoopOptions& loop, Summary* summary);
 
 /// A step that short next to the state. True: ended.
 bool EndsByParameterTolerance(double step_norm, double state_norm, double tolerance,

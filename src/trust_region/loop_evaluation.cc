@@ -50,6 +50,21 @@ bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   return agreement_.Ask(move) == ObserverAction::kContinue;
 }
 
+// The tangent maps at a new point, if anybody is to be told of it, else they come with the
+// evaluation. Ceres calls PlusJacobian first, and tells nobody of a point where it fails.
+Status LoopEvaluation::ComputeTangents(bool candidate) const {
+  if (!has_observers_) {
+    return Status::Ok();
+  }
+  double none = 0.0;
+  const auto compute = [this, candidate](double* own) {
+    *own = 0.0;
+    PointPair& points = evaluator_.points();
+    return candidate ? points.ComputeCandidateTangents() : points.ComputeTangents();
+  };
+  return agreement_.Evaluate(compute, &none);
+}
+
 // Not in the evaluation that follows: where that throws, factors are evaluated once more to find
 // the one that did.
 void LoopEvaluation::TellObservers(bool jacobians, bool new_point) const {
@@ -79,11 +94,16 @@ int LoopEvaluation::Recenter() {
 
 // Only the first failure of the solve keeps its reason.
 bool LoopEvaluation::CandidateCost(double* cost) {
-  TellObservers(/*jacobians=*/false, /*new_point=*/true);
   // Counted before the pass, so that one that fails counts.
   ++summary_.work.num_residual_evaluations;
-  const Status evaluated = agreement_.Evaluate(
-      [this](double* own) { return evaluator_.EvaluateCandidateCost(own); }, cost);
+  const auto evaluation = [this](double* own) {
+    return evaluator_.EvaluateCandidateCost(own, /*knows_tangents=*/has_observers_);
+  };
+  Status evaluated = ComputeTangents(/*candidate=*/true);
+  if (evaluated.ok()) {
+    TellObservers(/*jacobians=*/false, /*new_point=*/true);
+    evaluated = agreement_.Evaluate(evaluation, cost);
+  }
   clock_.Charge(&summary_.seconds.residuals);
   const bool usable = evaluated.ok() && IsUsable(*cost);
   if (!usable && summary_.failed_step.empty()) {
@@ -94,14 +114,19 @@ bool LoopEvaluation::CandidateCost(double* cost) {
 
 // A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
-  // A new point is one at which no cost was asked for: observers are told, as Ceres's callback is.
-  TellObservers(/*jacobians=*/true, new_point);
   ++summary_.work.num_jacobian_evaluations;
   const auto evaluation = [this, new_point](double* own) {
-    // Tangent maps of an accepted candidate were computed with its cost.
-    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own);
+    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own,
+                                        /*knows_tangents=*/has_observers_);
   };
-  const Status evaluated = agreement_.Evaluate(evaluation, cost);
+  // Tangent maps of an accepted candidate were computed with its cost.
+  Status evaluated = new_point ? ComputeTangents(/*candidate=*/false) : Status::Ok();
+  if (evaluated.ok()) {
+    // A new point is one at which no cost was asked for: observers are told, as Ceres's callback
+    // is.
+    TellObservers(/*jacobians=*/true, new_point);
+    evaluated = agreement_.Evaluate(evaluation, cost);
+  }
   clock_.Charge(&summary_.seconds.jacobians);
   const bool usable = evaluated.ok() && IsUsable(*cost);
   if (!usable) {
@@ -152,7 +177,9 @@ double LoopEvaluation::CandidateDistance(double* max_norm) const {
                             Entries(evaluator_.points().candidate(), run.begin, run.end);
     sum += difference.squaredNorm();
     if (max_norm != nullptr) {
-      largest = std::max(largest, difference.lpNorm<Eigen::Infinity>());
+      // Ceres's is Eigen's, which passes over what is no number unless it comes first.
+      const double of_run = difference.lpNorm<Eigen::Infinity>();
+      largest = &run == &runs_.front() ? of_run : std::max(largest, of_run);
     }
   }
   // Every process asks in this order, or one would wait for another.

@@ -51,6 +51,7 @@ class LoopEvaluation {
   double CandidateDistance(double* max_norm) const;
 
  private:
+  Status ComputeTangents(bool candidate) const;
   void TellObservers(bool jacobians, bool new_point) const;
   bool IsUsable(double cost) const;
   void FindRuns();

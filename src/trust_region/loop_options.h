@@ -77,7 +77,9 @@ struct StepSystem {
     int row_stride;
   };
   int iteration = 0;
-  std::vector<Block> blocks;             ///< by family, of each by factor
+  /// By family, of each by factor; without those that are left out as zeros
+  /// (Evaluator::set_leaves_out_zero_blocks).
+  std::vector<Block> blocks;
   std::vector<const double*> residuals;  ///< per family, of its first factor
   /// Per VariableId, into the vectors below; -1 of what does not move.
   std::vector<int> first_entry;
@@ -104,6 +106,9 @@ struct InnerDescent {
   std::vector<std::vector<VariableId>> groups;
   /// A round that lowers the cost by less than this share of it is the last one.
   double tolerance = 1e-3;
+  /// Jacobians are asked for where Ceres asks for them, each time anew: of families that judge what
+  /// they compute. Otherwise also at steps that will be taken most likely, and they are kept.
+  bool asks_as_ceres = false;
 
   int num_rounds = 0;    ///< set by the loop
   double seconds = 0.0;  ///< spent on them
@@ -137,6 +142,8 @@ class PositionKeeper {
 /// Update.
 struct LoopOptions {
   CeresRules rules = CeresRules::k21;
+  /// A gradient that is no number is below its tolerance, as in Ceres; otherwise it is above.
+  bool nan_gradient_is_small = false;
   /// by the caller on this solve; counted into the time limit and cumulative times
   double seconds_spent_before = 0.0;
   /// of the cost, what no variable moves: the function tolerance is relative to the rest

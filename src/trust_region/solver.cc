@@ -150,7 +150,7 @@ struct Workspace {
 
   // Coordinate descent ends where the next Jacobians are taken.
   void MakeRoomFor(const LoopOptions& loop) {
-    if (loop.inner_descent != nullptr) {
+    if (loop.inner_descent != nullptr && !loop.inner_descent->asks_as_ceres) {
       evaluator->MakeRoomToKeep();
     }
   }

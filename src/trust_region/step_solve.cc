@@ -1,6 +1,7 @@
 #include "trust_region/step_solve.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <string>
 
 #include "trust_region/loop_ends.h"
@@ -13,13 +14,18 @@ namespace inceres::internal {
 
 namespace {
 
-void AddBlocksOf(const Linearization& factors, const Layout& layout, StepSystem* system) {
+void AddBlocksOf(const Evaluator& evaluator, const Linearization& factors, StepSystem* system) {
+  const Layout& layout = evaluator.layout();
+  // Where blocks are left out, what is there may be of an earlier iteration. Elsewhere all of them
+  // are written, and whole rows have no offsets to ask.
+  const std::int32_t* const offsets =
+      evaluator.leaves_out_zero_blocks() ? factors.tangent_offsets.data() : nullptr;
   for (int i = 0; i < factors.num_factors; ++i) {
     for (int s = 0; s < factors.num_slots; ++s) {
       // Places of a factor whose variable does not move have no block.
       const VariableId id = factors.graph->Variables(factors.id, i)[s];
       const int position = layout.Position(id);
-      if (position >= 0) {
+      if (position >= 0 && (offsets == nullptr || offsets[factors.Entry(i) + s] >= 0)) {
         const JacobianView& view = factors.views[s];
         system->blocks.push_back({factors.id, i, id, factors.residual_size,
                                   layout.TangentSize(position), view.data + i * view.factor_stride,
@@ -111,7 +117,7 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
   system.iteration = iteration;
   // Blocks as the factors have them: unscaled, corrected for the loss.
   for (const Linearization& factors : evaluator.families()) {
-    AddBlocksOf(factors, layout, &system);
+    AddBlocksOf(evaluator, factors, &system);
     system.residuals.push_back(factors.residuals.data());
   }
   system.first_entry.resize(layout.position.size());

@@ -38,8 +38,11 @@ bool ForEachNumber(const FactorGraph& graph, Visit&& visit) {
   }
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
+    // What a family is called for beside passes over its factors decides whether it has tables of
+    // parameters, and in which precision Jacobians are kept.
+    const int calls = (family.Prepares() ? 1 : 0) + (family.Recenters() ? 2 : 0);
     // Sizes before the list of variables: its length follows from them.
-    if (!visit(graph.NumFactors(id)) || !visit(family.residual_size()) ||
+    if (!visit(calls) || !visit(graph.NumFactors(id)) || !visit(family.residual_size()) ||
         !visit(family.num_slots())) {
       return false;
     }

@@ -7,10 +7,10 @@
 
 namespace inceres::internal {
 
-/// All that the set-up of a solve depends on: sizes, roles, constants and connections; neither
-/// values nor measurements, losses, bounds or what a manifold computes, and no addresses. Two
-/// graphs of equal structure have the same layout, sparsity, elimination and symbolic
-/// factorization.
+/// All that the set-up of a solve depends on: sizes, roles, constants, connections, and which
+/// families prepare or recenter; neither values nor measurements, losses, bounds or what a manifold
+/// computes, and no addresses. Two graphs of equal structure have the same layout, sparsity,
+/// elimination and symbolic factorization.
 ///
 /// One list of numbers; cost of taking and of comparing it: linear in the slots of the factors, a
 /// comparison stops at the first difference.

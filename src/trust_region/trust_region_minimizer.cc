@@ -60,23 +60,24 @@ double MaxNorm(const double* begin, const double* end) {
 }
 
 // Ceres's measure: how far x moves along the negative gradient, ‖x − Plus(x, −g)‖ in the ambient
-// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial.
-// Where residuals are tiny x − g rounds to x, which Ceres takes for convergence; `by_entries`: it
-// is g then. The step is overwritten: the last one is taken, or refused, and the next one is not
-// there yet.
-bool FindGradientNorms(const std::vector<double>& g, bool by_entries, LoopEvaluation* evaluation,
-                       std::vector<double>* step, IterationSummary* iteration) {
+// space, clamped to the bounds. The candidate's place is borrowed for it: no step is on trial. The
+// step is overwritten: the last one is taken, or refused, and the next one is not there yet.
+bool FindGradientNorms(const LoopOptions& loop, bool is_constrained, const std::vector<double>& g,
+                       LoopEvaluation* evaluation, std::vector<double>* step,
+                       IterationSummary* iteration) {
   std::transform(g.begin(), g.end(), step->begin(), [](double entry) { return -entry; });
   if (!evaluation->MoveCandidate(*step)) {
     return false;
   }
-  iteration->gradient_norm = evaluation->CandidateDistance(&iteration->gradient_max_norm);
-  // A maximum passes over entries that are no number, and would be no gradient at all.
-  if (std::isnan(iteration->gradient_norm)) {
-    iteration->gradient_max_norm = iteration->gradient_norm;
+  double& max_norm = iteration->gradient_max_norm;
+  iteration->gradient_norm = evaluation->CandidateDistance(&max_norm);
+  // A maximum may pass over entries that are no number, which is left to Ceres alone.
+  if (!loop.nan_gradient_is_small && std::isnan(iteration->gradient_norm)) {
+    max_norm = iteration->gradient_norm;
   }
-  if (by_entries && iteration->gradient_max_norm == 0.0) {
-    iteration->gradient_max_norm = MaxNorm(g.data(), g.data() + g.size());
+  // Where residuals are tiny x − g rounds to x, which Ceres takes for convergence: it is g then.
+  if (loop.judge != nullptr && !is_constrained && max_norm == 0.0) {
+    max_norm = MaxNorm(g.data(), g.data() + g.size());
   }
   return true;
 }
@@ -309,7 +310,7 @@ bool TrustRegionMinimizer::FinalizeIterationAndContinue() {
   }
   // The largest of all processes' times: they must end together.
   const double elapsed = clock_.now() - start_time_ + loop_.seconds_spent_before;
-  return GoesOnAfter(iteration_, evaluation_.agreement().Max(elapsed), options_, &summary_);
+  return GoesOnAfter(iteration_, evaluation_.agreement().Max(elapsed), options_, loop_, &summary_);
 }
 
 bool TrustRegionMinimizer::CallbacksContinue() {
@@ -467,8 +468,8 @@ bool TrustRegionMinimizer::Linearize(bool new_point) {
 
 bool TrustRegionMinimizer::UpdateModel() {
   model_.Refresh();
-  return FindGradientNorms(model_.Gradient(), loop_.judge != nullptr && !summary_.is_constrained,
-                           &evaluation_, &trial_.step(), &iteration_) ||
+  return FindGradientNorms(loop_, summary_.is_constrained, model_.Gradient(), &evaluation_,
+                           &trial_.step(), &iteration_) ||
          Finish(Termination::kFailure, {"projected_gradient_step = Plus(x, -gradient) failed."});
 }
 

@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <clocale>
 #include <cstdlib>
 #include <map>
 #include <sstream>
@@ -16,6 +17,7 @@
 #include "adapters/captured_log.h"
 #include "adapters/ceres/report/environment.h"
 #include "adapters/test_problems.h"
+#include "adapters/too_large_problem.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/solve.h"
 #include "support/temp_dir.h"
@@ -127,6 +129,37 @@ TEST(AbLog, ARefusalIsNoSolve) {
   inceres::Solve(options, &test->problem, &summary, asked, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_THAT(Lines(asked.ab_log), SizeIs(0));
+}
+
+// Ours finds out when it plans. The line is of the solve that the caller has, not of one of stock's
+// that went first.
+TEST(AbLog, WhatOursDeclinesOnceItHasPlannedIsStocksAlone) {
+  const test::TempDir directory;
+  testing::TooLargeProblem large;
+  SolveOptions asked = Logging(directory.File("ab.jsonl"));
+  for (const bool stock_first : {false, true}) {
+    large.num_calls = 0;
+    SolveReport report;
+    ceres::Solver::Summary summary;
+    inceres::Solve(testing::TooLargeProblem::Options(), &large.test.problem, &summary, asked,
+                   &report);
+    EXPECT_EQ(large.num_calls, stock_first ? 2 : 1);
+    const json line = Lines(asked.ab_log).back();
+    EXPECT_TRUE(line["ours"].is_null());
+    EXPECT_TRUE(line["difference"].is_null());
+    EXPECT_EQ(line["stock"]["final_cost"], summary.final_cost);
+    EXPECT_EQ(line["first"], "stock");
+    EXPECT_EQ(line["kept"], "stock");
+    EXPECT_THAT(line["fallback_reason"].get<std::string>(), HasSubstr("memory: "));
+    EXPECT_EQ(line["not_compared"], line["fallback_reason"]);
+  }
+  asked.strict = true;
+  SolveReport report;
+  ceres::Solver::Summary summary;
+  inceres::Solve(testing::TooLargeProblem::Options(), &large.test.problem, &summary, asked,
+                 &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_THAT(Lines(asked.ab_log), SizeIs(2));
 }
 
 // Whoever goes first, memory ends as ours left it.
@@ -319,6 +352,48 @@ TEST(Environment, ThatOfThisProcess) {
       EXPECT_EQ(report.comparison->compared, k != 5);
       EXPECT_THAT(report.comparison->violations, ::testing::IsEmpty());
     }
+  }
+}
+
+// While it lives numbers have a decimal comma, if the machine knows a language with one.
+class DecimalComma {
+ public:
+  DecimalComma() : before_(std::setlocale(LC_NUMERIC, nullptr)) {
+    for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "es_ES.UTF-8",
+                             "it_IT.UTF-8", "pl_PL.UTF-8", "ru_RU.UTF-8", "pt_BR.UTF-8"}) {
+      if (std::setlocale(LC_NUMERIC, name) != nullptr && *std::localeconv()->decimal_point == ',') {
+        return;
+      }
+    }
+  }
+  ~DecimalComma() { std::setlocale(LC_NUMERIC, before_.c_str()); }
+  DecimalComma(const DecimalComma&) = delete;
+  DecimalComma& operator=(const DecimalComma&) = delete;
+
+ private:
+  const std::string before_;
+};
+
+TEST(Environment, NumbersHaveAPointInEveryLanguage) {
+  const DecimalComma comma;
+  if (*std::localeconv()->decimal_point != ',') {
+    GTEST_SKIP() << "no locale with a decimal comma is installed (de_DE.UTF-8 or another)";
+  }
+  const auto environment = Read({{"INCERES_CROSS_CHECK", "cost=0.25,parameters=1e-3,spread=2.5"}});
+  EXPECT_THAT(environment.complaints, ::testing::IsEmpty());
+  EXPECT_EQ(environment.cross_check.cost_tolerance, 0.25);
+  EXPECT_EQ(environment.cross_check.parameter_tolerance, 1e-3);
+  EXPECT_EQ(environment.cross_check.spread_factor, 2.5);
+}
+
+TEST(Environment, IterationsAreAWholeNumber) {
+  for (const char* text : {"2.7", "2.0", "-1", "", "99999999999", "two"}) {
+    const auto environment =
+        Read({{"INCERES_CROSS_CHECK", std::string("cost=0.5,iterations=") + text}});
+    ASSERT_THAT(environment.complaints, SizeIs(1)) << text;
+    EXPECT_THAT(environment.complaints[0], HasSubstr("\"iterations=" + std::string(text) + "\""));
+    EXPECT_FALSE(environment.cross_check.iteration_tolerance.has_value()) << text;
+    EXPECT_EQ(environment.cross_check.cost_tolerance, 0.5);
   }
 }
 

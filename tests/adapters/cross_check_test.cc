@@ -12,9 +12,11 @@
 #include "adapters/captured_log.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/session_support.h"
+#include "adapters/too_large_problem.h"
 #include "adapters/two_faced_problem.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
+#include "support/temp_dir.h"
 
 namespace inceres {
 namespace {
@@ -246,6 +248,38 @@ TEST(CrossCheck, WhatOursDeclinesIsSolvedOnce) {
   EXPECT_FALSE(report.comparison->compared);
 }
 
+// The comparison has begun by then.
+TEST(CrossCheck, WhatOursDeclinesOnceItHasPlannedIsSolvedOnceToo) {
+  testing::TooLargeProblem large;
+  const auto before = large.test.blocks;
+  testing::Recorder counter(&large.test);
+  Options options = testing::TooLargeProblem::Options();
+  options.callbacks.push_back(&counter);
+  SolveOptions asked = Checked();
+  SolveReport report;
+  CeresSummary summary;
+  const CapturedLog log;
+  inceres::Solve(options, &large.test.problem, &summary, asked, &report);
+  EXPECT_TRUE(report.used_stock);
+  EXPECT_THAT(report.fallback_reason, HasSubstr("memory: "));
+  EXPECT_EQ(large.num_calls, 1);
+  EXPECT_EQ(counter.iterations.size(), 1u);
+  EXPECT_FALSE(report.comparison->compared);
+  EXPECT_EQ(report.comparison->reason, report.fallback_reason);
+  EXPECT_EQ(report.comparison->kept, SolvedBy::kStock);
+  EXPECT_EQ(report.comparison->first, SolvedBy::kStock);
+  EXPECT_EQ(report.comparison->stock.final_cost, summary.final_cost);
+  EXPECT_THAT(report.comparison->ours.iterations, IsEmpty());
+  asked.strict = true;
+  inceres::Solve(options, &large.test.problem, &summary, asked, &report);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(large.num_calls, 1);
+  EXPECT_FALSE(report.comparison->compared);
+  EXPECT_EQ(report.comparison->reason, report.fallback_reason);
+  EXPECT_THAT(log.messages(), IsEmpty());
+  EXPECT_EQ(large.test.blocks, before);
+}
+
 // A second solve would call it again.
 TEST(CrossCheck, AProblemWithAnEvaluationCallbackIsSolvedOnce) {
   int calls[2] = {0, 0};
@@ -421,6 +455,32 @@ TEST(CrossCheck, IncrementalModeIsJudgedByItsCost) {
   CeresSummary summary;
   inceres::Solve(Quiet(), &faced.test->problem, &summary, asked, &report);
   EXPECT_THAT(report.comparison->violations, Contains(HasSubstr("final cost")));
+}
+
+// Of stock, which goes first in the second comparison of a log: the session has not looked at the
+// problem by then, and nobody tells it of the edits again.
+TEST(CrossCheck, AnExceptionHidesNoEditFromASession) {
+  const test::TempDir directory;
+  testing::Pull a(1.0, 1.0), b(3.0, 1.0), c(101.0, 1.0);
+  double x = 0.0;
+  ceres::Problem problem(testing::Borrowing());
+  problem.AddResidualBlock(&a, nullptr, &x);
+  const ceres::ResidualBlockId pull = problem.AddResidualBlock(&b, nullptr, &x);
+  CeresSession session{testing::AlwaysIncremental()};
+  SolveOptions asked;
+  asked.ab_log = directory.File("ab.jsonl");
+  CeresSummary summary;
+  session.Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &problem, &summary, asked);
+  EXPECT_NEAR(x, 2.0, 0.1);
+  problem.RemoveResidualBlock(pull);
+  problem.AddResidualBlock(&c, nullptr, &x);
+  a.on_call = [] { throw std::runtime_error("no more"); };
+  EXPECT_THROW(session.Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &problem, &summary, asked),
+               std::runtime_error);
+  a.on_call = nullptr;
+  asked.problem_unedited = true;
+  session.Solve(Quiet(ceres::DENSE_NORMAL_CHOLESKY), &problem, &summary, asked);
+  EXPECT_NEAR(x, 51.0, 0.1);
 }
 
 TEST(CrossCheck, ASessionGoesOnFromWhatItWrote) {

@@ -99,6 +99,48 @@ TEST(CheckGradients, TheMessageDoesNotDependOnThreadsAndTheProblemIsAsBefore) {
   EXPECT_TRUE(summary.IsSolutionUsable());
 }
 
+// r = atan x, whose Gauss–Newton steps from far out lead farther out: inner iterations try some
+// beyond 5, where the slope is told wrongly, and refuse them. And a block that stays where it is.
+std::unique_ptr<TestProblem> WrongFarOut(int* num_calls_far_out) {
+  auto test = std::make_unique<TestProblem>();
+  const auto arc_tangent = [=](double const* const* p, double* r, double** J) {
+    const double x = p[0][0];
+    const bool far_out = std::abs(x) > 5.0;
+    *num_calls_far_out += far_out ? 1 : 0;
+    r[0] = std::atan(x);
+    if (J != nullptr && J[0] != nullptr) {
+      J[0][0] = (far_out ? 2.0 : 1.0) / (1.0 + x * x);
+    }
+    return true;
+  };
+  test->problem.AddResidualBlock(new lambdas::Cost(1, {1}, arc_tangent), nullptr, test->Add({2.0}));
+  double* y = test->Add({4.0});
+  for (const double target : {3.0, 5.0}) {
+    test->problem.AddResidualBlock(new testing::TargetCost(std::vector<double>{target}), nullptr,
+                                   y);
+  }
+  return test;
+}
+
+TEST(CheckGradients, InnerIterationsAreCheckedWhereStockChecksThem) {
+  for (const ceres::LinearSolverType type : {ceres::DENSE_QR, ceres::SPARSE_NORMAL_CHOLESKY}) {
+    ceres::Solver::Options options = OptionsOf(type);
+    options.use_inner_iterations = true;
+    options.check_gradients = true;
+    options.gradient_check_relative_precision = 1e-4;
+    int num_calls_far_out = 0;
+    const BothSolved both =
+        testing::SolveBoth([&] { return WrongFarOut(&num_calls_far_out); }, options);
+    EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
+    EXPECT_EQ(both.stock.termination_type, ceres::CONVERGENCE) << both.stock.message;
+    EXPECT_EQ(both.ours.termination_type, ceres::CONVERGENCE) << both.ours.message;
+    EXPECT_TRUE(both.ours.inner_iterations_used);
+    EXPECT_EQ(both.ours.iterations.size(), both.stock.iterations.size());
+    EXPECT_NEAR(both.ours.final_cost, both.stock.final_cost, 1e-9);
+    EXPECT_GT(num_calls_far_out, 0);
+  }
+}
+
 TEST(CheckGradients, ASolveInIncrementalModeIsExact) {
   const auto test = WrongSlopes();
   ceres::Solver::Options options = OptionsOf(ceres::DENSE_SCHUR);
@@ -110,6 +152,18 @@ TEST(CheckGradients, ASolveInIncrementalModeIsExact) {
   inceres::Solve(options, &test->problem, &summary, ours, &report);
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_NE(report.exact_reason.find("check_gradients"), std::string::npos);
+}
+
+// The text says six decimals.
+void ExpectSameNumbers(std::vector<double> ours, std::vector<double> stock, bool sorted) {
+  if (sorted) {
+    std::sort(ours.begin(), ours.end());
+    std::sort(stock.begin(), stock.end());
+  }
+  ASSERT_EQ(ours.size(), stock.size());
+  for (std::size_t k = 0; k < ours.size(); ++k) {
+    EXPECT_NEAR(ours[k], stock[k], 2e-6 * (1.0 + std::abs(stock[k]))) << k;
+  }
 }
 
 class Dump : public ::testing::Test {
@@ -124,11 +178,15 @@ class Dump : public ::testing::Test {
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
   // Each solves with a directory of its own.
-  void SolveBoth(const testing::Recipe& recipe, const ceres::Solver::Options& options) {
+  void SolveBoth(const testing::Recipe& recipe, const ceres::Solver::Options& options,
+                 const testing::Adjust& adjust = nullptr) {
     for (const char* who : {"stock", "ours"}) {
       ceres::Solver::Options mine = options;
       mine.trust_region_problem_dump_directory = (folder_ / who).string();
       const auto test = recipe();
+      if (adjust != nullptr) {
+        adjust(test.get(), &mine);
+      }
       ceres::Solver::Summary summary;
       SolveReport report;
       if (who[0] == 's') {
@@ -170,20 +228,25 @@ class Dump : public ::testing::Test {
     return numbers;
   }
 
+  // Of the iteration, in whatever order each has its rows and columns.
+  void ExpectSameSystem(int iteration) const {
+    const std::string base = "ceres_solver_iteration_00" + std::to_string(iteration);
+    for (const char* part : {"_D.txt", "_b.txt", "_x.txt"}) {
+      const std::string name = base + part;
+      ExpectSameNumbers(Numbers("ours", name), Numbers("stock", name), /*sorted=*/true);
+    }
+    std::vector<double> values[2];
+    for (const int who : {0, 1}) {
+      const std::vector<double> numbers = Numbers(who == 0 ? "ours" : "stock", base + "_A.txt");
+      for (std::size_t k = 2; k < numbers.size(); k += 3) {
+        values[who].push_back(numbers[k]);
+      }
+    }
+    ExpectSameNumbers(values[0], values[1], /*sorted=*/true);
+  }
+
   std::filesystem::path folder_;
 };
-
-// The text says six decimals.
-void ExpectSameNumbers(std::vector<double> ours, std::vector<double> stock, bool sorted) {
-  if (sorted) {
-    std::sort(ours.begin(), ours.end());
-    std::sort(stock.begin(), stock.end());
-  }
-  ASSERT_EQ(ours.size(), stock.size());
-  for (std::size_t k = 0; k < ours.size(); ++k) {
-    EXPECT_NEAR(ours[k], stock[k], 2e-6 * (1.0 + std::abs(stock[k]))) << k;
-  }
-}
 
 TEST_F(Dump, FilesOfADenseSolverAreStocks) {
   for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
@@ -211,21 +274,64 @@ TEST_F(Dump, SystemsOfSparseSolversAreStocksUpToTheOrderOfRowsAndColumns) {
     options.trust_region_minimizer_iterations_to_dump = {1, 2};
     SolveBoth([] { return testing::MakeWindow(4, 15, /*huber=*/true); }, options);
     EXPECT_EQ(Files("ours"), Files("stock"));
-    for (const char* part : {"_D.txt", "_b.txt", "_x.txt"}) {
-      const std::string name = std::string("ceres_solver_iteration_002") + part;
-      ExpectSameNumbers(Numbers("ours", name), Numbers("stock", name), /*sorted=*/true);
-    }
-    const std::string name = "ceres_solver_iteration_002_A.txt";
-    std::vector<double> values[2];
-    for (const int who : {0, 1}) {
-      const std::vector<double> numbers = Numbers(who == 0 ? "ours" : "stock", name);
-      for (std::size_t k = 2; k < numbers.size(); k += 3) {
-        values[who].push_back(numbers[k]);
-      }
-    }
-    ExpectSameNumbers(values[0], values[1], /*sorted=*/true);
+    ExpectSameSystem(2);
     EXPECT_EQ(Text("ours", "ceres_solver_iteration_001.m"),
               Text("stock", "ceres_solver_iteration_001.m"));
+  }
+}
+
+// Of residual blocks that touch all control points the three that count are written: none of the
+// others, whatever counted iterations before.
+TEST_F(Dump, SystemsOfSparseSolversWithDynamicSparsityAreStocks) {
+  for (const bool huber : {false, true}) {
+    ceres::Solver::Options options = OptionsOf(ceres::SPARSE_NORMAL_CHOLESKY);
+    options.dynamic_sparsity = true;
+    options.trust_region_minimizer_iterations_to_dump = {1, 2, 3, 4};
+    SolveBoth([=] { return testing::MakeClosedCurve(1, huber); }, options);
+    EXPECT_EQ(Files("stock").size(), 20U);
+    EXPECT_EQ(Files("ours"), Files("stock"));
+    for (const int iteration : {1, 2, 3, 4}) {
+      ExpectSameSystem(iteration);
+    }
+  }
+}
+
+// Points are eliminated here where that is cheaper; a type that eliminates none does not show it.
+TEST_F(Dump, ColumnsOfATypeThatIsNotSchurAreInTheOrderOfTheProblem) {
+  ceres::Solver::Options options = OptionsOf(ceres::DENSE_NORMAL_CHOLESKY);
+  options.trust_region_minimizer_iterations_to_dump = {1};
+  SolveBoth([] { return testing::MakeBundle(3, 20, true); }, options);
+  EXPECT_EQ(Files("ours"), Files("stock"));
+  for (const char* part : {"_A.txt", "_D.txt", "_b.txt", "_x.txt"}) {
+    const std::string name = std::string("ceres_solver_iteration_001") + part;
+    ExpectSameNumbers(Numbers("ours", name), Numbers("stock", name), /*sorted=*/false);
+  }
+}
+
+// Of ITERATIVE_SCHUR also those that are too large for landmarks: cameras here, the first one held.
+TEST_F(Dump, ColumnsOfWhatASchurTypeEliminatesComeFirst) {
+  constexpr int kCameras = 4;
+  for (const std::size_t size_of_first : {3U, 9U}) {
+    ceres::Solver::Options options = OptionsOf(ceres::ITERATIVE_SCHUR);
+    options.trust_region_minimizer_iterations_to_dump = {1};
+    SolveBoth([] { return testing::MakeBundle(kCameras, 8, true); }, options,
+              [=](testing::TestProblem* test, ceres::Solver::Options* mine) {
+                mine->linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+                for (std::vector<double>& block : test->blocks) {
+                  mine->linear_solver_ordering->AddElementToGroup(
+                      block.data(), block.size() == size_of_first ? 0 : 1);
+                }
+              });
+    const double num_first = size_of_first == 3 ? 8 * 3 : (kCameras - 1) * 9;
+    const std::vector<double> A = Numbers("ours", "ceres_solver_iteration_001_A.txt");
+    std::vector<std::size_t> in_row(2 * 8 * kCameras, 0);
+    for (std::size_t k = 0; k < A.size(); k += 3) {
+      in_row[static_cast<std::size_t>(A[k])] += A[k + 1] < num_first ? 1 : 0;
+    }
+    for (std::size_t row = 0; row < in_row.size(); ++row) {
+      const bool of_first_camera = row / 2 % kCameras == 0;
+      EXPECT_EQ(in_row[row], size_of_first == 9 && of_first_camera ? 0U : size_of_first) << row;
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include "adapters/compare_with_stock.h"
 #include "inceres/ceres/session.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -163,6 +164,61 @@ TEST(EvaluationCallback, FailureAtTheStartPutsTheStartBack) {
   ExpectSameSummary(both, 1e-9, true);
   ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
   EXPECT_EQ(both.our_problem->blocks, both.stock_problem->blocks);
+}
+
+// A line whose PlusJacobian fails below a border, once that is drawn: it is called when it is set.
+class LineAbove final : public manifolds::Manifold {
+ public:
+  LineAbove(double border, const bool* is_drawn) : border_(border), is_drawn_(*is_drawn) {}
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    *sum = *x + *delta;
+    return true;
+  }
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    *jacobian = 1.0;
+    return !is_drawn_ || *x >= border_;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+
+ private:
+  const double border_;
+  const bool& is_drawn_;
+};
+
+// With bounds those of the line search, too.
+TEST(EvaluationCallback, IsNotToldOfAPointWherePlusJacobianFails) {
+  for (const bool bounded : {false, true}) {
+    for (const double border : {0.5, 10.0}) {  // at a trial point, and at the start
+      std::vector<std::unique_ptr<SharedWork>> callbacks;
+      bool is_drawn = false;
+      const auto recipe = [&] {
+        SharedWork* work = callbacks.emplace_back(std::make_unique<SharedWork>()).get();
+        ceres::Problem::Options options;
+        options.evaluation_callback = work;
+        auto test = std::make_unique<TestProblem>(options);
+        work->test = test.get();
+        double* x = test->Add({5.0});
+        test->Add({1.0});  // which the callback reads
+        test->problem.AddResidualBlock(new testing::TargetCost({0.0}), nullptr, x);
+        manifolds::Set(&test->problem, x, new LineAbove(border, &is_drawn));
+        if (bounded) {
+          test->problem.SetParameterLowerBound(x, 0, -5.0);
+        }
+        is_drawn = callbacks.size() == 2;  // both problems are there
+        return test;
+      };
+      Options options = Tight();
+      options.max_num_iterations = 3;
+      const BothSolved both = SolveBoth(recipe, options);
+      ExpectSameSummary(both, 1e-9, true);
+      ExpectSameCalls(*callbacks[0], *callbacks[1]);
+      ExpectSameParameters(both, 1e-9);
+      EXPECT_EQ(both.ours.termination_type == ceres::FAILURE, border == 10.0);
+    }
+  }
 }
 
 // Ceres shows it from 2.2 on. Before, who does not tell has cost functions that were never

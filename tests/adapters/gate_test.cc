@@ -12,7 +12,10 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
+#include "adapters/ceres/fallback/decline.h"
 #include "adapters/compare_with_stock.h"
+#include "inceres/ceres/session.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -212,6 +215,73 @@ TEST(Gate, ValueThatIsNotFinite) {
   }
 }
 
+// To Ceres it is constant.
+TEST(Gate, BlockOfSizeZero) {
+  ExpectHandedOver(
+      [](TestProblem* t, Options* o) {
+        o->linear_solver_type = ceres::DENSE_QR;
+        auto* pull = new lambdas::Formula(
+            1, {1, 0}, [](double const* const* x, double* residuals, double** jacobians) {
+              residuals[0] = x[0][0];
+              jacobians[0][0] = 1.0;
+              return true;
+            });
+        t->problem.AddResidualBlock(pull, nullptr, t->Add({5.0}), t->Add({0.0}));
+      },
+      "of size 0 has no values", "");
+}
+
+// x ⊞ δ = x + δ, in two dimensions. Notes when it is asked for more than sizes.
+class WatchedSum final : public manifolds::Manifold {
+ public:
+  explicit WatchedSum(int* num_calls) : num_calls_(*num_calls) {}
+  int AmbientSize() const override { return 2; }
+  int TangentSize() const override { return 2; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    ++num_calls_;
+    std::transform(x, x + 2, delta, sum, std::plus<>());
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    ++num_calls_;
+    std::fill_n(jacobian, 4, 0.0);
+    jacobian[0] = jacobian[3] = 1.0;
+    return true;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+
+ private:
+  int& num_calls_;
+};
+
+// What bounds need in incremental mode is seen by what the manifold does.
+TEST(Gate, ManifoldsAreNotAskedWhereAProblemGoesToStock) {
+  for (const bool session : {false, true}) {
+    int num_calls = 0;
+    TestProblem test;
+    double* x = test.Add({1.0, 2.0});
+    test.problem.AddResidualBlock(new TargetCost({0.0, 0.0}), nullptr, x);
+    manifolds::Set(&test.problem, x, new WatchedSum(&num_calls));
+    test.problem.SetParameterLowerBound(x, 0, 2.0);
+    test.problem.SetParameterUpperBound(x, 0, 1.0);
+    num_calls = 0;
+    ceres::Solver::Summary summary;
+    SolveOptions asked;
+    SolveReport report;
+    asked.mode = SolveMode::kIncremental;
+    asked.strict = true;
+    if (session) {
+      CeresSession().Solve(Options(), &test.problem, &summary, asked, &report);
+    } else {
+      inceres::Solve(Options(), &test.problem, &summary, asked, &report);
+    }
+    EXPECT_NE(report.fallback_reason.find("lower bound not below"), std::string::npos)
+        << report.fallback_reason;
+    EXPECT_EQ(num_calls, 0);
+  }
+}
+
 // Orderings. Points in the first group and cameras in the second, but for what is changed.
 
 Adjust WithOrdering(const std::function<void(TestProblem*, ceres::ParameterBlockOrdering*)>& change,
@@ -292,6 +362,19 @@ TEST(Gate, OddOrderingUnderADenseSolverIsNoObstacle) {
   }
 }
 
+TEST(Gate, OrderingThatLacksABlockUnderDynamicSparsityIsNoObstacle) {
+  const auto remove = [](TestProblem* t, ceres::ParameterBlockOrdering* ordering) {
+    ordering->Remove(t->blocks.back().data());
+  };
+  Options options;
+  options.dynamic_sparsity = true;
+  options.max_num_iterations = 3;
+  const testing::BothSolved both =
+      testing::SolveBoth(MakeProblem, options, WithOrdering(remove, ceres::SPARSE_NORMAL_CHOLESKY));
+  testing::ExpectSameSummary(both, 1e-6, /*same_elimination=*/true);
+  EXPECT_EQ(both.report.options_without_effect, std::vector<std::string>{"linear_solver_ordering"});
+}
+
 std::string ReasonFor(const Options& options, ceres::Problem* problem) {
   const internal::ProblemView view = internal::Introspect(*problem);
   return internal::ProblemObstacle(options, view, internal::ReadOrdering(options, view));
@@ -340,6 +423,20 @@ TEST(Gate, BlockTwiceAndOverlappingBlocks) {
 }
 
 // Modes.
+
+// As one that turns out to be too large once it is known that it is to be solved exactly.
+TEST(Gate, WhatIsDeclinedWasNotSolvedExactly) {
+  const auto test = MakeProblem();
+  const Options options;
+  ceres::Solver::Summary summary;
+  SolveOptions asked;
+  SolveReport report;
+  asked.strict = true;
+  report.exact_reason = "linear_solver_type DENSE_QR";
+  internal::Decline({options, &test->problem, &summary, asked, &report}, "memory");
+  EXPECT_EQ(report.fallback_reason, "memory");
+  EXPECT_EQ(report.exact_reason, "");
+}
 
 TEST(Gate, StockOnRequestIsNoFallback) {
   const auto test = MakeProblem();

@@ -8,7 +8,9 @@
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/session/incremental_problem.h"
 #include "adapters/compare_with_stock.h"
+#include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
+#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -133,6 +135,133 @@ TEST(IncrementalMode, AFailureLeavesTheProblemAsItWas) {
   EXPECT_NE(report.core.detail.find("ceres::CostFunction"), std::string::npos)
       << report.core.detail;
   EXPECT_EQ(test->blocks, before);
+}
+
+// r = (1 − x, 10 (y − x²)) from (−1.2, 1), and a residual block of a constant, of cost 200.
+struct FixedCostBeside {
+  explicit FixedCostBeside(bool can_be_evaluated, ceres::LossFunction* loss = nullptr) {
+    const auto rosenbrock = [=](double const* const* p, double* residuals, double** jacobians) {
+      residuals[0] = 1.0 - p[0][0];
+      residuals[1] = 10.0 * (p[1][0] - p[0][0] * p[0][0]);
+      jacobians[0][0] = -1.0;
+      jacobians[0][1] = -20.0 * p[0][0];
+      jacobians[1][1] = 10.0;
+      return can_be_evaluated;
+    };
+    test.problem.AddResidualBlock(new lambdas::Formula(2, {1, 1}, rosenbrock), loss, x,
+                                  test.Add({1.0}));
+    double* constant = test.Add({20.0});
+    test.problem.AddResidualBlock(new testing::TargetCost({0.0}), nullptr, constant);
+    test.problem.SetParameterBlockConstant(constant);
+  }
+
+  // By stock, by a session, or by inceres::Solve.
+  ceres::Solver::Summary SolveBy(const std::string& who, const SolveOptions& given = {}) {
+    const Options options = Quiet(ceres::DENSE_NORMAL_CHOLESKY);
+    SolveOptions asked = given;
+    asked.mode = SolveMode::kIncremental;
+    asked.strict = true;
+    ceres::Solver::Summary summary;
+    if (who == "stock") {
+      ceres::Solve(options, &test.problem, &summary);
+    } else if (who == "a session") {
+      CeresSession session{testing::AlwaysIncremental()};
+      session.Solve(options, &test.problem, &summary, asked, &report);
+    } else {
+      inceres::Solve(options, &test.problem, &summary, asked, &report);
+    }
+    return summary;
+  }
+
+  TestProblem test;
+  double* x = test.Add({-1.2});
+  SolveReport report;
+};
+
+TEST(IncrementalMode, AStartThatCannotBeEvaluatedHasNoCost) {
+  for (const bool bounded : {false, true}) {
+    for (const std::string who : {"stock", "a solve", "a session"}) {
+      SCOPED_TRACE(who);
+      FixedCostBeside problem(/*can_be_evaluated=*/false);
+      if (bounded) {
+        problem.test.problem.SetParameterUpperBound(problem.x, 0, 5.0);
+      }
+      const ceres::Solver::Summary summary = problem.SolveBy(who);
+      EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+      EXPECT_EQ(summary.initial_cost, -1.0);
+      EXPECT_EQ(summary.final_cost, -1.0);
+      EXPECT_EQ(summary.fixed_cost, 200.0);
+      EXPECT_TRUE(summary.iterations.empty());
+      EXPECT_EQ(problem.report.core.initial_cost, -1.0);
+      EXPECT_EQ(problem.report.core.final_cost, -1.0);
+    }
+  }
+}
+
+TEST(IncrementalMode, WithoutMemoryForASolveThereIsNoCost) {
+  FixedCostBeside problem(/*can_be_evaluated=*/true);
+  SolveOptions asked;
+  asked.max_memory_bytes = 1;
+  const ceres::Solver::Summary summary = problem.SolveBy("a solve", asked);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(summary.message.find("max_memory_bytes"), std::string::npos) << summary.message;
+  EXPECT_EQ(summary.initial_cost, -1.0);
+  EXPECT_EQ(summary.final_cost, -1.0);
+}
+
+// A loss of an infinite slope.
+class InfiniteSlope final : public ceres::LossFunction {
+ public:
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = s;
+    rho[1] = HUGE_VAL;
+    rho[2] = 0.0;
+  }
+};
+
+// A line on which no step leads anywhere.
+class NoWay final : public manifolds::Manifold {
+ public:
+  int AmbientSize() const override { return 1; }
+  int TangentSize() const override { return 1; }
+  bool Plus(const double* x, const double* delta, double* sum) const override {
+    *sum = *x + *delta;
+    return false;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    *jacobian = 1.0;
+    return true;
+  }
+  bool Minus(const double*, const double*, double*) const override { return false; }
+  bool MinusJacobian(const double*, double*) const override { return false; }
+};
+
+TEST(IncrementalMode, FailuresOfOneSolveAreInTheWordsOfCeres) {
+  for (const bool invalid : {true, false}) {
+    std::string messages[2];
+    for (const int ours : {0, 1}) {
+      FixedCostBeside problem(/*can_be_evaluated=*/true, invalid ? new InfiniteSlope : nullptr);
+      if (!invalid) {
+        manifolds::Set(&problem.test.problem, problem.x, new NoWay);
+      }
+      const auto summary = problem.SolveBy(ours == 0 ? "stock" : "a solve");
+      EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+      messages[ours] = summary.message;
+    }
+    EXPECT_EQ(messages[0], messages[1]);
+    EXPECT_EQ(messages[1].find("Number of consecutive invalid steps more than ") == 0, invalid);
+  }
+}
+
+// What incremental steps begin and the batch solver cannot go on with ends where it began.
+TEST(IncrementalMode, AFailureOfTheSecondPartOfASolveHasTheCostOfTheStart) {
+  FixedCostBeside problem(/*can_be_evaluated=*/true);
+  manifolds::Set(&problem.test.problem, problem.x, new NoWay);
+  const ceres::Solver::Summary summary = problem.SolveBy("a session");
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE) << summary.message;
+  EXPECT_EQ(*problem.x, -1.2);
+  EXPECT_NEAR(summary.initial_cost, 212.1, 1e-9);
+  EXPECT_EQ(summary.final_cost, summary.initial_cost);
 }
 
 TEST(IncrementalMode, LimitsEndInTheWordsOfCeres) {
@@ -329,6 +458,27 @@ TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {
   options.max_trust_region_radius = 1e3;
   EXPECT_EQ(names(options),
             (std::vector<std::string>{"max_trust_region_radius", "initial_trust_region_radius"}));
+}
+
+// Where the batch solver may take conjugate gradients they end by the user's options.
+TEST(IncrementalOptionMapping, NamesTheEndOfConjugateGradientsUnlessTheBatchSolverMayTakeThem) {
+  Options options;
+  options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+  options.eta = 0.5;
+  options.preconditioner_type = ceres::SCHUR_JACOBI;
+  options.min_linear_solver_iterations = 3;
+  options.max_linear_solver_iterations = 4;
+  IncrementalOptions core;
+  EXPECT_FALSE(internal::IteratesInBatch(options, core));
+  EXPECT_EQ(internal::IncrementalOptionsWithoutEffect(options, internal::LandmarkCounts(), false),
+            (std::vector<std::string>{"eta", "min_linear_solver_iterations",
+                                      "max_linear_solver_iterations", "preconditioner_type"}));
+  core.batch_reduced_solver = ReducedSolverKind::kAutomaticInexact;
+  EXPECT_TRUE(internal::IteratesInBatch(options, core));
+  EXPECT_EQ(internal::IncrementalOptionsWithoutEffect(options, internal::LandmarkCounts(), true),
+            std::vector<std::string>{"preconditioner_type"});
+  core.batch_share = 1.0;
+  EXPECT_FALSE(internal::IteratesInBatch(options, core)) << "no batch solver";
 }
 
 // Roles.

@@ -202,6 +202,27 @@ TEST(InnerIterations, CallCostFunctionsLessOftenThanStock) {
   }
 }
 
+// Whatever a solver that is kept has room for.
+TEST(InnerIterations, AskForJacobiansAsOftenAsStockWhereTheseAreChecked) {
+  ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
+  options.inner_iteration_tolerance = 1e-9;
+  options.gradient_check_relative_precision = 1e-4;
+  SolveOptions strictly;
+  strictly.strict = true;
+  Calls unchecked, calls[2];
+  ceres::Solver::Summary stock, ours;
+  inceres::Solve(options, &Exponentials(1.0, &unchecked)->problem, &ours, strictly);
+  options.check_gradients = true;
+  ceres::Solve(options, &Exponentials(1.0, &calls[0])->problem, &stock);
+  inceres::Solve(options, &Exponentials(1.0, &calls[1])->problem, &ours, strictly);
+  ASSERT_EQ(stock.iterations.size(), ours.iterations.size());
+  for (std::size_t k = 0; k < stock.iterations.size(); ++k) {
+    EXPECT_NEAR(ours.iterations[k].cost, stock.iterations[k].cost, 1e-9 * stock.initial_cost);
+  }
+  EXPECT_EQ(calls[1].jacobians, calls[0].jacobians);
+  EXPECT_LT(unchecked.jacobians, calls[1].jacobians);
+}
+
 // To the bit; but cost functions are called more often.
 TEST(InnerIterations, EndWhereTheyDoWithRoomToKeepEvaluations) {
   const auto solve = [](std::int64_t max_memory_bytes, Calls* calls) {
@@ -265,6 +286,32 @@ TEST(InnerIterations, UnknownAddressesAndCallbacksAreRefusedWithAMessage) {
   EXPECT_EQ(summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(summary.message, "Inner iterations cannot be used with EvaluationCallbacks");
   EXPECT_EQ(count, 0);
+}
+
+// Ceres refuses before it takes constants out of the ordering.
+TEST(InnerIterations, TheOrderingStaysAsGivenWhereACallbackForbidsThem) {
+  lambdas::Preparation callback([](bool, bool) {});
+  ceres::Problem::Options with_callback;
+  with_callback.evaluation_callback = &callback;
+  const auto three = [&] {
+    auto test = std::make_unique<TestProblem>(with_callback);
+    for (int k = 0; k < 3; ++k) {
+      test->problem.AddResidualBlock(new testing::TargetCost({1.0}), nullptr, test->Add({2.0}));
+    }
+    test->problem.SetParameterBlockConstant(test->blocks[1].data());
+    return test;
+  };
+  const BothSolved both = testing::SolveBoth(
+      three, WithInnerIterations(ceres::SPARSE_NORMAL_CHOLESKY),
+      [](TestProblem* test, ceres::Solver::Options* options) {
+        options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+        options->inner_iteration_ordering->AddElementToGroup(test->blocks[0].data(), 0);
+        options->inner_iteration_ordering->AddElementToGroup(test->blocks[1].data(), 0);
+        options->inner_iteration_ordering->AddElementToGroup(test->blocks[2].data(), 1);
+      });
+  EXPECT_EQ(both.ours.message, "Inner iterations cannot be used with EvaluationCallbacks");
+  testing::ExpectSameSummary(both, 0.0, /*same_elimination=*/true);
+  EXPECT_EQ(both.ours.inner_iteration_ordering_used, (std::vector<int>{2, 1}));
 }
 
 TEST(InnerIterations, NoneForOneBlockOrAnOrderingOfNothingThatMoves) {

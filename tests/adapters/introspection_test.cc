@@ -330,6 +330,12 @@ TEST(Introspection, NamesDefects) {
     test.problem.AddParameterBlock(x, 2);
     EXPECT_NE(Introspect(test.problem).defect.find("not finite"), std::string::npos);
   }
+  {
+    TestProblem test;
+    test.problem.AddResidualBlock(new ShapeOnlyCost(1, {1, 0}), nullptr, test.Add({1.0}),
+                                  test.Add({1.0}));
+    EXPECT_NE(Introspect(test.problem).defect.find("of size 0 has no values"), std::string::npos);
+  }
   ceres::Problem::Options unsafe;
   unsafe.disable_all_safety_checks = true;
   std::vector<double> memory(8, 1.0);

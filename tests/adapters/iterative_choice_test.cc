@@ -123,6 +123,31 @@ TEST(IterativeSolvers, EndWhereStockDoes) {
   }
 }
 
+// 8,472 unknowns with points to eliminate.
+TEST(IterativeSolvers, TheirEndIsTheUsersInTheBatchSolver) {
+  const auto test = MakeBundle(5, 2812, true);
+  Options options;
+  options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+  options.preconditioner_type = ceres::SCHUR_JACOBI;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 1;
+  options.eta = 0.5;
+  options.max_linear_solver_iterations = 50;
+  ceres::Solver::Summary summary;
+  SolveOptions asked;
+  SolveReport report;
+  asked.mode = SolveMode::kIncremental;
+  Solve(options, &test->problem, &summary, asked, &report);
+  EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+  EXPECT_EQ(report.options_without_effect, std::vector<std::string>{"preconditioner_type"});
+  // Unless told otherwise.
+  asked.conjugate_gradients = ConjugateGradientsOptions();
+  Solve(options, &test->problem, &summary, asked, &report);
+  EXPECT_EQ(
+      report.options_without_effect,
+      (std::vector<std::string>{"eta", "max_linear_solver_iterations", "preconditioner_type"}));
+}
+
 TEST(IterativeSolvers, ASessionSolvesAgainWithTheOtherKind) {
   const auto test = MakeChain();
   Options options;

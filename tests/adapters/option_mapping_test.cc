@@ -69,6 +69,26 @@ TEST(OptionsWithoutEffect, OrderingsAreReadByTheSchurTypesOnly) {
             Names{"linear_solver_ordering: the order of groups after the first"});
 }
 
+TEST(OptionsWithoutEffect, GroupsAfterTheFirstBreakTiesOfClusters) {
+  double x[3];
+  Options options;
+  options.linear_solver_type = ceres::ITERATIVE_SCHUR;
+  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (int group = 0; group < 3; ++group) {
+    options.linear_solver_ordering->AddElementToGroup(&x[group], group);
+  }
+  const Names named{"linear_solver_ordering: the order of groups after the first"};
+  options.preconditioner_type = ceres::SCHUR_JACOBI;
+  EXPECT_EQ(WithoutEffect(options), named);
+  for (const auto by_clusters : {ceres::CLUSTER_JACOBI, ceres::CLUSTER_TRIDIAGONAL}) {
+    options.preconditioner_type = by_clusters;
+    EXPECT_EQ(WithoutEffect(options), Names{});
+    // Incremental mode has preconditioners of its own.
+    EXPECT_EQ(IncrementalOptionsWithoutEffect(options, LandmarkCounts()),
+              (Names{"preconditioner_type", named[0]}));
+  }
+}
+
 TEST(OptionsWithoutEffect, BlocksTooLargeForALandmark) {
   double x[2];
   Options options;
@@ -91,6 +111,25 @@ TEST(OptionsWithoutEffect, AreInTheReport) {
   options.eta = 0.2;
   const testing::BothSolved both = testing::SolveBoth(testing::MakePowell, options);
   EXPECT_EQ(both.report.options_without_effect, Names{"eta"});
+}
+
+// A callback may change the caller's; the solve goes by what they were.
+TEST(OptionsWithoutEffect, AreThoseOfTheBeginning) {
+  const auto test = testing::MakePowell();
+  Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_lbfgs_rank = 7;
+  lambdas::Callback callback([&](const ceres::IterationSummary&) {
+    options.max_lbfgs_rank = Options().max_lbfgs_rank;
+    options.eta = 0.2;
+    return ceres::SOLVER_CONTINUE;
+  });
+  options.callbacks.push_back(&callback);
+  ceres::Solver::Summary summary;
+  SolveReport report;
+  inceres::Solve(options, &test->problem, &summary, {}, &report);
+  EXPECT_EQ(options.eta, 0.2);
+  EXPECT_EQ(report.options_without_effect, Names{"max_lbfgs_rank"});
 }
 
 TEST(MapOptions, CopiesWhatTheCoreReads) {

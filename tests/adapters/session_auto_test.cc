@@ -1,12 +1,16 @@
 // What a session that chooses by itself does while little of a problem is remembered.
+#include <algorithm>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "adapters/captured_log.h"
 #include "adapters/incremental_window.h"
 #include "adapters/session_support.h"
 #include "inceres/ceres/session.h"
 #include "inceres/ceres/solve.h"
+#include "support/ceres_lambdas.h"
 
 namespace inceres {
 namespace {
@@ -114,6 +118,80 @@ TEST_F(SessionAuto, WhereMostIsNewWhatIsRememberedIsOfNoUse) {
   Solve();
   ExpectTheExactSolve("many frames at once");
   EXPECT_EQ(ours_.Values(), twin_.Values());
+}
+
+// r = w x⁴, of which a step leaves three quarters of x: nobody comes to an end in 30 iterations. As
+// incremental steps are given up after 25, and the batch solver goes on, they take the more work.
+class SlowDescent {
+ public:
+  explicit SlowDescent(const SessionOptions& options) : session_(options) {
+    for (lambdas::Formula* cost : {&light_, &heavy_}) {
+      problem_.AddResidualBlock(cost, nullptr, &x_);
+    }
+  }
+  // From the same start each time. Returns whether all of it was exact.
+  bool Solve() {
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = 30;
+    options.function_tolerance = 1e-16;
+    options.gradient_tolerance = 0.0;
+    options.logging_type = ceres::SILENT;
+    x_ = 1.0;
+    ceres::Solver::Summary summary;
+    SolveReport report;
+    session_.Solve(options, &problem_, &summary, {}, &report);
+    EXPECT_TRUE(summary.IsSolutionUsable()) << summary.message;
+    return report.exact_reason.rfind("auto: ", 0) == 0;
+  }
+
+ private:
+  static lambdas::Formula Quartic(double weight) {
+    return {1, {1}, [weight](double const* const* x, double* residuals, double** jacobians) {
+              const double cube = x[0][0] * x[0][0] * x[0][0];
+              residuals[0] = weight * cube * x[0][0];
+              jacobians[0][0] = 4.0 * weight * cube;
+              return true;
+            }};
+  }
+
+  lambdas::Formula light_ = Quartic(1.0);
+  lambdas::Formula heavy_ = Quartic(2.0);
+  double x_ = 1.0;
+  ceres::Problem problem_{testing::Borrowing()};
+  CeresSession session_;
+};
+
+bool HasSaid(const testing::CapturedLog& log, const std::string& words) {
+  const std::vector<std::string> messages = log.messages();
+  return std::any_of(messages.begin(), messages.end(), [&words](const std::string& message) {
+    return message.find(words) != std::string::npos;
+  });
+}
+
+// As many as it says, and it says when they are over, not before.
+TEST(SessionChoice, SolvesAreExactAsLongAsTheLogSays) {
+  SlowDescent descent(Automatic());
+  const testing::CapturedLog log(google::GLOG_INFO);
+  for (int k = 0; !HasSaid(log, "the next 16 solves of this problem are exact"); ++k) {
+    ASSERT_LT(k, 10);
+    descent.Solve();
+  }
+  for (int k = 0; k < 16; ++k) {
+    EXPECT_TRUE(descent.Solve()) << k;
+    EXPECT_FALSE(HasSaid(log, "incremental again")) << k;
+  }
+  EXPECT_FALSE(descent.Solve());
+  EXPECT_TRUE(HasSaid(log, "incremental again"));
+}
+
+TEST(SessionChoice, ASessionThatChoosesNothingTellsOfNoChoice) {
+  SlowDescent descent(testing::AlwaysIncremental());
+  const testing::CapturedLog log(google::GLOG_INFO);
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_FALSE(descent.Solve());
+  }
+  EXPECT_FALSE(HasSaid(log, "auto:"));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Covariances of a session's living problem.
 #include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include <ceres/autodiff_cost_function.h>
@@ -95,6 +96,38 @@ TEST(SessionCovariance, FollowsTheProblem) {
   tug.Solve();
   ASSERT_TRUE(tug.session.session.Covariance({&tug.x}, {}, &covariance).ok());
   EXPECT_NEAR(covariance(0, 0), 0.25, 1e-12);
+}
+
+// Where others have solved since, or nobody, values may be where the session has left them, and the
+// problem is another one.
+TEST(SessionCovariance, IsOfTheLastSolveOrNone) {
+  Tug tug;
+  LiveCovariance covariance;
+  const auto expect_none = [&](const char* why) {
+    const Status status = tug.session.session.Covariance({&tug.x}, {}, &covariance);
+    EXPECT_EQ(status.code, StatusCode::kInvalidArgument) << why;
+    EXPECT_NE(status.message.find(why), std::string::npos) << status.message;
+  };
+  Pull c(3.0, 10.0);
+  tug.problem.AddResidualBlock(&c, nullptr, &tug.x);
+  ceres::Solver::Options options;
+  options.minimizer_type = ceres::LINE_SEARCH;
+  options.max_num_iterations = 0;
+  options.logging_type = ceres::SILENT;
+  const double before = tug.x;
+  tug.session.session.Solve(options, &tug.problem, &tug.session.summary, {}, &tug.session.report);
+  ASSERT_TRUE(tug.session.report.used_stock);
+  ASSERT_EQ(tug.x, before);
+  expect_none("stock Ceres");
+  tug.session.Solve(&tug.problem, options);
+  ASSERT_EQ(tug.session.summary.termination_type, ceres::FAILURE);
+  expect_none("refused");
+  tug.Solve();
+  ASSERT_TRUE(tug.session.session.Covariance({&tug.x}, {}, &covariance).ok());
+  EXPECT_NEAR(covariance(0, 0), 1.0 / 105.0, 1e-12);
+  tug.problem.SetParameterBlockConstant(&tug.x);
+  tug.Solve();
+  expect_none("nothing to solve for");
 }
 
 TEST(SessionCovariance, NamesWhatIsWrong) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
+#include "adapters/ceres/compare/disagreement.h"
 #include "adapters/ceres/compare/second_opinion.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"
@@ -16,6 +17,7 @@
 namespace inceres {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using testing::MakeBundle;
@@ -158,7 +160,18 @@ TEST(StockSpread, CostFunctionsThatRememberAreNotHeldAgainstUs) {
   EXPECT_TRUE(result->agrees()) << ::testing::PrintToString(result->violations);
   EXPECT_THAT(result->within_spread, Not(IsEmpty()));
   EXPECT_THAT(result->reason, HasSubstr("the cost functions remember"));
+  EXPECT_THAT(internal::DescribeExcuse(*result), HasSubstr("but the cost functions remember"));
   EXPECT_EQ(x, ours);
+}
+
+// The end is not judged for another reason, which is told, too.
+TEST(StockSpread, TheLogNamesWhatHasExcusedADifference) {
+  CrossCheckResult result;
+  result.within_spread = {"cost of iteration 3"};
+  result.reason = "the time limit ended a solve: its end was not judged";
+  EXPECT_THAT(internal::DescribeExcuse(result),
+              AllOf(HasSubstr("differ, but no more than stock's own linear solvers do\n"),
+                    HasSubstr("\n  the time limit ended a solve: its end was not judged\n")));
 }
 
 // The caller's callbacks and memory know of one solve only.

@@ -6,6 +6,7 @@
 #include <ceres/version.h>
 
 #include "support/classic_functors.h"
+#include "support/closed_curve.h"
 
 namespace inceres::testing {
 namespace {
@@ -255,6 +256,32 @@ std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool hu
   test->problem.AddResidualBlock(DensePrior(5, {PoseOf(1)}), new ceres::CauchyLoss(0.5), extrinsic);
   test->problem.AddParameterBlock(test->Add({1.0, 2.0}), 2);
   return test;
+}
+
+std::unique_ptr<TestProblem> MakeClosedCurve(unsigned seed, bool huber) {
+  constexpr int kControlPoints = 30;
+  const test::ClosedCurveScene scene(seed, kControlPoints, 120);
+  auto made = std::make_unique<TestProblem>();
+  std::vector<double*> blocks = {nullptr};
+  std::vector<int> sizes = {1};
+  for (const auto& point : scene.control_points) {
+    blocks.push_back(made->Add({point[0], point[1]}));
+    sizes.push_back(2);
+  }
+  for (const auto& observation : scene.observations) {
+    blocks[0] = made->Add({observation.t});
+    const auto evaluate = [seen = observation.point](const auto& x, double* r, double** J) {
+      return test::EvaluateClosedCurve(kControlPoints, seen, x, r, J);
+    };
+    made->problem.AddResidualBlock(new lambdas::Cost(2, sizes, evaluate),
+                                   huber ? new ceres::HuberLoss(0.4) : nullptr, blocks);
+  }
+  for (std::size_t k = 0; k < kControlPoints; ++k) {
+    made->problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<test::Spring, 2, 2, 2>(new test::Spring), nullptr,
+        blocks[k + 1], blocks[(k + 1) % kControlPoints + 1]);
+  }
+  return made;
 }
 
 }  // namespace inceres::testing

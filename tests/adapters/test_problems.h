@@ -80,4 +80,8 @@ std::unique_ptr<TestProblem> MakeBundle(int num_cameras, int num_points,
 /// block that touches only constants, one block that nothing touches.
 std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool huber);
 
+/// A closed curve of 30 control points fitted to 120 points: residual blocks that touch all control
+/// points, of which three count (support/closed_curve.h), and springs between neighbors.
+std::unique_ptr<TestProblem> MakeClosedCurve(unsigned seed, bool huber);
+
 }  // namespace inceres::testing

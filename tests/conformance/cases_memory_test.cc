@@ -70,6 +70,55 @@ TEST(Case52, total_cost_is_nan) {
   EXPECT_EQ(x[0], 1.0);
 }
 
+// The test of the gradient is negated: what is no number is below the tolerance.
+void ExpectEndAtNoGradient(const Summary& summary) {
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.message, "Gradient tolerance reached. Gradient max norm: nan <= 1.000000e-10");
+  ASSERT_EQ(summary.iterations.size(), 1u);
+  EXPECT_TRUE(std::isnan(summary.iterations[0].gradient_max_norm));
+}
+
+// A loss of this slope.
+class Slope : public ceres::LossFunction {
+ public:
+  explicit Slope(double slope) : slope_(slope) {}
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = s;
+    rho[1] = slope_;
+    rho[2] = 0.0;
+  }
+
+ private:
+  const double slope_;
+};
+
+// √ρ' is no number.
+TEST(Case52, gradient_is_nan) {
+  for (const double slope : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    for (const bool schur : {false, true}) {
+      World world;
+      double* x = world.Add({1.0, 2.0});
+      world.problem.AddResidualBlock(Target({0.0, 0.0}), new Slope(slope), x);
+      ExpectEndAtNoGradient(Solve(schur ? Schur() : Small(), &world.problem).summary);
+      EXPECT_EQ(world.blocks[0], (std::vector<double>{1.0, 2.0}));
+    }
+  }
+}
+
+// Pulls whose sum is ∞ − ∞.
+TEST(Case52, gradient_of_infinities) {
+  if (kRelease >= 202) {
+    GTEST_SKIP() << "from Ceres 2.2 on a start of infinite cost cannot be evaluated";
+  }
+  World world;
+  double* x = world.Add({0.0});
+  for (const double target : {1.0, -1.0}) {
+    world.problem.AddResidualBlock(Target({target}, 1e160), nullptr, x);
+  }
+  ExpectEndAtNoGradient(Solve(Small(), &world.problem).summary);
+  EXPECT_EQ(x[0], 0.0);
+}
+
 TEST(Case52, max_iterations_or_time) {
   for (const bool time : {false, true}) {
     Rosenbrock rosenbrock;

@@ -45,6 +45,7 @@ TEST(Options24, callbacks_may_change_the_options) {
     options.callbacks.clear();
     options.callbacks.shrink_to_fit();
     options.update_state_every_iteration = true;
+    options.eta = 0.7;
     EXPECT_EQ(rosenbrock.blocks[0], (std::vector<double>{-1.2, 1.0}));
     return ceres::SOLVER_CONTINUE;
   });
@@ -52,6 +53,23 @@ TEST(Options24, callbacks_may_change_the_options) {
   const Summary summary = Solve(options, &rosenbrock.problem).summary;
   EXPECT_EQ(static_cast<std::size_t>(num_second), summary.iterations.size());
   EXPECT_GT(num_second, 3);
+  EXPECT_EQ(summary.iterations[0].eta, Options().eta);
+}
+
+// No step can be evaluated, of which the log warns.
+TEST(Options24, callbacks_may_silence_solves_to_come) {
+  World world;
+  double* x = world.Add({0.5});
+  world.problem.AddResidualBlock(OnlyAt(0.5), nullptr, x);
+  Options options = Small();
+  options.max_num_iterations = 2;
+  Callback callback([&](const ceres::IterationSummary&) {
+    options.logging_type = ceres::SILENT;
+    return ceres::SOLVER_CONTINUE;
+  });
+  options.callbacks.push_back(&callback);
+  EXPECT_FALSE(Solve(options, &world.problem).warnings.empty());
+  EXPECT_TRUE(Solve(options, &world.problem).warnings.empty());
 }
 
 // In each iteration: state update, table, the user's in their order; the first that does not

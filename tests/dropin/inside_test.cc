@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -108,6 +109,38 @@ TEST(DropinInside, ALivingProblemIsRemembered) {
   moved.AddResidualBlock(&cost, nullptr, &x);
   Solve(&moved);
   EXPECT_GT(cost.num_jacobians, first);
+}
+
+// Whoever's solve it ends: where stock goes first, to be compared with, ours has not been asked by
+// then.
+TEST(DropinInside, AnExceptionLosesNoEdit) {
+  double x = 3.0;
+  bool throws = false;
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  Square cost(2.0);
+  cost.inside = [&throws] {
+    if (throws) {
+      throw std::runtime_error("no more");
+    }
+  };
+  Square others[2] = {Square(4.0), Square(8.0)};
+  ceres::Problem problem(options);
+  problem.AddResidualBlock(&cost, nullptr, &x);
+  ceres::ResidualBlockId id = problem.AddResidualBlock(&others[0], nullptr, &x);
+  for (int k = 0; k < 3; ++k) {
+    Solve(&problem);
+  }
+  for (int round = 1; round < 8; ++round) {
+    const int other = round % 2;
+    problem.RemoveResidualBlock(id);
+    id = problem.AddResidualBlock(&others[other], nullptr, &x);
+    throws = true;
+    EXPECT_THROW(Solve(&problem), std::runtime_error);
+    throws = false;
+    Solve(&problem);
+    EXPECT_NEAR(x * x, 0.5 * (cost.target + others[other].target), 1e-5) << round;
+  }
 }
 
 // Nobody looks for bounds where none was ever set: each way to set one is seen, before the first

@@ -1,4 +1,5 @@
 // Bad input is named, and nothing is lost.
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <string>
@@ -155,6 +156,52 @@ TEST(WindowInput, AFailedSolveLosesNothing) {
   run.Play(40);  // which expects that all goes well
   EXPECT_EQ(run.estimator.num_frames(), 10);
   EXPECT_LT(run.RmsError(), 0.1);
+}
+
+// At rest but for a drift whose square is next to zero, seen far out: λ is too large for a double.
+// Powers of two, so that no residual is other than zero, and nothing moves before.
+TEST(WindowInput, AFrameWhoseLandmarksCannotBeMadeIsSolvedAndSlides) {
+  constexpr double kSeconds = 0.125, kDrift = 0x1p-530, kFarOut = -0x1p500;
+  SlidingWindowOptions options;
+  options.size = 3;
+  options.imu.conventions.gravity[2] = 0.0;
+  SlidingWindowEstimator estimator(options);
+  WindowStart start = GoodStart();
+  start.state.velocity[0] = kDrift;
+  ASSERT_TRUE(estimator.Start(start, {}).ok());
+  const auto frame_at = [&](int i) {
+    WindowFrame frame;
+    frame.time = i * kSeconds;
+    for (int k = -4; k <= 0; ++k) {
+      frame.imu.emplace_back().time = frame.time + 0.25 * k * kSeconds;
+    }
+    return frame;
+  };
+  const std::int64_t track = 7;
+  for (int i = 1; i < 3; ++i) {
+    WindowFrame frame = frame_at(i);
+    if (i == 2) {
+      frame.observations.push_back({track, {0.0, 0.0}});
+    }
+    const WindowSummary summary = estimator.AddFrame(frame);
+    ASSERT_TRUE(summary.status.ok()) << summary.status.message;
+    ASSERT_EQ(summary.state.pose[0], i * kSeconds * kDrift);
+  }
+
+  WindowFrame frame = frame_at(3);
+  frame.observations.push_back({track, {kFarOut, 0.0}});
+  const WindowSummary summary = estimator.AddFrame(frame);
+  EXPECT_EQ(summary.status.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(summary.status.message.find("AddVariable"), std::string::npos)
+      << summary.status.message;
+  EXPECT_EQ(summary.num_new_landmarks, 0);
+  EXPECT_EQ(estimator.LandmarkId(track), -1);
+  EXPECT_EQ(summary.state.time, frame.time);
+  EXPECT_NE(summary.update.termination, Termination::kFailure) << summary.update.message;
+  EXPECT_EQ(summary.left, WindowSummary::Left::kOldest);
+  EXPECT_EQ(estimator.num_frames(), 3);
+  // The next one comes in as ever.
+  EXPECT_TRUE(estimator.AddFrame(frame_at(4)).status.ok());
 }
 
 }  // namespace

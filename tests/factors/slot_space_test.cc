@@ -19,6 +19,7 @@
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/factors/relative_similarity.h"
+#include "inceres/problem/check_jacobians.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/problem/manifolds.h"
@@ -226,6 +227,42 @@ TEST(SlotSpaces, OfAConstantTheManifoldDoesNotCount) {
   edit.SetConstant(0, false);
   EXPECT_NE(one.graph.Apply(edit).message.find("moves it otherwise"), std::string::npos);
   EXPECT_TRUE(one.graph.IsConstant(0));
+}
+
+// A family is right in its own tangent spaces only, so there is nothing to check it by in others.
+TEST(SlotSpaces, AConstantInAnotherOneHasNoJacobianToCheck) {
+  constexpr double kOther[7] = {2.0, 1.0, -0.5, 0.1, -0.7, 0.1, 0.7};
+  RelativePoseMeasurement measurement;
+  for (int k = 0; k < 6; ++k) {
+    measurement.sqrt_information[7 * k] = 1.0;
+  }
+  const auto check = [&](const ManifoldPointer& of_constant) {
+    FactorGraph graph;
+    const VariableId held = graph.AddVariable(kSlotPose, 7, Role::kFrame, of_constant);
+    graph.SetConstant(held, true);
+    const VariableId free = graph.AddVariable(kOther, 7, Role::kFrame, kOnRight);
+    graph.AddFactor(graph.AddFamily(std::make_shared<RelativePoseFamily>()), measurement,
+                    {held, free});
+    const JacobianReport report = CheckJacobians(graph);
+    EXPECT_TRUE(report.ok()) << report.ToString();
+    return report.num_entries;
+  };
+  EXPECT_EQ(check(kOnRight), 72);
+  EXPECT_EQ(check(kRotationBesideR3), 72);
+  EXPECT_EQ(check(kOnLeft), 36);
+  EXPECT_EQ(check(std::make_shared<SE3Manifold>()), 36);
+}
+
+TEST(SlotSpaces, JacobiansAreCheckedOnAManifoldThatMovesAsRn) {
+  SpeedBiasPriorMeasurement measurement;
+  for (int k = 0; k < 9; ++k) {
+    measurement.sqrt_information[10 * k] = 1.0 + k;
+  }
+  const OneFactor<SpeedBiasPriorFamily> one(std::make_shared<SpeedBiasPriorFamily>(), measurement,
+                                            {std::make_shared<EuclideanManifold>(9)});
+  const JacobianReport report = CheckJacobians(one.graph);
+  EXPECT_TRUE(report.ok()) << report.ToString();
+  EXPECT_EQ(report.num_entries, 81);
 }
 
 TEST(SlotSpaces, AnEditIsRefusedByNameToo) {

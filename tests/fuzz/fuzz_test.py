@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Tests with the differential fuzzer (docs/fuzzing.md).
 
-    fuzz_test.py lives PROGRAM MODE      a bounded number of random lives: no defect but those that are open
+    fuzz_test.py lives PROGRAM MODE [FLAG]...
+                                         a bounded number of random lives: no defect but those that are open
     fuzz_test.py seeds PROGRAM MODE      lives that had a defect once: those that are mended have none
     fuzz_test.py teeth PROGRAM DEFECT    a defect planted in the library is found, in lives that have none without it
     fuzz_test.py usage PROGRAM           exit codes and messages
@@ -50,17 +51,18 @@ def fuzz(program, mode, seed, first_life, lives, edits, *flags, planted=None):
 
 
 def listed_seeds(mode):
-    """(seed, life, edits, state) of the lives in seeds.txt."""
+    """(seed, life, edits, state, further flags) of the lives in seeds.txt."""
     for line in (HERE / "seeds.txt").read_text().splitlines():
         words = line.split("#")[0].split()
         if words and words[0] == mode:
-            yield int(words[1]), int(words[2]), int(words[3]), words[4]
+            yield int(words[1]), int(words[2]), int(words[3]), words[4], words[5:]
 
 
-def test_lives(program, mode):
-    report, output = fuzz(program, mode, SEED, 0, LIVES[mode], EDITS)
+def test_lives(program, mode, *flags):
+    report, output = fuzz(program, mode, SEED, 0, LIVES[mode], EDITS, *flags)
     print(output)
-    is_open = {life for seed, life, _, state in listed_seeds(mode) if seed == SEED and state == "open"}
+    is_open = {life for seed, life, _, state, of_seed in listed_seeds(mode)
+               if seed == SEED and state == "open" and of_seed == list(flags)}
     new = [defect for defect in report["defects"] if defect["life"] not in is_open]
     assert not new, f"{len(new)} defects, see above"
     assert report["judged"] > 3 * LIVES[mode], "hardly any end was judged"
@@ -70,9 +72,9 @@ def test_lives(program, mode):
 
 def test_seeds(program, mode):
     failed = []
-    for seed, life, edits, state in listed_seeds(mode):
+    for seed, life, edits, state, flags in listed_seeds(mode):
         # With one thread, so that the life is the same one every time.
-        report, output = fuzz(program, mode, seed, life, 1, edits, "--max_threads=1")
+        report, output = fuzz(program, mode, seed, life, 1, edits, "--max_threads=1", *flags)
         print(f"{mode} {seed} {life} {edits} {state}: {'defect' if report['defects'] else 'no defect'}")
         if report["defects"] and state == "mended":
             failed.append(output)

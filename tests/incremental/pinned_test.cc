@@ -4,9 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include "inceres/autodiff/autodiff_family.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/problem/losses.h"
 #include "inceres/problem/manifolds.h"
+#include "inceres/solver/incremental_solver.h"
+#include "inceres/solver/marginalization.h"
+#include "inceres/solver/solver.h"
 #include "incremental/incremental_system.h"
 #include "incremental/whole_graph.h"
 #include "support/core_pipeline.h"
@@ -159,6 +163,50 @@ TEST(PinnedLinearization, ABadPinIsRefused) {
   edit.PinLinearization(world.pins[0], world.pin_values[0].data());
   EXPECT_EQ(world.graph().Apply(edit).message, "PinLinearization: value 2 of variable 1 is nan");
   EXPECT_FALSE(world.graph().HasPins());
+}
+
+// log x, which is defined where x is positive.
+struct Logarithm {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    using std::log;
+    if (x[0] <= 0.0) {
+      return false;
+    }
+    residual[0] = log(x[0]);
+    return true;
+  }
+};
+using Logarithms = AutoDiffFamily<Logarithm, 1, 1>;
+
+// A factor of the value x that is linearized at `pin`, one of the two where it has no value.
+void ExpectFailureAt(double x, double pin, const std::string& expected) {
+  const std::string message =
+      "factor 0 of log (variables 0): the cost function returned false; at variable 0 = " +
+      expected;
+  FactorGraph graph;
+  const VariableId id = graph.AddVariable(&x, 1, Role::kFrame);
+  graph.AddFactor(graph.AddFamily(std::make_shared<Logarithms>("log")), {}, {id});
+  graph.PinLinearization(id, &pin);
+  EXPECT_EQ(Solve(SolverOptions(), &graph).detail, message);
+  MarginalizationRequest request;
+  request.marginalized = {id};
+  EXPECT_EQ(Marginalize(request, MarginalizationOptions(), &graph).status.message, message);
+  IncrementalOptions options;
+  options.batch_share = 1.0;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(std::make_shared<Logarithms>("log"));
+  GraphEdit edit(solver.graph());
+  const VariableId living = edit.AddVariable(&x, 1, Role::kFrame);
+  edit.AddFactor(family, {}, {living});
+  edit.PinLinearization(living, &pin);
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  EXPECT_EQ(solver.Update().message, message);
+}
+
+TEST(PinnedLinearization, AFailureIsToldWithTheValuesWhereItIs) {
+  ExpectFailureAt(/*x=*/2.0, /*pin=*/-1.0, "(-1)");
+  ExpectFailureAt(/*x=*/-3.0, /*pin=*/1.0, "(-3)");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/manifolds.h"
+#include "problem/tangent_kind.h"
 
 namespace inceres::internal {
 namespace {

@@ -69,6 +69,25 @@ class DirectionFamily final : public AmbientFamily<DirectionFamily> {
   }
 };
 
+// Does not depend on its variable, and tells which kind of map it was given.
+class KindFamily final : public FactorFamily {
+ public:
+  explicit KindFamily(int tangent_size) : FactorFamily(1, {{3, tangent_size}}) {}
+  int size() const override { return 1; }
+  const char* Name() const override { return "kind"; }
+  EvaluationFailure Evaluate(const FactorBatch& batch) const override {
+    batch.residuals[0] = 1.0;
+    if (batch.tangent_maps != nullptr) {
+      map_ = *batch.tangent_maps[0];
+    }
+    return {};
+  }
+  const TangentMap& map() const { return map_; }
+
+ private:
+  mutable TangentMap map_;
+};
+
 class CheckJacobiansOfAGraph : public testing::Test {
  protected:
   // Factors at (1, 0.5), (2, 0.5), …; the third of them has the mistake.
@@ -194,6 +213,19 @@ TEST(CheckJacobiansOfAFactor, WorksOnTheTangentSpace) {
     EXPECT_EQ(report.num_entries, 9);
     delete manifold;
   }
+}
+
+// Families go by the kind, and so solvers' kind it has to be.
+TEST(CheckJacobiansOfAFactor, TellsWhichKindOfMapItIs) {
+  const auto kind_on = [](const Manifold& manifold) {
+    const KindFamily family(manifold.TangentSize());
+    const double x[] = {0.5, -0.1, 0.3};
+    EXPECT_TRUE(CheckJacobians(family, 0, {x}, {&manifold}).ok());
+    return family.map().kind;
+  };
+  EXPECT_EQ(kind_on(EuclideanManifold(3)), TangentMap::Kind::kIdentity);
+  EXPECT_EQ(kind_on(SubsetManifold(3, {1})), TangentMap::Kind::kSelection);
+  EXPECT_EQ(kind_on(SphereManifold(3)), TangentMap::Kind::kDense);
 }
 
 TEST(CheckJacobiansOfAFactor, RefusesWrongSizes) {

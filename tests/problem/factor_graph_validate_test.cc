@@ -129,6 +129,20 @@ TEST_F(Validate, ValueThatIsNotFinite) {
   EXPECT_TRUE(graph_.Validate().ok());  // huge but finite
 }
 
+TEST_F(Validate, PinThatIsNotFinite) {
+  double pin[3] = {1.0, 2.0, 3.0};
+  graph_.PinLinearization(1, pin);
+  EXPECT_TRUE(graph_.Validate().ok());
+  pin[2] = std::nan("");
+  graph_.PinLinearization(2, pin);
+  ExpectError("value 2 of the pin of variable 2 is nan");
+  pin[2] = HUGE_VAL;
+  graph_.PinLinearization(2, pin);
+  ExpectError("value 2 of the pin of variable 2 is inf");
+  graph_.PinLinearization(2, nullptr);
+  EXPECT_TRUE(graph_.Validate().ok());
+}
+
 TEST_F(Validate, NullValues) {
   graph_.AddVariable(nullptr, 2, Role::kFrame);
   ExpectError("value 0 of variable 5 is ");

@@ -2,6 +2,7 @@
 // has changed. What would be wrong in a graph that is built, too, is in graph_faults_test.cc.
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -94,6 +95,33 @@ TEST_F(EditErrors, StaleAfterAnyChangeOfStructure) {
   EXPECT_EQ(graph_.revision(), revision + 4);
   expect_stale();
   inceres::ExpectRefused(&graph_, empty, "the edit was begun at revision");  // applied twice
+}
+
+// Ids were given out in view of another graph, which may have had the same revision.
+TEST_F(EditErrors, StaleAfterAnAssignment) {
+  const auto expect_stale = [this](const GraphEdit& edit) {
+    const GraphEdit now(graph_);
+    EXPECT_NE(now.revision(), edit.revision());
+    inceres::ExpectRefused(&graph_, edit, "the edit was begun at revision");
+  };
+  FactorGraph other = graph_;
+  EXPECT_EQ(other.revision(), graph_.revision());
+  const GraphEdit first(graph_);
+  graph_ = other;
+  expect_stale(first);
+  other.AddVariable(kValues, 2, Role::kFrame);  // as many changes as the first assignment has made
+  const GraphEdit second(graph_);
+  graph_ = other;
+  expect_stale(first);
+  expect_stale(second);
+  const GraphEdit third(graph_);
+  graph_ = std::move(other);
+  for (const GraphEdit* edit : {&first, &second, &third}) {
+    expect_stale(*edit);
+  }
+  edit_.Restart();
+  edit_.RemoveVariable(6);
+  EXPECT_TRUE(graph_.Apply(edit_).ok());
 }
 
 TEST_F(EditErrors, RemoveVariable) {

@@ -2,6 +2,7 @@
 // edit would make it so. An edit that is refused changes nothing.
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include <gtest/gtest.h>
 
@@ -164,6 +165,65 @@ TEST(GraphFaults, FamilyWithoutResiduals) {
   GraphEdit edit(g.graph);
   edit.AddFactor(family, {}, {0});
   ExpectInvalid(g.graph.Apply(edit), "family 4 (blank) has residual size 0");
+}
+
+// Tables of a solve have a place for each slot of each factor.
+TEST(GraphFaults, FamilyWithoutSlots) {
+  GraphToBreak g;
+  const auto family = g.Add({});
+  ExpectInvalid(g.graph.Validate(), "family 4 (blank) has no slots");
+  GraphEdit edit(g.graph);
+  edit.AddFactor(family, {}, {});
+  ExpectInvalid(g.graph.Apply(edit), "family 4 (blank) has no slots");
+  EXPECT_EQ(g.graph.NumFactors(family), 0);
+}
+
+// Each with each would take long: the first of two is found by sorting.
+TEST(GraphFaults, VariableTwiceInAFactorOfManySlots) {
+  constexpr int kSlots = 400;
+  GraphToBreak g;
+  const auto many = g.Add(GraphToBreak::Slots(kSlots, {1, 1}));
+  std::vector<VariableId> ids;
+  for (int s = 0; s < kSlots; ++s) {
+    ids.push_back(g.graph.AddVariable(kOneToNine, 1, Role::kFrame));
+  }
+  std::vector<VariableId> twice = ids;
+  twice[399] = twice[7];
+  twice[310] = twice[2];
+  twice[300] = twice[7];
+  const std::string expected = ": slot 300 repeats variable " + std::to_string(ids[7]);
+  GraphEdit edit(g.graph);
+  edit.AddFactor(many, {}, twice);
+  ExpectRefused(&g.graph, edit, expected);
+  edit.Restart();
+  std::vector<VariableId> dangling = twice;
+  dangling[299] = 5000;
+  edit.AddFactor(many, {}, dangling);
+  ExpectRefused(&g.graph, edit, ": slot 299 names variable 5000");
+  edit.Restart();
+  edit.AddFactor(many, {}, ids);
+  EXPECT_TRUE(g.graph.Apply(edit).ok());
+  EXPECT_TRUE(g.graph.Validate().ok()) << g.graph.Validate().message;
+  g.graph.AddFactor(many, {}, twice);
+  ExpectInvalid(g.graph.Validate(), expected);
+}
+
+// 46341² is the first square beyond an int.
+TEST(GraphFaults, PlusJacobianTooLarge) {
+  static const std::vector<double> kMany(1000000, 0.5);
+  const auto on = [](int size, std::shared_ptr<const Manifold> manifold) {
+    return [size, manifold](auto& to, auto&) {
+      to.AddVariable(kMany.data(), size, Role::kFrame, manifold);
+    };
+  };
+  ExpectFault(on(46341, std::make_shared<EuclideanManifold>(46341)),
+              "variable 5 has a plus-Jacobian of 46341 x 46341 entries, more than 2^31 - 1");
+  ExpectNoFault(on(46340, std::make_shared<EuclideanManifold>(46340)));
+  ExpectNoFault(on(46341, nullptr));
+  std::vector<int> held(1000000 - 4295);
+  std::iota(held.begin(), held.end(), 4295);
+  ExpectFault(on(1000000, std::make_shared<SubsetManifold>(1000000, held)),
+              "variable 5 has a plus-Jacobian of 1000000 x 4295 entries");
 }
 
 int PlaceOf(int factor) {

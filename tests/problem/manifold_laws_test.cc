@@ -218,6 +218,14 @@ TEST(ProductManifold, NullComponentFails) {
   EXPECT_FALSE(manifold.PlusJacobian(x, result));
 }
 
+// No variable has as many values as these have together.
+TEST(ProductManifold, SizesDoNotOverflow) {
+  const auto large = std::make_shared<EuclideanManifold>(1 << 30);
+  const ProductManifold manifold({large, large, large});
+  EXPECT_EQ(manifold.AmbientSize(), std::numeric_limits<int>::max());
+  EXPECT_EQ(manifold.TangentSize(), std::numeric_limits<int>::max());
+}
+
 // Undefined wherever a component is.
 TEST(ProductManifold, PassesFailureOn) {
   const ProductManifold manifold(

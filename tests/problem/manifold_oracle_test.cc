@@ -168,6 +168,24 @@ TEST(ManifoldOracle, SE2IsTheMatrixExponential) {
   }
 }
 
+// After whole turns V(ω) is zero but for rounding, and beside them as small as they are near.
+TEST(ManifoldOracle, SE2HasNoDifferenceOverWholeTurns) {
+  const SE2Manifold manifold;
+  const double x[3] = {0.2, -0.1, 0.0};
+  double delta[3];
+  for (const int turns : {-3, -1, 1, 2, 100}) {
+    const double y[3] = {1.0, 0.5, 2.0 * M_PI * turns};
+    EXPECT_FALSE(manifold.Minus(y, x, delta)) << turns;
+  }
+  const double y[3] = {1.0, 0.5, 2.0 * M_PI - 1e-4};
+  double moved[3];
+  ASSERT_TRUE(manifold.Minus(y, x, delta));
+  ASSERT_TRUE(manifold.Plus(x, delta, moved));
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(moved[k], y[k], 1e-9);
+  }
+}
+
 TEST(ManifoldOracle, SphereKeepsTheNormAndTurnsByTheStep) {
   Random random(6);
   for (const int n : {2, 3, 4, 7}) {

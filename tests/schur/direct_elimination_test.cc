@@ -98,6 +98,36 @@ TEST(DirectElimination, IsTheSchurComplement) {
   }
 }
 
+// Beside S: what it was before its landmarks were eliminated, the same of any chunks and threads.
+TEST(DirectElimination, HasTheDiagonalOfC) {
+  BundleOptions options;
+  options.num_views = 4;
+  options.frame_sizes = {6, 9};
+  options.losses = true;
+  const std::unique_ptr<RandomGraph> bundle = MakeBundle(options);
+  const Layout layout(bundle->graph(), /*eliminate_landmarks=*/true);
+  const DenseOracle oracle(bundle->graph(), layout.variables);
+  const Eigen::VectorXd expected = oracle.H.diagonal().head(layout.frame_size());
+  for (const JacobianStorage storage : {JacobianStorage::kBySlot, JacobianStorage::kInChunks}) {
+    for (const int num_threads : {1, 2}) {
+      Pipeline core(bundle->graph(), storage, 100, num_threads);
+      std::vector<int> open;
+      ASSERT_TRUE(core.elimination.Eliminate(kAnyInflation, &open).ok());
+      const auto vector_of = [](const std::vector<double>& values) {
+        return Eigen::Map<const Eigen::VectorXd>(values.data(),
+                                                 static_cast<Eigen::Index>(values.size()));
+      };
+      const auto diagonal = vector_of(core.elimination.diagonal());
+      const auto rounding = vector_of(core.elimination.rounding());
+      ASSERT_EQ(diagonal.size(), expected.size());
+      EXPECT_LT((diagonal - expected).cwiseQuotient(expected).cwiseAbs().maxCoeff(), 1e-12);
+      // A landmark's variance is never below that with all else known.
+      EXPECT_GE((rounding - diagonal).cwiseQuotient(expected).minCoeff(), -1e-12);
+      EXPECT_TRUE(rounding.allFinite());
+    }
+  }
+}
+
 // Rows that reach far and have few blocks: these are not numbered by places.
 TEST(DirectElimination, OfFramesThatAllMeetTheFirst) {
   BundleOptions options;

@@ -15,6 +15,7 @@
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/center_distance.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/landmark_position.h"
@@ -42,6 +43,7 @@ class Maker {
     AddVectorFamilies();
     AddOtherVariables();
     RemoveSome();
+    AddLaterFamilies();
   }
 
  private:
@@ -210,6 +212,13 @@ class Maker {
       remove.RemoveVariable(id);
     }
     ASSERT_TRUE(graph_.Apply(remove).ok());
+  }
+
+  // kNumLaterFamilies. Everything before them stays what it is in the file.
+  void AddLaterFamilies() {
+    AddPlain<EquidistantReprojectionFamily>(
+        EquidistantCamera{285.0, 286.0, 424.0, 400.0, -0.007, 0.043, -0.041, 0.0075},
+        LandmarkKind::kHomogeneous, Perturbation::kLeft);
   }
 
   FactorGraph& graph_;

@@ -2,13 +2,16 @@
 #include "inceres/storage/graph_file.h"
 
 #include <cmath>
+#include <filesystem>
 #include <memory>
+#include <regex>
 #include <string>
 #include <typeinfo>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/imu_factor.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/solver/solver.h"
@@ -129,8 +132,8 @@ TEST(GraphFile, AFileOfThisVersionStaysReadable) {
   test::MakeEverything(&graph);
   const Status status = LoadGraph(INCERES_STORAGE_TEST_DIR "/everything_version_1.graph", &loaded);
   ASSERT_TRUE(status.ok()) << status.message;
-  ASSERT_EQ(graph.num_families(), loaded.num_families());
-  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+  ASSERT_EQ(graph.num_families(), loaded.num_families() + test::kNumLaterFamilies);
+  for (FamilyId id = 0; id < loaded.num_families(); ++id) {
     ASSERT_EQ(TypeOf(&graph.family(id)), TypeOf(&loaded.family(id)));
     ASSERT_EQ(graph.NumFactors(id), loaded.NumFactors(id));
     for (int i = 0; i < graph.NumFactors(id); ++i) {
@@ -147,6 +150,45 @@ TEST(GraphFile, AFileOfThisVersionStaysReadable) {
       }
     }
   }
+}
+
+// A family that comes to include/inceres/factors needs a format, and a place in MakeEverything.
+TEST(GraphFile, HasEveryBuiltInFamily) {
+  FactorGraph graph;
+  test::MakeEverything(&graph);
+  std::string types;
+  for (FamilyId id = 0; id < graph.num_families(); ++id) {
+    types += std::string(TypeOf(&graph.family(id)).name()) + "\n";
+  }
+  const std::regex declaration("class INCERES_EXPORT (\\w+Family)\\b");
+  int num_declared = 0;
+  for (const auto& header :
+       std::filesystem::directory_iterator(INCERES_SOURCE_DIR "/include/inceres/factors")) {
+    const std::string text = test::ReadBytes(header.path().string());
+    for (std::sregex_iterator found(text.begin(), text.end(), declaration), end; found != end;
+         ++found, ++num_declared) {
+      const std::string name = (*found)[1];
+      // As the compiler writes it, behind its length.
+      EXPECT_NE(types.find(std::to_string(name.size()) + name), std::string::npos) << name;
+    }
+  }
+  EXPECT_GE(num_declared, 19);
+}
+
+TEST(GraphFile, GivesBackAFisheyesCamera) {
+  FactorGraph graph, loaded;
+  test::MakeEverything(&graph);
+  LoadedFamilies families;
+  ASSERT_TRUE(LoadGraphFromBytes(Saved(graph), GraphFormats(), &loaded, &families).ok());
+  const auto handle = families.Handle<EquidistantReprojectionFamily>(
+      static_cast<FamilyId>(graph.num_families() - 1));
+  ASSERT_NE(handle.family, nullptr);
+  const EquidistantCamera& camera = handle->camera();
+  EXPECT_EQ((std::vector<double>{camera.f_x, camera.f_y, camera.c_x, camera.c_y, camera.k1,
+                                 camera.k2, camera.k3, camera.k4}),
+            (std::vector<double>{285.0, 286.0, 424.0, 400.0, -0.007, 0.043, -0.041, 0.0075}));
+  EXPECT_EQ(handle->landmark(), LandmarkKind::kHomogeneous);
+  EXPECT_EQ(handle->perturbation(), Perturbation::kLeft);
 }
 
 // Manifolds and losses that were one object are one again.

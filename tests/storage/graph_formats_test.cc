@@ -4,11 +4,13 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "inceres/problem/ambient_family.h"
+#include "inceres/solver/linear_prior.h"
 #include "inceres/solver/solver.h"
 #include "inceres/storage/graph_file.h"
 
@@ -111,55 +113,169 @@ TEST_F(UsersTypes, AreKeptByFormatsOfTheirs) {
   EXPECT_NEAR(*loaded.Values(0), 1.7, 1e-6);
 }
 
-// A cost that depends on nothing: of its factors a file has the measurements only.
+// A cost that depends on nothing.
 class ConstantFamily final : public AmbientFamily<ConstantFamily> {
  public:
   ConstantFamily() : AmbientFamily(1, {}) {}
-  int size() const override { return count; }
+  int size() const override { return 100; }
   const char* Name() const override { return "constant"; }
   bool EvaluateOne(int, const double* const*, double* residuals, double**) const {
     residuals[0] = 1.0;
     return true;
   }
-
-  int count = 100;
 };
 
-TEST(FactorsWithoutVariables, ComeBack) {
-  GraphFormats formats;
-  formats.AddFamily<ConstantFamily>(
-      "test.constant", [](const ConstantFamily&, GraphWriter*) {},
-      [](GraphReader*) { return std::make_shared<ConstantFamily>(); });
+TEST(FamiliesWithoutSlots, AreNotSaved) {
   FactorGraph graph;
   const auto family = graph.AddFamily(std::make_shared<ConstantFamily>());
   for (int i = 0; i < 100; ++i) {
     graph.Connect(family, nullptr);
   }
   std::string bytes;
-  ASSERT_TRUE(SaveGraphToBytes(graph, formats, &bytes).ok());
-  FactorGraph loaded;
-  const Status status = LoadGraphFromBytes(bytes, formats, &loaded);
-  ASSERT_TRUE(status.ok()) << status.message;
-  EXPECT_EQ(loaded.num_factors(), 100);
+  const Status status = SaveGraphToBytes(graph, GraphFormats(), &bytes);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_EQ(status.message, "family 0 (constant) has no slots; a factor touches a variable");
 }
 
-// What a file must not bring: the losses here take any number.
-TEST(ScaledLosses, OfNegativeWeightAreRefused) {
-  for (const auto& [weight, passes] : {std::pair(0.0, true), std::pair(-1.0, false)}) {
+// Whether they have factors or not.
+TEST(FamiliesWithoutSlots, AreNotLoaded) {
+  for (const int num_priors : {0, 3}) {
+    LinearPrior prior;
+    prior.blocks = {{{1.0}, nullptr, 1}};
+    prior.J = prior.e0 = {1.0};
     FactorGraph graph;
-    const double start = 1.0;
-    const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
-    graph.AddFactor(graph.AddFamily(std::make_shared<TargetFamily>()), 1.0, {x},
-                    std::make_shared<ScaledLoss>(nullptr, weight));
-    GraphFormats formats;
-    Register(&formats);
+    graph.AddFamily(std::make_shared<LinearPriorFamily>(prior));
+    GraphFormats forging;
+    forging.AddFamily<LinearPriorFamily>(
+        "inceres.linear_prior",
+        [num_priors](const LinearPriorFamily&, GraphWriter* writer) {
+          writer->WriteInt(1);   // rows
+          writer->WriteLong(0);  // slots
+          writer->WriteLong(num_priors);
+          for (int k = 0; k < num_priors; ++k) {
+            writer->WriteDouble(1.0);
+          }
+        },
+        [](GraphReader*) { return std::shared_ptr<LinearPriorFamily>(); });
     std::string bytes;
-    ASSERT_TRUE(SaveGraphToBytes(graph, formats, &bytes).ok());
+    ASSERT_TRUE(SaveGraphToBytes(graph, forging, &bytes).ok());
+    FactorGraph loaded;
+    const Status status = LoadGraphFromBytes(bytes, GraphFormats(), &loaded);
+    EXPECT_EQ(status.code, StatusCode::kIo);
+    EXPECT_EQ(status.message, "family 0 (linear prior) has no slots; a factor touches a variable");
+  }
+}
+
+// A graph of one factor, with this loss.
+FactorGraph GraphWith(std::shared_ptr<const Loss> loss) {
+  FactorGraph graph;
+  const double start = 1.0;
+  const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+  graph.AddFactor(graph.AddFamily(std::make_shared<TargetFamily>()), 1.0, {x}, std::move(loss));
+  return graph;
+}
+
+// The losses take any number. What a file must not bring is not written either.
+TEST(LossesOfWrongParameters, AreNotSaved) {
+  GraphFormats formats;
+  Register(&formats);
+  const auto expect = [&formats](std::shared_ptr<const Loss> loss, const std::string& expected) {
+    std::string bytes;
+    const Status status = SaveGraphToBytes(GraphWith(std::move(loss)), formats, &bytes);
+    EXPECT_EQ(status.ok(), expected.empty()) << status.message;
+    EXPECT_NE(status.message.find(expected), std::string::npos) << status.message;
+    EXPECT_EQ(bytes.empty(), !expected.empty());
+  };
+  expect(std::make_shared<HuberLoss>(0.0), "loss 0: a scale is 0.000000 but must be positive");
+  expect(std::make_shared<SoftLOneLoss>(-1.0), "a scale is -1");
+  expect(std::make_shared<CauchyLoss>(HUGE_VAL), "a scale is inf");
+  expect(std::make_shared<ArctanLoss>(std::nan("")), "a scale is nan");
+  expect(std::make_shared<TukeyLoss>(0.0), "a scale is 0");
+  expect(std::make_shared<TolerantLoss>(1.0, 0.0), "a scale is 0");
+  expect(std::make_shared<TolerantLoss>(-1.0, 1.0), "a scale is -1");
+  expect(std::make_shared<ScaledLoss>(nullptr, -1.0),
+         "a weight is -1.000000 but must not be negative");
+  expect(std::make_shared<ScaledLoss>(std::make_shared<HuberLoss>(0.0), 1.0), "a scale is 0");
+  expect(std::make_shared<ScaledLoss>(nullptr, 0.0), "");
+}
+
+TEST(LossesOfWrongParameters, AreNotLoaded) {
+  GraphFormats formats, forging;
+  Register(&formats);
+  Register(&forging);
+  forging.AddLoss<ScaledLoss>(
+      "inceres.scaled_loss",
+      [](const ScaledLoss& loss, GraphWriter* writer) {
+        writer->WriteLoss(loss.loss());
+        writer->WriteDouble(loss.scale());
+      },
+      [](GraphReader*) { return std::shared_ptr<ScaledLoss>(); });
+  for (const auto& [weight, passes] : {std::pair(0.0, true), std::pair(-1.0, false)}) {
+    std::string bytes;
+    ASSERT_TRUE(
+        SaveGraphToBytes(GraphWith(std::make_shared<ScaledLoss>(nullptr, weight)), forging, &bytes)
+            .ok());
     FactorGraph loaded;
     const Status status = LoadGraphFromBytes(bytes, formats, &loaded);
     EXPECT_EQ(status.ok(), passes) << status.message;
     EXPECT_EQ(status.message.find("a weight is -1") != std::string::npos, !passes);
   }
+}
+
+// A Huber loss as a program writes it from now on, with a number before its scale.
+void AddOtherHuber(GraphFormats* formats) {
+  formats->AddLoss<HuberLoss>(
+      "test.huber",
+      [](const HuberLoss& loss, GraphWriter* writer) {
+        writer->WriteInt(7);
+        writer->WriteDouble(loss.a());
+      },
+      [](GraphReader* reader) {
+        EXPECT_EQ(reader->ReadInt(), 7);
+        return std::make_shared<HuberLoss>(reader->ReadDouble());
+      });
+}
+
+TEST(ATypeOfTwoNames, IsReadByBothAndWrittenUnderTheLast) {
+  GraphFormats before, now;
+  Register(&before);
+  Register(&now);
+  AddOtherHuber(&now);
+  const FactorGraph graph = GraphWith(std::make_shared<HuberLoss>(2.0));
+  std::string old_file, new_file;
+  ASSERT_TRUE(SaveGraphToBytes(graph, before, &old_file).ok());
+  ASSERT_TRUE(SaveGraphToBytes(graph, now, &new_file).ok());
+  EXPECT_NE(old_file.find("inceres.huber_loss"), std::string::npos);
+  EXPECT_NE(new_file.find("test.huber"), std::string::npos);
+  EXPECT_EQ(new_file.find("inceres.huber_loss"), std::string::npos);
+  for (const std::string* bytes : {&old_file, &new_file}) {
+    FactorGraph loaded;
+    const Status status = LoadGraphFromBytes(*bytes, now, &loaded);
+    ASSERT_TRUE(status.ok()) << status.message;
+    const auto* loss = dynamic_cast<const HuberLoss*>(loaded.loss(0, 0));
+    ASSERT_NE(loss, nullptr);
+    EXPECT_EQ(loss->a(), 2.0);
+  }
+  FactorGraph loaded;
+  EXPECT_EQ(LoadGraphFromBytes(new_file, before, &loaded).code, StatusCode::kUnavailable);
+}
+
+// The format under the name would write an object of another type.
+TEST(ATypeWhoseNameAnotherHasTaken, HasNoFormatUntilItIsGivenOne) {
+  GraphFormats formats;
+  Register(&formats);
+  formats.AddLoss<SlopeLoss>(
+      "inceres.huber_loss",
+      [](const SlopeLoss& loss, GraphWriter* writer) { writer->WriteDouble(loss.slope); },
+      [](GraphReader* reader) { return std::make_shared<SlopeLoss>(reader->ReadDouble()); });
+  const FactorGraph graph = GraphWith(std::make_shared<HuberLoss>(2.0));
+  std::string bytes;
+  const Status status = SaveGraphToBytes(graph, formats, &bytes);
+  EXPECT_EQ(status.code, StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message.find("loss 0 is of a type without a format"), std::string::npos)
+      << status.message;
+  AddOtherHuber(&formats);
+  EXPECT_TRUE(SaveGraphToBytes(graph, formats, &bytes).ok());
 }
 
 TEST_F(UsersTypes, WithoutAFormatAreNamedWhenSaved) {

@@ -82,6 +82,26 @@ TEST(CeresRules, TrialPointWithoutANumber) {
   }
 }
 
+// Below the tolerance where Ceres is followed to the letter; of the core's own solves it is no
+// minimum.
+TEST(CeresRules, GradientThatIsNoNumber) {
+  for (const double slope : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    for (const bool as_ceres : {false, true}) {
+      FactorGraph graph;
+      MakeLine(1.0, std::make_shared<test::LossOfSlope>(slope), &graph);
+      internal::LoopOptions loop;
+      loop.nan_gradient_is_small = as_ceres;
+      Solver solver;
+      Summary summary;
+      internal::SolveWith(SolverOptions(), loop, &graph, &solver, &summary);
+      EXPECT_EQ(summary.termination, as_ceres ? Termination::kConvergence : Termination::kFailure)
+          << summary.message;
+      EXPECT_EQ(summary.message.find("Gradient max norm: nan <= ") != std::string::npos, as_ceres);
+      EXPECT_EQ(graph.state()[0], 3.0);
+    }
+  }
+}
+
 // With bounds the norm of the start is known, so up to 2.1 the tolerance can be met by the very
 // first step.
 TEST(CeresRules, ParameterToleranceBeforeTheFirstAcceptedStep) {

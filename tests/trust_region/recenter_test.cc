@@ -10,6 +10,7 @@
 #include "inceres/solver/solver.h"
 #include "support/test_families.h"
 #include "support/values_held.h"
+#include "trust_region/same_bits.h"
 
 namespace inceres {
 namespace {
@@ -110,10 +111,10 @@ struct Chain {
   std::vector<VariableId> ys;
 };
 
-FactorGraph MakeGraph(Chain* chain) {
+FactorGraph MakeGraph(Chain* chain, int count = kCount) {
   FactorGraph graph;
   chain->AddFamilies(&graph);
-  for (int i = 0; i < kCount; ++i) {
+  for (int i = 0; i < count; ++i) {
     chain->AddPair(&graph);
   }
   return graph;
@@ -186,6 +187,33 @@ TEST(Recenter, TheFinalCostIsThatOfTheFactorsAsTheyAreNow) {
   ASSERT_EQ(summary.termination, Termination::kNoConvergence) << summary.message;
   EXPECT_GT(summary.final_cost, summary.initial_cost);
   EXPECT_NEAR(summary.final_cost, CostNow(graph), 1e-9);
+}
+
+// What the factors of a large family need is looked up by variable, but not of one that recenters:
+// a solver that has solved the same problem without expansions has no tables for it.
+TEST(Recenter, ASolverThatHasSolvedWithoutExpansionsSetsUpAnew) {
+  constexpr int kMany = 5000;
+  SolverOptions options;
+  options.max_num_iterations = 3;
+  options.recompute_jacobians = true;
+  Chain by_itself(/*expands=*/true);
+  FactorGraph expected_graph = MakeGraph(&by_itself, kMany);
+  const Summary expected = Solve(options, &expected_graph);
+  ASSERT_TRUE(expected.IsSolutionUsable()) << expected.message;
+  Solver solver;
+  Chain functions(/*expands=*/false);
+  FactorGraph before = MakeGraph(&functions, kMany);
+  ASSERT_TRUE(solver.Solve(options, &before).recomputed_jacobians);
+  for (const bool known : {false, true}) {
+    Chain chain(/*expands=*/true);
+    FactorGraph graph = MakeGraph(&chain, kMany);
+    EXPECT_EQ(solver.IsReadyFor(options, graph), known);
+    const Summary summary = solver.Solve(options, &graph);
+    EXPECT_EQ(summary.structure_reused, known);
+    EXPECT_GE(summary.work.num_recentered_factors, kMany);
+    test::ExpectSameBits(summary, expected);
+    EXPECT_EQ(graph.state(), expected_graph.state());
+  }
 }
 
 TEST(Recenter, IncrementalUpdatesEndWithEveryCenterAtItsValue) {

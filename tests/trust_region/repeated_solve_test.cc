@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/linear/reduced_solver.h"
+#include "inceres/problem/ambient_family.h"
 #include "inceres/problem/losses.h"
 #include "inceres/solver/solver.h"
 #include "support/random_graph.h"
@@ -88,6 +89,48 @@ TEST(RepeatedSolve, SetConstantIsAnotherStructure) {
   EXPECT_TRUE(solver.IsReadyFor(TenIterations(), bundle->graph()));
   bundle->graph().SetConstant(3, !bundle->graph().IsConstant(3));
   EXPECT_FALSE(solver.IsReadyFor(TenIterations(), bundle->graph()));
+}
+
+// One factor, x; what else its family wants to be called for, it does nothing with.
+class Called final : public AmbientFamily<Called> {
+ public:
+  Called(bool prepares, bool recenters)
+      : AmbientFamily(1, {{1, 1}}), prepares_(prepares), recenters_(recenters) {}
+  int size() const override { return 1; }
+  const char* Name() const override { return "called"; }
+  bool Prepares() const override { return prepares_; }
+  bool Recenters() const override { return recenters_; }
+  bool EvaluateOne(int /*i*/, const double* const* parameters, double* residuals,
+                   double** jacobians) const {
+    residuals[0] = parameters[0][0];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 1.0;
+    }
+    return true;
+  }
+
+ private:
+  bool prepares_;
+  bool recenters_;
+};
+
+// Such a family has tables, and Jacobians in double, where others are spared them.
+TEST(RepeatedSolve, WhatFamiliesAreCalledForIsStructure) {
+  const auto make = [](int kind) {
+    FactorGraph graph;
+    const double start = 1.0;
+    const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+    graph.Connect(graph.AddFamily(std::make_shared<Called>((kind & 1) != 0, (kind & 2) != 0)), &x);
+    return graph;
+  };
+  for (int kind = 0; kind < 4; ++kind) {
+    Solver solver;
+    FactorGraph graph = make(kind);
+    ASSERT_TRUE(solver.Solve(SolverOptions(), &graph).IsSolutionUsable());
+    for (int other = 0; other < 4; ++other) {
+      EXPECT_EQ(solver.IsReadyFor(SolverOptions(), make(other)), other == kind) << other << kind;
+    }
+  }
 }
 
 // One variable of size 2, pulled to where `target` says; the borrowed constant b is added to the

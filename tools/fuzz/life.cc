@@ -31,6 +31,13 @@ void OrderPointsFirst(const World& world, ceres::Solver::Options* options) {
   options->linear_solver_ordering = ordering;
 }
 
+// No roll of the dice decides on what a flag has asked for: all else is as without it.
+Recipe RecipeOf(const LifePlan& plan, bool follows_stock, Dice* dice) {
+  Recipe recipe = RandomRecipe(follows_stock, dice);
+  recipe.bound_chance = plan.bounds ? 1.0 / 3.0 : recipe.bound_chance;
+  return recipe;
+}
+
 // Edits and options of a life come from `chooses`, so that they do not depend on what the checks of
 // a solve need dice for.
 class Life {
@@ -42,7 +49,7 @@ class Life {
         checks_(SeedOf(plan.seed + 1, plan.life)),
         solver_(MakeSolver(plan.mode)),
         range_{solver_->follows_stock()},
-        world_(RandomRecipe(solver_->follows_stock(), &chooses_), &chooses_),
+        world_(RecipeOf(plan, solver_->follows_stock(), &chooses_), &chooses_),
         options_(RandomOptions(range_, &chooses_)),
         orders_(chooses_.Chance(0.2)) {}
 

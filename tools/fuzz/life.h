@@ -15,6 +15,7 @@ struct LifePlan {
   std::string mode;
   int max_edits = 60;
   int max_threads = 2;   ///< of a solve
+  bool bounds = false;   ///< in all modes, on a third of the blocks
   bool verbose = false;  ///< prints every edit and solve
 };
 

@@ -154,7 +154,7 @@ std::optional<Finding> Trial::Costs() {
   const double rounding = Rounding(cost);
   if (!evaluated || !std::isfinite(summary_.final_cost) ||
       std::abs(cost - summary_.final_cost) > kSameCost * std::abs(cost) + rounding) {
-    if (solver_->follows_stock() && SaysAsStock(cost, rounding)) {
+    if (solver_->may_follow_stock() && SaysAsStock(cost, rounding)) {
       return std::nullopt;
     }
     return Finding{"wrong_final_cost",

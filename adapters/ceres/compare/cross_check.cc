@@ -79,6 +79,30 @@ SecondOpinion::SolveAgain Again(const SolveCall& call, const OurSolve& ours,
   };
 }
 
+// Who solved it alone: stock, where ours has handed it over. A strict refusal counts as ours.
+void NoteOnlyOne(const SolveCall& call, double seconds, CrossCheckResult* result) {
+  if (call.report->used_stock) {
+    result->stock = *call.summary;
+    result->stock_seconds = seconds;
+    result->first = result->kept = SolvedBy::kStock;
+  } else {
+    result->ours = *call.summary;
+    result->our_seconds = seconds;
+  }
+}
+
+// Puts what is to be kept into the summary and the user's memory.
+void LeaveKept(const SolveCall& call, const UserState& layout, const SolvedStates& states,
+               CrossCheckResult* result) {
+  const bool ended_by_callback = result->ours.termination_type == ceres::USER_SUCCESS ||
+                                 result->ours.termination_type == ceres::USER_FAILURE;
+  result->kept = ended_by_callback ? SolvedBy::kOurs : call.solve_options.cross_check.keep;
+  layout.Write(result->kept == SolvedBy::kOurs ? states.ours : states.stock);
+  if (result->kept == SolvedBy::kStock) {
+    *call.summary = result->stock;
+  }
+}
+
 void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repeatable,
                    CrossCheckResult* result) {
   const CrossCheckOptions& check = call.solve_options.cross_check;
@@ -97,7 +121,17 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
   if (result->first == SolvedBy::kStock) {
     solve_with_stock();
   }
-  result->our_seconds = SolveWithOurs(call, ours);
+  const double our_seconds = SolveWithOurs(call, ours);
+  if (!call.report->fallback_reason.empty()) {
+    // Found out when it planned. Stock has the caller's callbacks and output then; what it did
+    // before, without them, goes for nothing.
+    guard.Disarm();
+    *result = CrossCheckResult();
+    result->reason = call.report->fallback_reason;
+    NoteOnlyOne(call, our_seconds, result);
+    return;
+  }
+  result->our_seconds = our_seconds;
   result->ours = *call.summary;
   states.ours = layout.Read();
   if (result->first == SolvedBy::kOurs) {
@@ -113,26 +147,8 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
                   again)
         .Judge(result);
   }
-  const bool ended_by_callback = result->ours.termination_type == ceres::USER_SUCCESS ||
-                                 result->ours.termination_type == ceres::USER_FAILURE;
-  result->kept = ended_by_callback ? SolvedBy::kOurs : check.keep;
   guard.Disarm();
-  layout.Write(result->kept == SolvedBy::kOurs ? states.ours : states.stock);
-  if (result->kept == SolvedBy::kStock) {
-    *call.summary = result->stock;
-  }
-}
-
-void SolveWithOne(const SolveCall& call, const OurSolve& ours, CrossCheckResult* result) {
-  const double seconds = SolveWithOurs(call, ours);
-  if (call.report->used_stock) {
-    result->stock = *call.summary;
-    result->stock_seconds = seconds;
-    result->first = result->kept = SolvedBy::kStock;
-  } else {
-    result->ours = *call.summary;
-    result->our_seconds = seconds;
-  }
+  LeaveKept(call, layout, states, result);
 }
 
 // Why the two cannot be compared; empty if they can.
@@ -175,7 +191,7 @@ void SolveAndCompare(const SolveCall& call, const OurSolve& ours, Repeatable rep
     result->first = !log.empty() && StockGoesFirst(log) ? SolvedBy::kStock : SolvedBy::kOurs;
     SolveWithBoth(call, ours, repeatable, result.get());
   } else {
-    SolveWithOne(call, ours, result.get());
+    NoteOnlyOne(call, SolveWithOurs(call, ours), result.get());
   }
   report->comparison = result;
   if (!result->violations.empty()) {

@@ -17,6 +17,8 @@ enum class Repeatable { kNo, kYes };
 /// Compared: unless ours declines the problem, stock solves it from the same start. A disagreement
 /// is logged, what is to be kept is left in the summary and user memory, report->comparison is
 /// filled, and a line appended to the A/B log; not for a strict refusal, where neither solves it.
+/// Where ours declines only when it plans, it is not compared either: what stock may have done
+/// before is dropped, and stock solves as without a comparison.
 /// Stock gets a copy of the ordering and the options without callbacks and progress output; the
 /// rest, also update_state_every_iteration, as given, for cost functions that read the caller's
 /// memory must see in it what they would. The caller's callbacks are thus called as in one solve by

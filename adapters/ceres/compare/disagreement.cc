@@ -7,6 +7,8 @@
 
 #include <ceres/iteration_callback.h>
 
+#include "adapters/ceres/compare/second_opinion.h"
+
 namespace inceres::internal {
 namespace {
 
@@ -74,13 +76,16 @@ void DescribeSpread(const CrossCheckResult& result, std::ostringstream* text) {
 }  // namespace
 
 std::string DescribeExcuse(const CrossCheckResult& result) {
+  const bool by_memory = ExcusedByMemory(result);
   std::ostringstream text;
   text.precision(2);
   text << "inceres: cross-check: ours and stock Ceres differ, but "
-       << (result.reason.empty() ? "no more than stock's own linear solvers do" : result.reason)
-       << '\n';
+       << (by_memory ? result.reason : "no more than stock's own linear solvers do") << '\n';
   for (const std::string& difference : result.within_spread) {
     text << "  " << difference << '\n';
+  }
+  if (!by_memory && !result.reason.empty()) {
+    text << "  " << result.reason << '\n';
   }
   DescribeSpread(result, &text);
   return text.str();

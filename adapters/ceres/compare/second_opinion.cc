@@ -20,6 +20,9 @@ namespace {
 
 using Options = ceres::Solver::Options;
 
+// The first words of CrossCheckResult::reason where that excuses a difference.
+constexpr char kTheyRemember[] = "the cost functions remember earlier calls";
+
 // A dense solver for what a sparse one was asked for takes no longer up to about here.
 constexpr int kMaxDenseSize = 1000;
 
@@ -75,8 +78,8 @@ Options OtherPreconditioner(const Options& quiet, ceres::LinearSolverType type) 
 std::string Excused(double first, double again) {
   std::ostringstream text;
   text.precision(12);
-  text << "the cost functions remember earlier calls: at the same start the cost was " << first
-       << ", then " << again << "; with what they remember now, ours and stock agree";
+  text << kTheyRemember << ": at the same start the cost was " << first << ", then " << again
+       << "; with what they remember now, ours and stock agree";
   return text.str();
 }
 
@@ -123,6 +126,10 @@ Options QuietOptions(const Options& options) {
     }
   }
   return quiet;
+}
+
+bool ExcusedByMemory(const CrossCheckResult& result) {
+  return result.reason.rfind(kTheyRemember, 0) == 0;
 }
 
 bool WantsSecondOpinion(const CrossCheckOptions& check, const CrossCheckResult& result) {

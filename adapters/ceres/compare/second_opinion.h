@@ -21,6 +21,9 @@ ceres::Solver::Options QuietOptions(const ceres::Solver::Options& options);
 std::vector<ceres::Solver::Options> OtherLinearSolvers(const ceres::Solver::Options& quiet,
                                                        const ceres::Solver::Summary& solved);
 
+/// Whether a difference was excused by what the cost functions remember, and not by stock's spread.
+bool ExcusedByMemory(const CrossCheckResult& result);
+
 /// Whether there is something to accuse ours of, or it is this comparison's turn.
 bool WantsSecondOpinion(const CrossCheckOptions& check, const CrossCheckResult& result);
 

@@ -75,27 +75,28 @@ GraphCovariance::Pairs MovingPairs(
   return moving;
 }
 
-// With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL.
+// With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL. Fixed residual blocks are rows of zeros in
+// Ceres's Jacobian, and count.
 GraphCovariance ByRows(CovarianceOptions options, const ProblemView& view) {
   options.algorithm = CovarianceAlgorithm::kQr;
-  options.min_column_remainder =
-      std::min(0.5, 20.0 *
-                        (static_cast<double>(view.reduced.num_residuals) +
-                         view.reduced.num_effective_parameters) *
-                        std::numeric_limits<double>::epsilon());
+  options.min_column_remainder = std::min(
+      0.5,
+      20.0 * (static_cast<double>(view.all.num_residuals) + view.reduced.num_effective_parameters) *
+          std::numeric_limits<double>::epsilon());
   return GraphCovariance(options);
 }
 
-CovarianceOptions OptionsFor(const ceres::Covariance::Options& options) {
-  CovarianceOptions core;
-  core.num_threads = std::max(1, options.num_threads);
-  core.max_inflation = kTrustedInflation;
-  if (options.algorithm_type == ceres::DENSE_SVD) {
-    core.algorithm = CovarianceAlgorithm::kDenseSvd;
-    core.null_space_rank = options.null_space_rank;
-    core.min_reciprocal_condition_number = options.min_reciprocal_condition_number;
-  }
-  return core;
+// Singular values that Ceres's Jacobian has and ours has not: where there are fewer rows than
+// columns, fixed residual blocks, rows of zeros, make zeros of as many.
+int NumZerosOfFixed(const ProblemView& view) {
+  const int num_columns = view.reduced.num_effective_parameters;
+  return std::min(view.all.num_residuals, num_columns) -
+         std::min(view.reduced.num_residuals, num_columns);
+}
+
+std::string CountZerosOfFixed(int num_zeros) {
+  return std::to_string(num_zeros) +
+         " singular values are zero, since residual blocks touch no variable";
 }
 
 // What is open where the QR of the Jacobian, which can name landmarks only, has come out singular.
@@ -109,6 +110,50 @@ RankDeficiency FindOpen(const GraphCovariance& by_rows, const GraphCovariance& b
   GraphCovariance hopeless(core);
   const bool is_open = hopeless.Compute(graph, wanted).code == StatusCode::kSingular;
   return (is_open ? hopeless : by_normal_equations).deficiency();
+}
+
+// By normal equations, and by rows where these have lost too many digits. *open: what is, of
+// kSingular.
+Status ComputeSparse(const ceres::Covariance::Options& options, const ProblemView& view,
+                     const FactorGraph& graph, const GraphCovariance::Pairs& wanted,
+                     GraphCovariance* covariance, RankDeficiency* open) {
+  CovarianceOptions core;
+  core.num_threads = std::max(1, options.num_threads);
+  core.max_inflation = kTrustedInflation;
+  *covariance = GraphCovariance(core);
+  Status status = covariance->Compute(graph, wanted);
+  if (status.code == StatusCode::kSingular) {
+    core.max_inflation = kHopelessInflation;
+    const GraphCovariance by_normal_equations = std::exchange(*covariance, ByRows(core, view));
+    status = covariance->Compute(graph, wanted);
+    if (status.code == StatusCode::kSingular) {
+      *open = FindOpen(*covariance, by_normal_equations, core, graph, wanted);
+    }
+  }
+  return status;
+}
+
+// The zeros of fixed residual blocks are the smallest singular values, the first to be left out.
+Status ComputeDense(const ceres::Covariance::Options& options, const ProblemView& view,
+                    const FactorGraph& graph, const GraphCovariance::Pairs& wanted,
+                    GraphCovariance* covariance) {
+  CovarianceOptions core;
+  core.num_threads = std::max(1, options.num_threads);
+  core.algorithm = CovarianceAlgorithm::kDenseSvd;
+  core.min_reciprocal_condition_number = options.min_reciprocal_condition_number;
+  const int num_zeros = options.null_space_rank < 0 ? 0 : NumZerosOfFixed(view);
+  core.null_space_rank = std::max(-1, options.null_space_rank - num_zeros);
+  if (num_zeros > options.null_space_rank && num_zeros > 0 && !wanted.empty()) {
+    return Status::Error(StatusCode::kSingular,
+                         "the Jacobian is rank deficient: " + CountZerosOfFixed(num_zeros) +
+                             ", more than null_space_rank leaves out");
+  }
+  *covariance = GraphCovariance(core);
+  Status status = covariance->Compute(graph, wanted);
+  if (status.code == StatusCode::kSingular && num_zeros > 0) {
+    status.message += "; " + CountZerosOfFixed(num_zeros) + ", and left out before";
+  }
+  return status;
 }
 
 }  // namespace
@@ -216,20 +261,20 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
   NameVariables(state, &graph);
   const GraphCovariance::Pairs wanted = MovingPairs(*view, *plan, pairs);
-  CovarianceOptions core = OptionsFor(options);
-  GraphCovariance covariance(core);
-  Status status = covariance.Compute(graph, wanted);
-  if (status.code == StatusCode::kSingular && options.algorithm_type == ceres::DENSE_SVD) {
-    return Fail(status.message);
+  GraphCovariance covariance;
+  Status status;
+  if (options.algorithm_type == ceres::DENSE_SVD) {
+    status = ComputeDense(options, *view, graph, wanted, &covariance);
+  } else {
+    RankDeficiency open;
+    status = ComputeSparse(options, *view, graph, wanted, &covariance, &open);
+    if (status.code == StatusCode::kSingular) {
+      status.message.insert(0, DescribeDeficiency(open, *view, *plan) + " (");
+      status.message += ')';
+    }
   }
   if (status.code == StatusCode::kSingular) {
-    core.max_inflation = kHopelessInflation;
-    const GraphCovariance by_normal_equations = std::exchange(covariance, ByRows(core, *view));
-    status = covariance.Compute(graph, wanted);
-    if (status.code == StatusCode::kSingular) {
-      const RankDeficiency open = FindOpen(covariance, by_normal_equations, core, graph, wanted);
-      return Fail(DescribeDeficiency(open, *view, *plan) + " (" + status.message + ")");
-    }
+    return Fail(status.message);
   }
   if (!status.ok()) {
     return status.code == StatusCode::kEvaluationFailed ? Fail(status.message)

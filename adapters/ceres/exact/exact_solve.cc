@@ -23,16 +23,25 @@
 namespace inceres::internal {
 namespace {
 
-void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core,
-                 SolveReport* report) {
-  report->options_without_effect =
-      OptionsWithoutEffect(input.options, landmarks, core.is_constrained);
+void NameOptionsWithoutEffect(const SolveInput& input, const LandmarkCounts& landmarks,
+                              bool is_constrained, SolveReport* report) {
+  report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, is_constrained);
   if (input.asked != nullptr && input.asked->conjugate_gradients) {
     report->options_without_effect.emplace_back("SolveOptions::conjugate_gradients");
   }
+}
+
+void WriteReport(const SolveInput& input, const LandmarkCounts& landmarks, Summary core,
+                 SolveReport* report) {
   report->num_landmarks = landmarks.num_landmarks;
   report->num_frames = input.view.reduced.num_parameter_blocks - landmarks.num_landmarks;
   report->core = std::move(core);
+}
+
+// Of a problem that is not minimized.
+void WriteReportWithoutSolve(const SolveInput& input, SolveReport* report) {
+  NameOptionsWithoutEffect(input, LandmarkCounts(), /*is_constrained=*/false, report);
+  WriteReport(input, LandmarkCounts(), Summary(), report);
 }
 
 // The core knows nothing of residual blocks that cannot move.
@@ -72,6 +81,8 @@ InnerDescent DescentOf(const SolveInput& input, const InnerOrdering& inner) {
   InnerDescent descent;
   descent.groups = GroupsInGraph(inner, *input.plan, input.view.blocks.size());
   descent.tolerance = input.options.inner_iteration_tolerance;
+  // A point that stock does not check is not checked.
+  descent.asks_as_ceres = input.options.check_gradients;
   return descent;
 }
 
@@ -102,9 +113,17 @@ SolverOptions OptionsFor(const SolveInput& input, ceres::LinearSolverType type, 
   return options;
 }
 
+LoopOptions LoopAsInCeres(InnerDescent* descent) {
+  LoopOptions loop;
+  loop.rules = kCeresRules;
+  loop.nan_gradient_is_small = true;
+  loop.inner_descent = descent->groups.empty() ? nullptr : descent;
+  return loop;
+}
+
 // In Ceres's words.
-void LogFailure(const ceres::Solver::Options& options, const Summary& core) {
-  LogFailedStep(options, core.failed_step);
+void LogFailure(ceres::LoggingType logging_type, const Summary& core) {
+  LogFailedStep(logging_type, core.failed_step);
   if (core.termination == Termination::kFailure) {
     LOG_IF(WARNING, !core.detail.empty())
         << "inceres: " << core.detail;  // where Ceres prints the residual block's numbers
@@ -130,25 +149,27 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
   observer.set_is_to_abort(input.is_to_abort);
   options.observer = observer.IsNeeded() ? &observer : nullptr;
-  LoopOptions loop;
-  loop.rules = kCeresRules;
-  loop.inner_descent = descent.groups.empty() ? nullptr : &descent;
+  LoopOptions loop = LoopAsInCeres(&descent);
   loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
   loop.system_observer = dump ? &*dump : nullptr;
   const std::vector<VariableId> eliminated = VariablesOf(input.plan->landmarks.large, *input.plan);
   loop.eliminated = eliminated.empty() ? nullptr : &eliminated;
   landmarks.num_landmarks += static_cast<int>(eliminated.size());
+  // As they are before anybody is called back, who may change them: Ceres has a copy.
+  const double eta = input.options.eta;
+  const ceres::LoggingType logging_type = input.options.logging_type;
+  NameOptionsWithoutEffect(input, landmarks, graph.HasBounds(), report);
   std::unique_ptr<Solver> solver = StructureCache::OfProcess().TakeSolver(options, graph);
   Summary core;
   SolveWith(options, loop, &graph, solver.get(), &core);
   StructureCache::OfProcess().GiveBack(std::move(solver));
   AddFixedCost(summary->fixed_cost, &core);
-  LogFailure(input.options, core);
+  LogFailure(logging_type, core);
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
   summary->minimizer_time_in_seconds =
       input.clock.Seconds() - summary->preprocessor_time_in_seconds;
-  WriteSolution(input.options, core, summary);
+  WriteSolution(eta, core, summary);
   WriteDescent(descent, summary);
   WriteReport(input, landmarks, std::move(core), report);
   report->callback_seconds = observer.callback_seconds();
@@ -183,7 +204,7 @@ void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, Solve
   }
   if (!inner.error.empty()) {
     WriteFailedSetup(input, inner.error, summary);
-    WriteReport(input, LandmarkCounts(), Summary(), report);
+    WriteReportWithoutSolve(input, report);
   } else if (anything_to_solve) {
     Minimize(input, inner, summary, report);
   } else {
@@ -197,7 +218,7 @@ void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, Solve
       summary->minimizer_time_in_seconds =
           input.clock.Seconds() - summary->preprocessor_time_in_seconds;
     }
-    WriteReport(input, LandmarkCounts(), Summary(), report);
+    WriteReportWithoutSolve(input, report);
   }
   const double postprocessor_start = input.clock.Seconds();
   if (fixed.error.empty()) {

@@ -47,6 +47,15 @@ std::string BaseName(const std::string& directory, int iteration) {
   return directory + (joins ? "" : "/") + name;
 }
 
+// In the order that they have.
+void PutEliminatedFirst(const LandmarkSelection& landmarks, std::vector<int>* blocks) {
+  std::vector<int> large = landmarks.large;
+  std::sort(large.begin(), large.end());
+  std::stable_partition(blocks->begin(), blocks->end(), [&](int b) {
+    return landmarks.Contains(b) || std::binary_search(large.begin(), large.end(), b);
+  });
+}
+
 Eigen::Map<const Eigen::VectorXd> AsEigen(const std::vector<double>& values) {
   return {values.data(), static_cast<Eigen::Index>(values.size())};
 }
@@ -58,7 +67,8 @@ SystemDump::SystemDump(const ceres::Solver::Options& options, const ProblemView&
     : iterations_(options.trust_region_minimizer_iterations_to_dump),
       directory_(options.trust_region_problem_dump_directory),
       to_log_(options.trust_region_problem_dump_format_type == ceres::CONSOLE),
-      dense_(type == ceres::DENSE_QR || type == ceres::DENSE_NORMAL_CHOLESKY) {
+      dense_(type == ceres::DENSE_QR || type == ceres::DENSE_NORMAL_CHOLESKY),
+      leaves_out_zeros_(options.dynamic_sparsity && type == ceres::SPARSE_NORMAL_CHOLESKY) {
   std::sort(iterations_.begin(), iterations_.end());
   std::vector<int> first_row(view.residuals.size(), -1);
   std::vector<char> placed(view.blocks.size(), 0);
@@ -75,8 +85,9 @@ SystemDump::SystemDump(const ceres::Solver::Options& options, const ProblemView&
       }
     }
   }
-  std::stable_partition(order.begin(), order.end(),
-                        [&](int b) { return plan.landmarks.Contains(b); });
+  if (IsSchurType(type)) {
+    PutEliminatedFirst(plan.landmarks, &order);
+  }
   std::vector<VariableId> variables(view.blocks.size(), -1);
   for (std::size_t id = 0; id < plan.blocks.size(); ++id) {
     variables[At(plan.blocks[id])] = static_cast<VariableId>(id);
@@ -135,7 +146,9 @@ std::vector<SystemDump::Entry> SystemDump::JacobianOf(const StepSystem& system) 
     for (int r = 0; r < block->rows; ++r) {
       for (int c = 0; c < block->columns; ++c) {
         const double value = block->values[static_cast<std::ptrdiff_t>(r) * block->row_stride + c];
-        entries.push_back({row_of(*block) + r, column + c, value * system.scale[At(scale + c)]});
+        if (value != 0.0 || !leaves_out_zeros_) {
+          entries.push_back({row_of(*block) + r, column + c, value * system.scale[At(scale + c)]});
+        }
       }
     }
   }

@@ -17,7 +17,7 @@ namespace inceres::internal {
 /// linear solve.
 ///
 /// Rows are in the order of the residual blocks in the problem; columns in the order in which
-/// blocks appear in them, those of a Schur type's landmarks first. Ceres has them in an order of
+/// blocks appear in them, those that a Schur type eliminates first. Ceres has them in an order of
 /// its own, which depends on its linear solver. A file that cannot be written is an error in the
 /// log; the solve goes on.
 class SystemDump : public StepSystemObserver {
@@ -53,6 +53,7 @@ class SystemDump : public StepSystemObserver {
   std::string directory_;
   bool to_log_;
   bool dense_;
+  bool leaves_out_zeros_;  // of A, as dynamic_sparsity does in Ceres
   int num_rows_ = 0;
   int num_columns_ = 0;
   std::vector<std::vector<int>> first_row_;  // per family and factor

@@ -6,6 +6,7 @@ namespace inceres::internal {
 
 void Decline(const SolveCall& call, const std::string& reason) {
   call.report->fallback_reason = reason;
+  call.report->exact_reason.clear();  // it is not solved here, exactly or not
   if (call.solve_options.strict) {
     call.summary->termination_type = ceres::FAILURE;
     call.summary->message =

@@ -7,7 +7,8 @@ namespace {
 
 std::string OrderingObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                              const OrderingView& ordering, ceres::LinearSolverType type) {
-  const bool has_cholesky = type == ceres::SPARSE_NORMAL_CHOLESKY ||
+  // With dynamic_sparsity Ceres does not look at the ordering.
+  const bool has_cholesky = (type == ceres::SPARSE_NORMAL_CHOLESKY && !options.dynamic_sparsity) ||
                             (type == ceres::CGNR && options.preconditioner_type == ceres::SUBSET);
   if (!ordering.given || !(IsSchurType(type) || has_cholesky)) {
     return "";
@@ -150,15 +151,14 @@ std::string FindObstacle(const ceres::Solver::Options& options, bool incremental
   }
   look();
   *ordering = ReadOrdering(options, view);
-  if (is_incremental()) {
-    *exact_reason = view.defect.empty() ? NeedsExactMode(view) : "";
+  obstacle = CommonObstacle(options, view, *ordering);
+  if (obstacle.empty() && is_incremental()) {
+    // Calls code of the user's: only where no mode has an obstacle.
+    *exact_reason = NeedsExactMode(view);
     obstacle = is_incremental() ? "" : OptionsObstacle(options);
   }
-  if (!obstacle.empty()) {
-    return obstacle;
-  }
-  return is_incremental() ? CommonObstacle(options, view, *ordering)
-                          : ProblemObstacle(options, view, *ordering);
+  return !obstacle.empty() || is_incremental() ? obstacle
+                                               : DenseQrObstacle(options, view, *ordering);
 }
 
 }  // namespace inceres::internal

@@ -40,7 +40,8 @@ std::string NeedsExactMode(const ProblemView& view);
 
 /// Asks all questions: why the problem cannot be solved here, or an empty string. `look` reads it
 /// into the view, unless the options alone are an obstacle; the ordering is read then too.
-/// *exact_reason: why a solve in incremental mode is to be exact, or empty.
+/// *exact_reason: why a solve in incremental mode is to be exact, or empty. What calls code of the
+/// user's (NeedsExactMode of a view) is asked last, and not of a problem that no mode solves.
 std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
                          const ceres::EvaluationCallback* evaluation_callback,
                          const std::function<void()>& look, const ProblemView& view,

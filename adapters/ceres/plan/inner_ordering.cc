@@ -71,6 +71,7 @@ InnerOrdering FindInnerOrdering(const ceres::Solver::Options& options,
   InnerOrdering ordering;
   if (evaluation_callback != nullptr) {
     ordering.error = "Inner iterations cannot be used with EvaluationCallbacks";
+    ordering.group_sizes = GroupSizes(options.inner_iteration_ordering.get());
     return ordering;
   }
   if (view.reduced.num_parameter_blocks == 1) {

@@ -73,12 +73,17 @@ void CheckLinearSolver(Differences* differences) {
       [&](const char* name, auto member) { differences->Check(name, member); });
 }
 
-void CheckConjugateGradients(Differences* differences) {
+// When conjugate gradients stop.
+void CheckEndOfIteration(Differences* differences) {
   differences->Check(OPTION(eta));
-  differences->Check(OPTION(preconditioner_type));
-  differences->Check(OPTION(use_explicit_schur_complement));
   differences->Check(OPTION(min_linear_solver_iterations));
   differences->Check(OPTION(max_linear_solver_iterations));
+}
+
+// By what they get on.
+void CheckPreconditioner(Differences* differences) {
+  differences->Check(OPTION(preconditioner_type));
+  differences->Check(OPTION(use_explicit_schur_complement));
 }
 
 // What belongs to features that are off.
@@ -105,15 +110,16 @@ void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences*
   }
 }
 
+// `numbers_frames`: OrderingView::numbers_frames, where the solver looks at it.
 void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
-                   Differences* differences) {
+                   bool numbers_frames, Differences* differences) {
   if (options.linear_solver_ordering == nullptr) {
     return;
   }
   const int num_groups = options.linear_solver_ordering->NumGroups();
   if (!IsSchurType(options.linear_solver_type)) {
     differences->Add("linear_solver_ordering");
-  } else if (num_groups > 2) {
+  } else if (num_groups > 2 && !numbers_frames) {
     differences->Add("linear_solver_ordering: the order of groups after the first");
   }
   if (landmarks.num_too_large > 0) {
@@ -129,11 +135,11 @@ void CheckOrdering(const ceres::Solver::Options& options, const LandmarkCounts& 
 }
 
 void CheckCommon(const ceres::Solver::Options& options, const LandmarkCounts& landmarks,
-                 Differences* differences) {
+                 bool numbers_frames, Differences* differences) {
   CheckLineSearch(differences);
   CheckLinearSolver(differences);
   CheckFeaturesThatAreOff(options, differences);
-  CheckOrdering(options, landmarks, differences);
+  CheckOrdering(options, landmarks, numbers_frames, differences);
 }
 
 TrustRegionStrategyKind StrategyOf(const ceres::Solver::Options& options) {
@@ -279,16 +285,19 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
   if (!is_constrained) {
     CheckProjectedLineSearch(&differences);
   }
-  if (!IsIterative(options.linear_solver_type)) {
-    CheckConjugateGradients(&differences);
+  const bool iterates = IsIterative(options.linear_solver_type);
+  const bool by_clusters = iterates && IsByClusters(options.preconditioner_type);
+  if (!iterates) {
+    CheckEndOfIteration(&differences);
+    CheckPreconditioner(&differences);
   }
-  if (!IsIterative(options.linear_solver_type) || !IsByClusters(options.preconditioner_type)) {
+  if (!by_clusters) {
     differences.Check(OPTION(visibility_clustering_type));
   }
   if (options.linear_solver_type != ceres::CGNR || options.preconditioner_type != ceres::SUBSET) {
     differences.Check(OPTION(residual_blocks_for_subset_preconditioner));
   }
-  CheckCommon(options, landmarks, &differences);
+  CheckCommon(options, landmarks, /*numbers_frames=*/by_clusters, &differences);
   return differences.Take();
 }
 
@@ -309,8 +318,14 @@ IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
   return result;
 }
 
+bool IteratesInBatch(const ceres::Solver::Options& options, const IncrementalOptions& core) {
+  return options.linear_solver_type == ceres::ITERATIVE_SCHUR && core.batch_share < 1.0 &&
+         core.batch_reduced_solver == ReducedSolverKind::kAutomaticInexact;
+}
+
 std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
-                                                         const LandmarkCounts& landmarks) {
+                                                         const LandmarkCounts& landmarks,
+                                                         bool iterates_in_batch) {
   Differences differences(options);
   differences.Check(OPTION(dynamic_sparsity));
   differences.Check(OPTION(gradient_tolerance));
@@ -327,10 +342,13 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
     differences.Check(OPTION(initial_trust_region_radius));
   }
   CheckProjectedLineSearch(&differences);
-  CheckConjugateGradients(&differences);
+  if (!iterates_in_batch) {
+    CheckEndOfIteration(&differences);
+  }
+  CheckPreconditioner(&differences);
   differences.Check(OPTION(visibility_clustering_type));
   differences.Check(OPTION(residual_blocks_for_subset_preconditioner));
-  CheckCommon(options, landmarks, &differences);
+  CheckCommon(options, landmarks, /*numbers_frames=*/false, &differences);
   return differences.Take();
 }
 

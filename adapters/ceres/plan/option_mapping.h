@@ -34,10 +34,15 @@ std::vector<std::string> OptionsWithoutEffect(const ceres::Solver::Options& opti
 IncrementalOptions MapIncrementalOptions(const ceres::Solver::Options& options,
                                          const IncrementalOptions& core);
 
+/// Whether the batch solver of an incremental solve by these core options (IncrementalOptionsFor)
+/// may take conjugate gradients, with the user's eta and limits.
+bool IteratesInBatch(const ceres::Solver::Options& options, const IncrementalOptions& core);
+
 /// Names of the options that the user set away from their defaults and that change nothing in an
-/// incremental solve.
+/// incremental solve. `iterates_in_batch`: IteratesInBatch.
 std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Options& options,
-                                                         const LandmarkCounts& landmarks);
+                                                         const LandmarkCounts& landmarks,
+                                                         bool iterates_in_batch = false);
 
 /// Reduced systems of up to so many unknowns are solved directly even if an iterative solver was
 /// asked for: were their factor full, it would take 256 MiB.

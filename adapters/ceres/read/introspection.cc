@@ -109,6 +109,9 @@ void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, bool ma
   LookUpBlocks(problem, touched->have_been_looked_up(), num_threads, may_have_bounds, view);
   for (std::size_t b = 0; b < view->blocks.size(); ++b) {
     const ParameterBlockView& block = view->blocks[b];
+    if (block.ambient_size == 0) {  // constant to Ceres, and no variable of the core's
+      SetDefect(view, Describe(block) + " has no values");
+    }
     CheckValues(block, view);
     if (b > 0) {
       const ParameterBlockView& previous = view->blocks[b - 1];

@@ -1,9 +1,10 @@
 #include "adapters/ceres/report/environment.h"
 
-#include <climits>
+#include <charconv>
 #include <cstdlib>
 #include <optional>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include <glog/logging.h>
@@ -22,11 +23,14 @@ std::optional<DropinMode> ModeNamed(const std::string& name) {
   return std::nullopt;
 }
 
-std::optional<double> NonNegative(const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  const bool whole = !text.empty() && *end == '\0';
-  return whole && value >= 0.0 ? std::optional<double>(value) : std::nullopt;
+// With a decimal point, whatever the program's locale.
+template <typename Number>
+std::optional<Number> NonNegative(const std::string& text) {
+  Number value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, value);
+  const bool whole = error == std::errc() && rest == end;
+  return whole && value >= 0 ? std::optional<Number>(value) : std::nullopt;
 }
 
 // One item of INCERES_CROSS_CHECK; false if it means nothing.
@@ -41,15 +45,16 @@ bool ReadItem(const std::string& item, CrossCheckOptions* check) {
   }
   const std::string name = item.substr(0, equals);
   const std::string text = item.substr(equals + 1);
-  const std::optional<double> value = NonNegative(text);
+  const std::optional<double> value = NonNegative<double>(text);
+  const std::optional<int> count = NonNegative<int>(text);
   if (name == "keep" && (text == "ours" || text == "stock")) {
     check->keep = text == "ours" ? SolvedBy::kOurs : SolvedBy::kStock;
   } else if (name == "cost" && value) {
     check->cost_tolerance = value;
   } else if (name == "parameters" && value) {
     check->parameter_tolerance = value;
-  } else if (name == "iterations" && value && *value <= INT_MAX) {
-    check->iteration_tolerance = static_cast<int>(*value);
+  } else if (name == "iterations" && count) {
+    check->iteration_tolerance = count;
   } else if (name == "radius" && value) {
     check->radius_tolerance = value;
   } else if (name == "spread" && value) {
@@ -122,7 +127,7 @@ Environment ReadEnvironment(const std::function<const char*(const char*)>& varia
       environment.complaints.push_back(
           Complaint("INCERES_CROSS_CHECK", item,
                     "1, 0, keep=ours, keep=stock, cost=X, parameters=X, iterations=N, radius=X, "
-                    "spread=X with X, N >= 0"));
+                    "spread=X with X, N >= 0, N a whole number"));
     }
   }
   environment.ab_log = value_of("INCERES_AB_LOG");

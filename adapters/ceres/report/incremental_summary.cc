@@ -15,24 +15,57 @@
 namespace inceres::internal {
 namespace {
 
+constexpr char kEvaluationFailed[] = "Residual and Jacobian evaluation failed.";
+constexpr char kCannotProject[] = "Unable to project initial point onto the feasible set.";
+constexpr char kOutOfMemory[] = "Out of memory.";
+constexpr char kInvalidSteps[] =
+    "Number of consecutive invalid steps more than "
+    "Solver::Options::max_num_consecutive_invalid_steps: ";
+
 // A batch solve that ended before it evaluated anything: there is no memory for it, or options do
 // not go together. Ceres has no words for that.
 bool FailedToBegin(const UpdateSummary& update) {
-  return update.termination == Termination::kFailure && update.iterations.empty() &&
-         update.num_relinearized_factors == 0 && update.num_evaluated_factors == 0;
+  return update.iterations.empty() && update.num_relinearized_factors == 0 &&
+         update.num_evaluated_factors == 0;
+}
+
+// The sentence of Ceres's with which the batch solver has ended as a failure; what follows it there
+// names the culprit. Empty: another message.
+std::string SentenceOfCeres(const std::string& message) {
+  for (const char* sentence :
+       {kEvaluationFailed, "projected_gradient_step = Plus(x, -gradient) failed.", kCannotProject,
+        "Linear solver failed due to unrecoverable non-numeric causes. Please see the error log "
+        "for clues. "}) {
+    if (message.rfind(sentence, 0) == 0) {
+      return sentence;
+    }
+  }
+  if (message.rfind(kInvalidSteps, 0) != 0) {
+    return "";
+  }
+  const std::size_t end = message.find_first_not_of("0123456789", sizeof kInvalidSteps - 1);
+  return message.substr(0, end);
+}
+
+// What cannot be evaluated is named by a message of its own, which Ceres has in its log.
+std::string MessageOfFailure(const UpdateSummary& update) {
+  const std::string sentence = SentenceOfCeres(update.message);
+  if (sentence.empty() && (FailedToBegin(update) || update.message == kOutOfMemory)) {
+    return update.message;
+  }
+  // From 2.2 on what fails with the start's evaluation has one message.
+  if (kCeresRules == CeresRules::k22 && update.iterations.empty() && sentence != kCannotProject) {
+    return "Initial residual and Jacobian evaluation failed.";
+  }
+  return sentence.empty() ? kEvaluationFailed : sentence;
 }
 
 // In Ceres's words (docs/ceres_contract.md, "Termination and messages") where it has any; the
 // Update's own are in SolveReport::update.
 std::string MessageOf(const UpdateSummary& update, const SolveInput& input, double seconds_before) {
   const ceres::Solver::Options& options = input.options;
-  if (FailedToBegin(update)) {
-    return update.message;
-  }
   if (update.termination == Termination::kFailure) {
-    const bool at_start = update.iterations.empty() && kCeresRules == CeresRules::k22;
-    return at_start ? "Initial residual and Jacobian evaluation failed."
-                    : "Residual and Jacobian evaluation failed.";
+    return MessageOfFailure(update);
   }
   if (update.termination != Termination::kNoConvergence) {
     return update.message;
@@ -58,13 +91,15 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input) {
   Summary core;
   core.termination = update.termination;
   core.message = MessageOf(update, input, result.seconds_before);
-  core.detail = update.termination == Termination::kFailure ? update.message : "";
+  const bool failed = update.termination == Termination::kFailure;
+  core.detail = failed ? update.message : "";
   core.failed_step = update.failed_step;
-  core.initial_cost = update.initial_cost + result.fixed_cost;
-  // A failure puts the user's memory back.
-  core.final_cost = update.termination == Termination::kFailure
-                        ? core.initial_cost
-                        : update.final_cost + result.fixed_cost;
+  // Without an iteration a failure is one of the start, which then has no cost: both stay -1.
+  if (!failed || !result.trace.empty()) {
+    core.initial_cost = update.initial_cost + result.fixed_cost;
+    // A failure puts the user's memory back.
+    core.final_cost = failed ? core.initial_cost : update.final_cost + result.fixed_cost;
+  }
   core.fixed_cost = result.fixed_cost;
   core.is_constrained = HasBounds(input.view);
   core.iterations = result.trace;
@@ -103,17 +138,18 @@ void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
 
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
                  ceres::Solver::Summary* summary, SolveReport* report) {
-  WriteSolution(input.options, core, summary);
+  WriteSolution(input.options.eta, core, summary);
   // Of the user's memory: a refused step that came lower, which Ceres counts, is not there. After
   // an abort nothing is.
   if (core.termination != Termination::kUserFailure) {
     summary->final_cost = core.final_cost;
   }
-  LogFailedStep(input.options, core.failed_step);
+  LogFailedStep(input.options.logging_type, core.failed_step);
   const bool usable = core.IsSolutionUsable();
   const bool failed = core.termination == Termination::kFailure;
   LOG_IF(WARNING, failed) << "inceres: " << core.detail;
-  report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, result.landmarks);
+  report->options_without_effect =
+      IncrementalOptionsWithoutEffect(input.options, result.landmarks, result.iterates_in_batch);
   report->num_landmarks = result.num_landmarks;
   report->num_frames = input.view.reduced.num_parameter_blocks - result.num_landmarks;
   report->changes = result.changes;

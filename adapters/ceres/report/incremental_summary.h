@@ -20,8 +20,9 @@ struct UpdateResult {
   LandmarkCounts landmarks;  ///< the choice
   int num_landmarks = 0;     ///< of the problem as it was solved
   ProblemChanges changes;
-  double fixed_cost = 0.0;      ///< of what touches no variable block, and is not in the graph
-  double seconds_before = 0.0;  ///< spent before the Update began
+  double fixed_cost = 0.0;         ///< of what touches no variable block, and is not in the graph
+  bool iterates_in_batch = false;  ///< IteratesInBatch, of its options
+  double seconds_before = 0.0;     ///< spent before the Update began
   double callback_seconds = 0.0;
 };
 

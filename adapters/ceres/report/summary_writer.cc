@@ -157,8 +157,7 @@ void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view,
   summary->inner_iteration_time_in_seconds = 0.0;
 }
 
-void WriteSolution(const ceres::Solver::Options& options, const Summary& core,
-                   ceres::Solver::Summary* summary) {
+void WriteSolution(double eta, const Summary& core, ceres::Solver::Summary* summary) {
   summary->termination_type = ToCeres(core.termination);
   summary->message = core.message;
   summary->iterations.reserve(core.iterations.size());
@@ -166,7 +165,7 @@ void WriteSolution(const ceres::Solver::Options& options, const Summary& core,
   // As in Ceres a minimum over the trace: rejected steps included.
   summary->final_cost = core.initial_cost;
   for (const IterationSummary& iteration : core.iterations) {
-    summary->iterations.push_back(ToCeres(iteration, options.eta));
+    summary->iterations.push_back(ToCeres(iteration, eta));
     summary->final_cost = std::min(summary->final_cost, iteration.cost);
   }
   summary->is_constrained = core.is_constrained;
@@ -247,8 +246,8 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
   }
 }
 
-void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step) {
-  LOG_IF(WARNING, !failed_step.empty() && options.logging_type != ceres::SILENT)
+void LogFailedStep(ceres::LoggingType logging_type, const std::string& failed_step) {
+  LOG_IF(WARNING, !failed_step.empty() && logging_type != ceres::SILENT)
       << "Step failed to evaluate. Treating it as a step with infinite cost. The first one of this "
          "solve: "
       << failed_step;
@@ -256,6 +255,9 @@ void LogFailedStep(const ceres::Solver::Options& options, const std::string& fai
 
 void Prepend(const ceres::Solver::Summary& first, ceres::Solver::Summary* summary) {
   summary->initial_cost = first.initial_cost;
+  if (summary->termination_type == ceres::FAILURE) {
+    summary->final_cost = first.initial_cost;  // where the user's memory is again
+  }
   const int start = summary->iterations.empty()
                         ? 0
                         : 1;  // counted with the first part's, for it is where that ended

@@ -20,9 +20,8 @@ ceres::IterationSummary ToCeres(const IterationSummary& iteration, double eta);
 void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view,
                 ceres::Solver::Summary* summary);
 
-/// Costs, iterations, termination, counts and times of a solve by the core.
-void WriteSolution(const ceres::Solver::Options& options, const Summary& core,
-                   ceres::Solver::Summary* summary);
+/// Costs, iterations, termination, counts and times of a solve by the core. `eta` as above.
+void WriteSolution(double eta, const Summary& core, ceres::Solver::Summary* summary);
 
 /// The result of a problem in which nothing can move.
 void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary);
@@ -37,7 +36,7 @@ void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
 
 /// As Ceres's warning of a step that could not be evaluated, which a logging_type of SILENT
 /// suppresses; but once a solve, and with what was at fault. Nothing if `failed_step` is empty.
-void LogFailedStep(const ceres::Solver::Options& options, const std::string& failed_step);
+void LogFailedStep(ceres::LoggingType logging_type, const std::string& failed_step);
 
 /// `summary` tells of the second part of a solve, numbered on from the first
 /// (SolveInput::last_iteration): makes it tell of both.

@@ -65,6 +65,7 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
     return Fail(status.message, summary);
   }
   result.num_landmarks = living->num_landmarks();
+  result.iterates_in_batch = IteratesInBatch(input.options, core_options);
   WriteLinearSolver(input.view, input.ordering, landmarks,
                     IncrementalLinearSolver(input.options, input.ordering), summary);
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
@@ -91,6 +92,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   }
   NameVariables(blocks, &graph);
   result.num_landmarks = result.landmarks.num_landmarks;
+  result.iterates_in_batch = IteratesInBatch(input.options, core_options);
   result.changes.num_added_variables = static_cast<int>(graph.num_variables());
   result.changes.num_added_factors = graph.num_factors();
   result.seconds_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();

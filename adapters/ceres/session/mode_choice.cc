@@ -39,10 +39,16 @@ bool ModeChoice::WantsExact() {
   if (num_exact_left_ == 0) {
     return false;
   }
-  if (--num_exact_left_ == 0) {
+  --num_exact_left_;
+  has_paused_ = true;
+  return true;
+}
+
+void ModeChoice::TellIfAgain() {
+  if (has_paused_ && !IsPaused()) {
+    has_paused_ = false;
     LOG(INFO) << "inceres: auto: incremental again, to see whether it takes less work by now.";
   }
-  return true;
 }
 
 void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes,

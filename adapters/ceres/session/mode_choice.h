@@ -37,6 +37,10 @@ class ModeChoice {
 
   /// Whether the next solve should be exact. Call once a solve.
   bool WantsExact();
+  /// Whether it will say so of the next: solves are exact for what incremental ones took.
+  bool IsPaused() const { return num_exact_left_ > 0; }
+  /// Call where an incremental solve begins: tells the log of the first after such a pause.
+  void TellIfAgain();
   /// What an incremental solve of the problem viewed took. `verified`: each residual block that
   /// stayed was evaluated to be recognized.
   void Note(const UpdateSummary& update, const ProblemChanges& changes, const ProblemView& view,
@@ -55,6 +59,7 @@ class ModeChoice {
   bool is_trial_ = false;  // the last exact solve was long, and no incremental one has won since
   int pause_ = kPause;
   int num_exact_left_ = 0;
+  bool has_paused_ = false;  // since the last incremental solve
   std::string reason_;
 };
 

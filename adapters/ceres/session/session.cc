@@ -15,6 +15,7 @@
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/ceres_version.h"
+#include "adapters/ceres/read/selection.h"
 #include "adapters/ceres/read/user_state.h"
 #include "adapters/ceres/report/summary_writer.h"
 #include "adapters/ceres/session/incremental_solve.h"
@@ -90,13 +91,16 @@ class CeresSession::Impl {
   }
 
   void SolveOnce(const internal::SolveCall& call);
+  void SolveLiving(const internal::SolveCall& call, const internal::SolveInput& input,
+                   IncrementalOptions core, internal::StartValues* start);
 
   std::string ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const internal::SolveInput& input, const IncrementalOptions& core,
                     const SolveReport& report, const ceres::Solver::Summary& summary) const;
   bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
                      const IncrementalOptions& core, const internal::StartValues& start,
-                     SolveReport* report, ceres::Solver::Summary* summary);
+                     std::unique_ptr<internal::IncrementalProblem>* working, SolveReport* report,
+                     ceres::Solver::Summary* summary);
   // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values
   // that cannot be evaluated.
   enum class Part { kNone, kDone, kAborted };
@@ -104,6 +108,8 @@ class CeresSession::Impl {
     TrustRegionStrategyKind strategy;
     int max_iterations = 0;
     bool as_ceres = false;  // by its iterates, and its rules
+    // Unless null what is remembered goes on by itself.
+    std::unique_ptr<internal::IncrementalProblem>* working = nullptr;
   };
   Part GoOnInBatch(const internal::SolveInput& input, const Descent& descent,
                    const internal::StartValues& start, SolveReport* report,
@@ -122,6 +128,7 @@ class CeresSession::Impl {
   internal::WindowWatch watch;
   internal::ModeChoice choice;
   std::unique_ptr<internal::IncrementalProblem> living;
+  bool is_of_last_solve = false;  // the living problem is what the last solve has left
   // Of the living problem, which cannot change them.
   int num_threads = 0;
   ReducedSolverKind reduced_solver = ReducedSolverKind::kAutomatic;
@@ -134,7 +141,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   const internal::WallClock clock;
   const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
-  has_view = has_view && solve_options.problem_unedited && LooksTheSame(*problem);
+  has_view = has_view && LooksTheSame(*problem);
   ceres::EvaluationCallback* const callback =
       internal::EvaluationCallbackOf(*problem, solve_options.evaluation_callback);
   std::string reason;
@@ -147,23 +154,36 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
   }
   internal::SolveInput input{solver_options, view, ordering, clock, callback};
   input.asked = &solve_options;
+  const bool was_paused = choice.IsPaused();
   if (reason.empty()) {
     reason = ReasonForExact(solver_options);
   }
-  if (!reason.empty()) {
+  // The last of a pause is remembered, for the next solve is to be incremental.
+  const bool ends_pause = was_paused && !choice.IsPaused();
+  if (!reason.empty() && !ends_pause) {
     SolveExactlyFor(reason, call, &input);
     return;
   }
-  IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
+  const IncrementalOptions core = internal::IncrementalOptionsFor(input, options.core);
   internal::StartValues start(view);
-  if (options.automatic && RemembersLittle(core)) {
-    if (SolveExactlyFor("auto: most of the problem is not remembered", call, &input)) {
-      // It calls the user's code after the solve, and an exception may come of that.
-      BeginToRemember(call, input, core);
-    }
-    start.Keep();
+  if (options.automatic && reason.empty() && RemembersLittle(core)) {
+    reason = "auto: most of the problem is not remembered";
+  }
+  if (reason.empty()) {
+    SolveLiving(call, input, core, &start);
     return;
   }
+  if (SolveExactlyFor(reason, call, &input)) {
+    // It calls the user's code after the solve, and an exception may come of that.
+    BeginToRemember(call, input, core);
+  }
+  start.Keep();
+}
+
+void CeresSession::Impl::SolveLiving(const internal::SolveCall& call,
+                                     const internal::SolveInput& input, IncrementalOptions core,
+                                     internal::StartValues* start) {
+  choice.TellIfAgain();
   // Out of the session while it works: a failure, or an exception out of user code, ends it.
   std::unique_ptr<internal::IncrementalProblem> working = std::move(living);
   if (working == nullptr || core.num_threads != num_threads ||
@@ -171,17 +191,22 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     working = NewLiving(core);
   }
   core.max_num_iterations = std::min(core.max_num_iterations, ModeChoice::kPatience);
+  const auto& [solver_options, problem, summary, solve_options, report] = call;
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     solved = !IsUnfinished(input, core, *report, *summary) ||
-             FinishInBatch(*problem, input, core, start, report, summary);
+             FinishInBatch(*problem, input, core, *start, &working, report, summary);
+  }
+  if (solved && options.automatic) {
     // with what finishing took
     choice.Note(report->update, report->changes, view, report->num_frames,
                 options.verify_cached_factors);
   }
   if (solved) {
-    start.Keep();
+    start->Keep();
     living = std::move(working);
+    // Where there is nothing to solve for it has not followed the problem.
+    is_of_last_solve = view.reduced.num_parameter_blocks > 0;
   }
 }
 
@@ -200,8 +225,8 @@ bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
          input.clock.Seconds() < input.options.max_solver_time_in_seconds;
 }
 
-// The batch solver, from the values in the user's memory, which shows the start again meanwhile, as
-// in a solve of one part. What is remembered stays, and finds the values changed.
+// The batch solver, or what is remembered, from the values in the user's memory, which shows the
+// start again meanwhile, as in a solve of one part. What is remembered finds the values changed.
 CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input,
                                                          const Descent& descent,
                                                          const internal::StartValues& start,
@@ -215,9 +240,9 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   again.shown = &start;
   again.fixed_cost = summary->fixed_cost;
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;
-  if (!internal::ChoosePlan(internal::TypeToPlanIncrementally(input.options, input.ordering),
-                            &again)
-           .empty()) {
+  const bool in_batch = descent.working == nullptr;
+  const auto type = internal::TypeToPlanIncrementally(input.options, input.ordering);
+  if (in_batch && !internal::ChoosePlan(type, &again).empty()) {
     return Part::kNone;  // no memory for it
   }
   has_view = false;  // the batch solver's graph takes its place
@@ -228,9 +253,15 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   IncrementalOptions of_batch = internal::IncrementalOptionsFor(again, options.core);
   of_batch.max_num_iterations = descent.max_iterations;
   of_batch.max_factor_evaluations -= NumEvaluations(before.update);
-  of_batch.batch_share = descent.as_ceres ? 0.0 : std::min(of_batch.batch_share, 0.5);
-  of_batch.batch_strategy = descent.strategy;
-  internal::SolveIncrementally(again, of_batch, nullptr, summary, report);
+  if (in_batch) {
+    of_batch.batch_share = descent.as_ceres ? 0.0 : std::min(of_batch.batch_share, 0.5);
+    of_batch.batch_strategy = descent.strategy;
+  }
+  if (!internal::SolveIncrementally(again, of_batch, in_batch ? nullptr : descent.working->get(),
+                                    summary, report) &&
+      !in_batch) {
+    descent.working->reset();  // of no more use
+  }
   // What was reached stays, unless it is found to have no cost: what is remembered of it is then
   // out of date.
   if (summary->termination_type == ceres::FAILURE && !summary->iterations.empty()) {
@@ -244,7 +275,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   report->callback_seconds += before.callback_seconds;
   report->update.num_evaluated_factors += before.update.num_evaluated_factors;
   report->update.num_relinearized_factors += before.update.num_relinearized_factors;
-  report->exact_reason = !before.exact_reason.empty()
+  report->exact_reason = !in_batch || !before.exact_reason.empty()
                              ? before.exact_reason
                              : "incremental steps did not converge: those after iteration " +
                                    std::to_string(*again.last_iteration) +
@@ -253,16 +284,19 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
 }
 
 // What incremental steps did not finish. Where they have hardly come down lately an end is near,
-// and Marquardt's rule goes on from there. What is not proven then is solved from the start as
-// Ceres would, so that no solve takes many more iterations than there; and from the lower one of
-// both ends Marquardt's rule goes on, unless that one has been its end before. False after an
-// abort.
+// and Marquardt's rule goes on from there; with bounds, incremental steps. What is not proven then
+// is solved from the start as Ceres would, so that no solve takes many more iterations than there;
+// and from the lower one of both ends it goes on, unless that one has been such an end before.
+// False after an abort.
 bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
                                        const internal::SolveInput& input,
                                        const IncrementalOptions& core,
-                                       const internal::StartValues& start, SolveReport* report,
-                                       ceres::Solver::Summary* summary) {
+                                       const internal::StartValues& start,
+                                       std::unique_ptr<internal::IncrementalProblem>* working,
+                                       SolveReport* report, ceres::Solver::Summary* summary) {
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
+  // Clamped steps creep along bounds, and prove nothing there.
+  working = internal::HasBounds(view) ? working : nullptr;
   const auto iterations_left = [&] {
     return std::max(
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
@@ -271,12 +305,12 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   if (iterations_left() < 2 * ModeChoice::kPatience) {
     const Descent only{
         IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
-        iterations_left()};
+        iterations_left(), /*as_ceres=*/false, working};
     return GoOnInBatch(input, only, start, report, summary) != Part::kAborted;
   }
   bool has_end = false;  // without a proof
   if (GainedLately(*summary) <= Tolerance(input, *report)) {
-    const Descent near{kGoOn, iterations_left() / 2};
+    const Descent near{kGoOn, iterations_left() / 2, /*as_ceres=*/false, working};
     const int others_left = iterations_left() - near.max_iterations;
     const Part part = GoOnInBatch(input, near, start, report, summary);
     if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
@@ -317,7 +351,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
     return true;
   }
   Look(problem);
-  const Descent last{kGoOn, iterations_left()};
+  const Descent last{kGoOn, iterations_left(), /*as_ceres=*/false, working};
   return GoOnInBatch(input, last, start, report, summary) != Part::kAborted;
 }
 
@@ -387,6 +421,7 @@ void CeresSession::Impl::BeginToRemember(const internal::SolveCall& call,
   std::unique_ptr<internal::IncrementalProblem> beginning = NewLiving(core);
   if (internal::LinearizeOnly(input, core, beginning.get())) {
     living = std::move(beginning);
+    is_of_last_solve = true;
   }
 }
 
@@ -400,6 +435,9 @@ void CeresSession::Solve(const ceres::Solver::Options& options, ceres::Problem* 
                          SolveReport* report) {
   SolveOptions incremental = solve_options;
   incremental.mode = SolveMode::kIncremental;
+  // Whatever comes before SolveOnce, an exception of stock's too: the edits are not told again.
+  impl_->has_view = impl_->has_view && solve_options.problem_unedited;
+  impl_->is_of_last_solve = false;
   internal::SolveAsAsked(
       {options, problem, summary, incremental, report},
       [this](const internal::SolveCall& call) { impl_->SolveOnce(call); },
@@ -410,11 +448,12 @@ Status CeresSession::Covariance(const std::vector<const double*>& parameter_bloc
                                 const LiveCovarianceOptions& options,
                                 LiveCovariance* covariance) const {
   *covariance = LiveCovariance();
-  return impl_->living != nullptr
+  return impl_->is_of_last_solve
              ? impl_->living->Covariance(parameter_blocks, options, covariance)
              : Status::Error(StatusCode::kInvalidArgument,
-                             "the session holds no problem: the last solve was exact, went to "
-                             "stock Ceres or failed, or there was none");
+                             "nothing is left of the last solve: it was exact, went to stock "
+                             "Ceres, was refused, failed or had nothing to solve for, or there was "
+                             "none");
 }
 
 void CeresSession::Forget(const ceres::CostFunction* cost_function) {
@@ -431,6 +470,7 @@ void CeresSession::Forget(const ceres::LossFunction* loss_function) {
 
 void CeresSession::Reset() {
   impl_->living.reset();
+  impl_->is_of_last_solve = false;
   impl_->has_view = false;
   impl_->watch = internal::WindowWatch();
   impl_->choice = internal::ModeChoice();

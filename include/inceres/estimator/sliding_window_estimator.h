@@ -139,7 +139,8 @@ struct WindowSummary {
   };
 
   /// Of the first thing that went wrong, the culprit named. Whatever it is, no state is lost: a
-  /// frame with bad input is not taken up at all; one whose solve fails stays as the IMU predicts
+  /// frame with bad input is not taken up at all; landmarks that cannot be made wait in their
+  /// tracks, and the frame is solved without them; one whose solve fails stays as the IMU predicts
   /// it, without its views; a marginalization that fails is tried again with the next.
   Status status;
   WindowState state;  ///< of the newest frame

@@ -76,6 +76,8 @@ class INCERES_EXPORT EquidistantReprojectionFamily final
                                          Perturbation perturbation = Perturbation::kRight)
       : PointObservationFamily(2, landmark, perturbation), camera_(camera) {}
 
+  /// The camera of all factors.
+  const EquidistantCamera& camera() const { return camera_; }
   const char* Name() const override { return "equidistant reprojection"; }
   EvaluationFailure Evaluate(const FactorBatch& batch) const override;
 

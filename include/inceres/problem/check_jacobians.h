@@ -66,7 +66,7 @@ struct INCERES_EXPORT JacobianReport {
 /// Compares the Jacobians that a family writes with derivatives of its residuals, at the values of
 /// a graph and in the tangent spaces of its variables: what every factor of your own should pass,
 /// at several values, before it is solved with. Of constants too, as if they were not; not of what
-/// is borrowed or has no tangent space.
+/// is borrowed, has no tangent space, or another one than the slot (FactorFamily::Space).
 ///
 ///     J_analytic  ≟  ∂f(x ⊞ δ)/∂δ  at δ = 0
 ///

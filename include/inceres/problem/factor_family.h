@@ -136,7 +136,7 @@ class INCERES_EXPORT FactorFamily {
     int tangent_size = 0;  ///< its degrees of freedom
   };
 
-  /// For factors with so many residuals, and a variable for each slot.
+  /// For factors with so many residuals, and a variable for each slot; at least one of either.
   FactorFamily(int residual_size, std::vector<Slot> slots)
       : residual_size_(residual_size), slots_(std::move(slots)) {}
   virtual ~FactorFamily() = default;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -55,6 +56,27 @@ class INCERES_EXPORT EditStateOwner {
 
 class GraphRestorer;
 
+// Counts the changes of a graph's structure. An assignment is one, and gives a number that neither
+// graph has had: edits that were begun on either are of another one.
+class Revision {
+ public:
+  Revision() = default;
+  Revision(const Revision& other) = default;
+  Revision& operator=(const Revision& other) noexcept {
+    value_ = std::max(value_, other.value_) + 1;
+    return *this;
+  }
+  ~Revision() = default;
+  Revision& operator++() {
+    ++value_;
+    return *this;
+  }
+  std::int64_t value() const { return value_; }
+
+ private:
+  std::int64_t value_ = 0;
+};
+
 template <typename Family, typename = void>
 struct CanPlace : std::false_type {};
 template <typename Family>
@@ -90,6 +112,12 @@ void AddMeasurement(Family* family, int index, const typename Family::Measuremen
 /// a whole and can remove. Ids then have gaps: what is removed leaves its id free, with its room in
 /// the state or its place in the family, for something later of the same size or family.
 /// num_variables() and NumFactors() go on counting ids and places, free ones included.
+///
+/// A copy has its own variables and connections, but shares the families, and with them the
+/// measurements: it is for reading and solving. After a copy was made add, remove or measure anew
+/// factors of a family in one of the two graphs only. Whichever does so writes its measurements
+/// into the family, at the place of its next factor or of one that it has removed, and the other
+/// graph, which may have a factor at that place, has another measurement there without being told.
 ///
 /// Threads: one writer; concurrent reads are fine. Graphs share nothing; copies share families.
 /// Source: Dellaert & Kaess, "Factor Graphs for Robot Perception", 2017.
@@ -200,7 +228,8 @@ class INCERES_EXPORT FactorGraph {
   /// The first half of Apply, for a caller with caches: says whether the edit can be carried out,
   /// and which factors it removes, those that go with their variables included, each once. Changes
   /// nothing that can be seen, but it reserves what Commit needs; so it counts as writing. In the
-  /// steady state it allocates nothing. `removed` is empty after an error.
+  /// steady state it allocates nothing, but for factors of more than 256 slots. `removed` is empty
+  /// after an error.
   Status Check(const GraphEdit& edit, std::vector<FactorId>* removed);
   /// The second half: carries out an edit that Check has passed, with the factors it named, on the
   /// graph as it was then. Cannot fail and allocates nothing, but for PlaceMeasurements, with which
@@ -211,9 +240,9 @@ class INCERES_EXPORT FactorGraph {
   /// calls Commit. What it throws passes through; measurements placed before it stay.
   void PlaceMeasurements(const GraphEdit& edit);
 
-  /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply): an edit begun
-  /// at another one is refused.
-  std::int64_t revision() const { return revision_; }
+  /// Grows with every change of structure (AddVariable, AddFamily, Connect, Apply, an assignment):
+  /// an edit begun at another one is refused.
+  std::int64_t revision() const { return revision_.value(); }
 
   /// Keeps from now on a list of each variable's factors: two links a slot. One pass over the
   /// factors; later calls cost nothing.
@@ -338,12 +367,13 @@ class INCERES_EXPORT FactorGraph {
 
   /// Everything that makes the graph unsolvable, first culprit named: a call that could not be
   /// carried out, ids out of range, sizes that do not match a slot (of a constant only the ambient
-  /// size counts) or the manifold, bounds that nothing can meet, a variable twice in a factor, two
-  /// variable landmarks in a factor, a variable landmark of tangent size above 4, a variable that
-  /// moves in another tangent space than a slot's (FactorFamily::Space), a group below 0, values
-  /// that are null or not finite, a family that holds more or fewer measurements than were
-  /// connected (more is fine once an edit was checked: a refused one may have placed some). Cost:
-  /// one pass over factors and values; allocates for the message only.
+  /// size counts) or the manifold, a plus-Jacobian of more than 2³¹ − 1 entries, bounds that
+  /// nothing can meet, a variable twice in a factor, two variable landmarks in a factor, a variable
+  /// landmark of tangent size above 4, a variable that moves in another tangent space than a slot's
+  /// (FactorFamily::Space), a group below 0, values or pins that are null or not finite, a family
+  /// without residuals or slots, or one that holds more or fewer measurements than were connected
+  /// (more is fine once an edit was checked: a refused one may have placed some). Cost: one pass
+  /// over factors and values; allocates for the message, and for factors of more than 256 slots.
   Status Validate() const;
 
   /// "factor 7 of BAL reprojection (variables 3, 112)": for messages.
@@ -371,7 +401,7 @@ class INCERES_EXPORT FactorGraph {
   internal::FactorTable factors_;
   std::function<std::string(VariableId)> variable_name_;
   Status misuse_;  // the first call that could not be carried out
-  std::int64_t revision_ = 0;
+  internal::Revision revision_;
   bool is_edited_ = false;  // an edit was checked
   internal::EditStateOwner edits_;
 };

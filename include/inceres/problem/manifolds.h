@@ -12,9 +12,10 @@ namespace inceres {
 ///
 /// A Euclidean variable needs no manifold (null pointer). Implement this class for a space of your
 /// own; the built-in ones follow. Calls of Plus and PlusJacobian by the solver come from the
-/// solving thread only, never concurrently; Minus, which only prior factors use
+/// solving thread only, never concurrently. Minus, which only prior factors use
 /// (solver/linear_prior.h), is called while factors are evaluated, so from any of the solver's
-/// threads.
+/// threads, several at once; and Plus with it, as long as Minus is the default one, which calls
+/// Plus.
 class INCERES_EXPORT Manifold {
  public:
   virtual ~Manifold() = default;
@@ -43,7 +44,8 @@ class INCERES_EXPORT Manifold {
   /// The default solves x ⊞ δ = y by Newton's method from δ = 0 with central differences of Plus,
   /// to the last few digits: some 2 d calls of Plus a step and a few steps, with allocations. It
   /// finds the δ near zero and does not know that a point may have two representations (q and −q):
-  /// override it where a closed form is known, as all built-in manifolds do.
+  /// override it where a closed form is known, as all built-in manifolds do. Whoever calls it calls
+  /// Plus, so Plus has to bear calls from several threads at once where Minus has.
   [[nodiscard]] virtual bool Minus(const double* y, const double* x, double* delta) const;
 };
 
@@ -53,8 +55,8 @@ class INCERES_EXPORT Manifold {
 /// last bit and PlusJacobian is exact at any x.
 ///
 /// Minus is a closed form everywhere: of rotations the one by at most π, with q and −q the same
-/// point; false at the antipode of a sphere, and where ⊞ itself is undefined. What a SubsetManifold
-/// holds constant is not looked at.
+/// point; false at the antipode of a sphere, after whole turns of a planar pose, and where ⊞ itself
+/// is undefined. What a SubsetManifold holds constant is not looked at.
 ///
 /// None allocates in Plus, PlusJacobian or Minus; all are immutable and may be shared by variables,
 /// graphs and threads. Source: Hertzberg et al., "Integrating generic sensor fusion algorithms with
@@ -218,7 +220,8 @@ class INCERES_EXPORT SE3Manifold final : public Manifold {
 
 /// Planar pose: storage x, y, θ; ξ = (ρ (2), ω); T Exp(ξ):
 ///     (x, y) + R(θ) V(ω) ρ,   θ + ω,    V(ω) = [sin ω, −(1 − cos ω); 1 − cos ω, sin ω] / ω.
-/// θ is not wrapped: a factor that compares angles wraps their difference.
+/// θ is not wrapped: a factor that compares angles wraps their difference. Minus is false after
+/// whole turns, where V is singular.
 class INCERES_EXPORT SE2Manifold final : public Manifold {
  public:
   int AmbientSize() const override { return 3; }

@@ -53,8 +53,8 @@ struct INCERES_EXPORT CovarianceOptions {
 /// What the factors leave open, of a problem that has no covariance.
 struct INCERES_EXPORT RankDeficiency {
   /// A direction in which the cost does not change, with the frames that move along it: each with
-  /// its share of the squared length, measured in units of the diagonal of S, largest first, those
-  /// above 0.01 and at most eight.
+  /// its share of the squared length, measured in units of the diagonal of C, the frames' block of
+  /// H, largest first, those above 0.01 and at most eight.
   struct Direction {
     std::vector<std::pair<VariableId, double>> shares;  ///< of each frame, the largest first
   };
@@ -81,7 +81,9 @@ struct INCERES_EXPORT RankDeficiency {
 /// What is not determined has no covariance: a free gauge, or a landmark without enough views
 /// anywhere in the problem, is kSingular with the variable, not a large number. Through H, not J
 /// (kQr: through J): a stiff factor of 1e14 beside weak ones of 1e-2 that it ties together exceeds
-/// max_inflation.
+/// max_inflation. kQr takes the landmarks of a frame for free, and so bears stiff factors of
+/// theirs. Where landmarks use up all that factors say of a frame, what is left is rounding, and
+/// kSingular for both, as where their elimination leaves a variance fewer than four digits.
 ///
 /// Cost: one linearization, elimination and factorization of the whole problem, and then whichever
 /// is predicted to take less: a solve with the factor of S for each degree of freedom of what is

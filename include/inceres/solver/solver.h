@@ -50,11 +50,12 @@ INCERES_EXPORT Summary Solve(const SolverOptions& options, FactorGraph* graph);
 
 /// The batch solver for who solves again and again: problems of one structure, the same graph or
 /// another one, find layout, elimination order, symbolic factorization, arrays and threads ready.
-/// Structure is compared by content (sizes, roles, constants, connections), never by address, and
-/// no number computed for one solve is used in the next: the result is that of Solve, to the last
-/// bit. Summary::structure_reused tells. A graph of another structure, another number of threads,
-/// linear model or reduced solver is set up anew, and what was there is given back; so it is each
-/// time with a reduced_solver_factory, kPcg and kAutomaticInexact.
+/// Structure is compared by content (sizes, roles, constants, connections, which families prepare
+/// or recenter), never by address, and no number computed for one solve is used in the next: the
+/// result is that of Solve, to the last bit. Summary::structure_reused tells. A graph of another
+/// structure, another number of threads, linear model or reduced solver is set up anew, and what
+/// was there is given back; so it is each time with a reduced_solver_factory, kPcg and
+/// kAutomaticInexact.
 ///
 /// Between solves only the solver's own arrays are held (Bytes); of the graph nothing is touched
 /// any more. Threads: one solve at a time.

@@ -15,8 +15,8 @@ namespace inceres {
 
 namespace internal {
 
-/// How objects of the types that derive from Base are written and read, by their types and by
-/// names.
+/// How objects of the types that derive from Base are written, by their types, and read, by names.
+/// Of a type with several names all are read, and the one that came last is written.
 template <typename Base>
 class FormatTable {
  public:
@@ -27,28 +27,31 @@ class FormatTable {
   };
 
   void Add(std::type_index type, Format format) {
-    const auto old = by_name_.find(format.name);
-    if (old != by_name_.end()) {
-      by_type_.erase(old->second);
-    }
-    by_name_.insert_or_assign(format.name, type);
-    by_type_.insert_or_assign(type, std::move(format));
+    const std::string name = format.name;
+    names_.insert_or_assign(type, name);
+    formats_.insert_or_assign(name, Entry{type, std::move(format)});
   }
   /// Null if there is none.
-  const Format* Of(const Base& object) const { return Find(std::type_index(typeid(object))); }
+  const Format* Of(const Base& object) const {
+    const std::type_index type(typeid(object));
+    const auto name = names_.find(type);
+    const auto found = name == names_.end() ? formats_.end() : formats_.find(name->second);
+    // The name may be another type's by now, whose format would take the object for one of its own.
+    return found == formats_.end() || found->second.type != type ? nullptr : &found->second.format;
+  }
   const Format* Named(const std::string& name) const {
-    const auto found = by_name_.find(name);
-    return found == by_name_.end() ? nullptr : Find(found->second);
+    const auto found = formats_.find(name);
+    return found == formats_.end() ? nullptr : &found->second.format;
   }
 
  private:
-  const Format* Find(std::type_index type) const {
-    const auto found = by_type_.find(type);
-    return found == by_type_.end() ? nullptr : &found->second;
-  }
+  struct Entry {
+    std::type_index type;
+    Format format;
+  };
 
-  std::map<std::type_index, Format> by_type_;
-  std::map<std::string, std::type_index, std::less<>> by_name_;
+  std::map<std::string, Entry> formats_;          // by name
+  std::map<std::type_index, std::string> names_;  // to be written under, by type
 };
 
 }  // namespace internal
@@ -63,7 +66,9 @@ class FormatTable {
 ///         [](GraphReader* reader) { return std::make_shared<MyFamily>(…); });
 ///
 /// A `read` may return null after GraphReader::Fail; that it has read all that was written is
-/// checked. A name added again replaces the format. Threads: as a plain value.
+/// checked. A name added again replaces the format. A type may be added under several names, a
+/// built-in one too: it is written under the last, and files that have an earlier one are read as
+/// before. Threads: as a plain value.
 class INCERES_EXPORT GraphFormats {
  public:
   /// Knows the built-in types.

@@ -32,8 +32,9 @@ class ProblemCovariance;
 /// Ceres ends the process, as a pair given twice. report() says so.
 ///
 /// Compute returns false where the Jacobian is rank deficient: of SPARSE_QR by the same measure,
-/// above 1e12, which does not depend on the units of a parameter block as the rule of stock's QR
-/// does. The log and report() name how many directions are open, and blocks that move along them.
+/// now with points not known, above 1e12, which does not depend on the units of a parameter block
+/// as stock's rule does; by that rule too; and where points leave a block nothing but rounding. The
+/// log and report() name how many directions are open, and blocks that move along them.
 ///
 /// Threads: one caller. Cost functions are evaluated on num_threads threads; the result is the
 /// same to the last bit for any number.

@@ -104,10 +104,10 @@ class INCERES_EXPORT CeresSession {
   /// session's own.)
   ///
   /// kInvalidArgument: a block is unknown, given twice, or no longer where the solve has put it; or
-  /// no problem lives in the session, for the last solve was exact (SolveReport::exact_reason),
-  /// went to stock Ceres or failed. Reads the given blocks; with CovarianceAccuracy::kExact cost
-  /// functions and manifolds are called, none of which may have been deleted since. Source: as
-  /// there; docs/swap.md.
+  /// nothing is left of the last solve, for it was exact (SolveReport::exact_reason), went to stock
+  /// Ceres, was refused, failed or had nothing to solve for. Reads the given blocks; with
+  /// CovarianceAccuracy::kExact cost functions and manifolds are called, which must still be there.
+  /// Source: as there; docs/swap.md.
   Status Covariance(const std::vector<const double*>& parameter_blocks,
                     const LiveCovarianceOptions& options, LiveCovariance* covariance) const;
 
