@@ -57,8 +57,8 @@ class StoppingRule {
   void SetRounding(double rounding) { rounding_ = rounding; }
 
   /// What the Update before has left undone, and rightly so, is no reason for a step in this one;
-  /// but where values or functions were written no step has led, and one is to bear out what the
-  /// model says.
+  /// but where values or functions were written or factors removed no step has led, and one is to
+  /// bear out what the model says.
   void GoOnFrom(const StoppingRule& before, bool is_rewritten) {
     asks_for_step_ = is_rewritten;
     claim_ = is_rewritten ? Claim() : before.claim_;

@@ -55,7 +55,7 @@ Status FactoredNormals::EliminateByRows(double least, std::vector<RowsOfBlocks>*
       // By two rules: ours, which does not depend on units, and SuiteSparseQR's, if `least` is set.
       // Negated, so that NaN is open.
       const double inflation = landmark.Inflation();
-      const bool is_open = inflation > options_.max_inflation ||
+      const bool is_open = !(inflation <= options_.max_inflation) ||
                            !(landmark.triangle.diagonal().cwiseAbs().minCoeff() > least);
       open[static_cast<std::size_t>(l)] = is_open ? 1 : 0;
       // One that uses up all of its rows leaves nothing, and no rounding.

@@ -25,11 +25,11 @@ bool IsWeight(double value) {
 }
 
 std::string NoScale(double value) {
-  return "a scale is " + std::to_string(value) + " but must be positive";
+  return "a scale is " + std::to_string(value) + " but must be positive and finite";
 }
 
 std::string NoWeight(double value) {
-  return "a weight is " + std::to_string(value) + " but must not be negative";
+  return "a weight is " + std::to_string(value) + " but must be finite and not negative";
 }
 
 void WriteScale(double value, GraphWriter* writer) {

@@ -186,7 +186,8 @@ TEST(LossesOfWrongParameters, AreNotSaved) {
     EXPECT_NE(status.message.find(expected), std::string::npos) << status.message;
     EXPECT_EQ(bytes.empty(), !expected.empty());
   };
-  expect(std::make_shared<HuberLoss>(0.0), "loss 0: a scale is 0.000000 but must be positive");
+  expect(std::make_shared<HuberLoss>(0.0),
+         "loss 0: a scale is 0.000000 but must be positive and finite");
   expect(std::make_shared<SoftLOneLoss>(-1.0), "a scale is -1");
   expect(std::make_shared<CauchyLoss>(HUGE_VAL), "a scale is inf");
   expect(std::make_shared<ArctanLoss>(std::nan("")), "a scale is nan");
@@ -194,7 +195,7 @@ TEST(LossesOfWrongParameters, AreNotSaved) {
   expect(std::make_shared<TolerantLoss>(1.0, 0.0), "a scale is 0");
   expect(std::make_shared<TolerantLoss>(-1.0, 1.0), "a scale is -1");
   expect(std::make_shared<ScaledLoss>(nullptr, -1.0),
-         "a weight is -1.000000 but must not be negative");
+         "a weight is -1.000000 but must be finite and not negative");
   expect(std::make_shared<ScaledLoss>(std::make_shared<HuberLoss>(0.0), 1.0), "a scale is 0");
   expect(std::make_shared<ScaledLoss>(nullptr, 0.0), "");
 }

@@ -28,7 +28,8 @@ template <typename Number>
 std::optional<Number> NonNegative(const std::string& text) {
   Number value = 0;
   const char* const end = text.data() + text.size();
-  const auto [rest, error] = std::from_chars(text.data(), end, value);
+  const char* const begin = text.data() + (text[0] == '+' ? 1 : 0);
+  const auto [rest, error] = std::from_chars(begin, end, value);
   const bool whole = error == std::errc() && rest == end;
   return whole && value >= 0 ? std::optional<Number>(value) : std::nullopt;
 }

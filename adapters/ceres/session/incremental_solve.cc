@@ -44,6 +44,13 @@ bool Conclude(UpdateResult* result, IncrementalObserver* observer, const SolveIn
   return WriteUpdate(std::move(*result), std::move(core), input, summary, report);
 }
 
+// Of a solve that goes on, memory shows where it began, unless the user sees every iteration.
+void ShowStart(const SolveInput& input) {
+  if (input.shown != nullptr && !input.options.update_state_every_iteration) {
+    input.shown->PutBack();
+  }
+}
+
 // Brings the living problem to where the user's is.
 Status Follow(const SolveInput& input, IncrementalProblem* living, LandmarkSelection* landmarks,
               ProblemChanges* changes) {
@@ -64,6 +71,7 @@ bool Minimize(const SolveInput& input, const IncrementalOptions& core_options,
   if (!status.ok()) {
     return Fail(status.message, summary);
   }
+  ShowStart(input);
   result.num_landmarks = living->num_landmarks();
   result.iterates_in_batch = IteratesInBatch(input.options, core_options);
   WriteLinearSolver(input.view, input.ordering, landmarks,
@@ -87,9 +95,7 @@ bool MinimizeOnce(const SolveInput& input, const IncrementalOptions& core_option
   result.fixed_cost = summary->fixed_cost;
   FactorGraph graph;
   const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &result.landmarks, summary);
-  if (input.shown != nullptr && !input.options.update_state_every_iteration) {
-    input.shown->PutBack();
-  }
+  ShowStart(input);
   NameVariables(blocks, &graph);
   result.num_landmarks = result.landmarks.num_landmarks;
   result.iterates_in_batch = IteratesInBatch(input.options, core_options);

@@ -206,7 +206,7 @@ void CeresSession::Impl::SolveLiving(const internal::SolveCall& call,
     start->Keep();
     living = std::move(working);
     // Where there is nothing to solve for it has not followed the problem.
-    is_of_last_solve = view.reduced.num_parameter_blocks > 0;
+    is_of_last_solve = living != nullptr && view.reduced.num_parameter_blocks > 0;
   }
 }
 
@@ -275,11 +275,14 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   report->callback_seconds += before.callback_seconds;
   report->update.num_evaluated_factors += before.update.num_evaluated_factors;
   report->update.num_relinearized_factors += before.update.num_relinearized_factors;
-  report->exact_reason = !in_batch || !before.exact_reason.empty()
-                             ? before.exact_reason
-                             : "incremental steps did not converge: those after iteration " +
-                                   std::to_string(*again.last_iteration) +
-                                   " are the batch solver's";
+  const std::string number = std::to_string(*again.last_iteration);
+  report->exact_reason = before.exact_reason;
+  if (in_batch && before.exact_reason.empty()) {
+    report->exact_reason = "incremental steps did not converge: those after iteration " + number +
+                           " are the batch solver's";
+  } else if (!in_batch && !before.exact_reason.empty()) {
+    report->exact_reason += ", up to iteration " + number;
+  }
   return summary->IsSolutionUsable() ? Part::kDone : Part::kAborted;
 }
 
@@ -297,6 +300,8 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   // Clamped steps creep along bounds, and prove nothing there.
   working = internal::HasBounds(view) ? working : nullptr;
+  // What has ended by refusals would only say so again.
+  const bool goes_on = working == nullptr || !report->update.rests_on_refusals;
   const auto iterations_left = [&] {
     return std::max(
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
@@ -306,10 +311,10 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
     const Descent only{
         IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
         iterations_left(), /*as_ceres=*/false, working};
-    return GoOnInBatch(input, only, start, report, summary) != Part::kAborted;
+    return !goes_on || GoOnInBatch(input, only, start, report, summary) != Part::kAborted;
   }
-  bool has_end = false;  // without a proof
-  if (GainedLately(*summary) <= Tolerance(input, *report)) {
+  bool has_end = !goes_on;  // without a proof
+  if (goes_on && GainedLately(*summary) <= Tolerance(input, *report)) {
     const Descent near{kGoOn, iterations_left() / 2, /*as_ceres=*/false, working};
     const int others_left = iterations_left() - near.max_iterations;
     const Part part = GoOnInBatch(input, near, start, report, summary);

@@ -57,7 +57,7 @@ class INCERES_EXPORT EditStateOwner {
 class GraphRestorer;
 
 // Counts the changes of a graph's structure. An assignment is one, and gives a number that neither
-// graph has had: edits that were begun on either are of another one.
+// graph has had: edits that were begun on what is assigned to are of another one.
 class Revision {
  public:
   Revision() = default;

@@ -104,8 +104,8 @@ class INCERES_EXPORT CeresSession {
   /// session's own.)
   ///
   /// kInvalidArgument: a block is unknown, given twice, or no longer where the solve has put it; or
-  /// nothing is left of the last solve, for it was exact (SolveReport::exact_reason), went to stock
-  /// Ceres, was refused, failed or had nothing to solve for. Reads the given blocks; with
+  /// nothing is left of the last solve, for it was exact and not remembered, went to stock Ceres,
+  /// was refused, failed or had nothing to solve for. Reads the given blocks; with
   /// CovarianceAccuracy::kExact cost functions and manifolds are called, which must still be there.
   /// Source: as there; docs/swap.md.
   Status Covariance(const std::vector<const double*>& parameter_blocks,
