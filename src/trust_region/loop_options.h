@@ -80,7 +80,7 @@ struct StepSystem {
   /// By family, of each by factor; without those that are left out as zeros
   /// (Evaluator::set_leaves_out_zero_blocks).
   std::vector<Block> blocks;
-  std::vector<const double*> residuals;  ///< per family, of its first factor
+  std::vector<std::vector<double>> residuals;  ///< per family, factor after factor
   /// Per VariableId, into the vectors below; -1 of what does not move.
   std::vector<int> first_entry;
   std::vector<double> scale;    ///< of the columns, as the damping sees them

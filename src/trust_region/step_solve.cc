@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "trust_region/loop_ends.h"
 
@@ -13,6 +14,30 @@ namespace inceres::internal {
 // the damping and costs no evaluation, and an error of another kind, which ends the solve.
 
 namespace {
+
+// Views are where Jacobians are written, which may be a strip that is over.
+JacobianView BlockOf(const Linearization& factors, int i, int s) {
+  JacobianView block = factors.views[s];
+  if (factors.has_whole_rows()) {
+    block.data += i * block.factor_stride;
+  } else {
+    const SlotJacobians& slot = factors.slots[s];
+    block = {slot.data + factors.Record(i) * slot.factor_stride, slot.factor_stride,
+             slot.row_stride};
+  }
+  return block;
+}
+
+// By factor, whatever the order of their records.
+std::vector<double> ResidualsOf(const Linearization& factors) {
+  std::vector<double> residuals;
+  for (int i = 0; i < factors.num_factors; ++i) {
+    const double* const f = factors.residuals.data() +
+                            static_cast<std::ptrdiff_t>(factors.Record(i)) * factors.residual_size;
+    residuals.insert(residuals.end(), f, f + factors.residual_size);
+  }
+  return residuals;
+}
 
 void AddBlocksOf(const Evaluator& evaluator, const Linearization& factors, StepSystem* system) {
   const Layout& layout = evaluator.layout();
@@ -26,10 +51,9 @@ void AddBlocksOf(const Evaluator& evaluator, const Linearization& factors, StepS
       const VariableId id = factors.graph->Variables(factors.id, i)[s];
       const int position = layout.Position(id);
       if (position >= 0 && (offsets == nullptr || offsets[factors.Entry(i) + s] >= 0)) {
-        const JacobianView& view = factors.views[s];
+        const JacobianView block = BlockOf(factors, i, s);
         system->blocks.push_back({factors.id, i, id, factors.residual_size,
-                                  layout.TangentSize(position), view.data + i * view.factor_stride,
-                                  view.row_stride});
+                                  layout.TangentSize(position), block.data, block.row_stride});
       }
     }
   }
@@ -118,7 +142,7 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
   // Blocks as the factors have them: unscaled, corrected for the loss.
   for (const Linearization& factors : evaluator.families()) {
     AddBlocksOf(evaluator, factors, &system);
-    system.residuals.push_back(factors.residuals.data());
+    system.residuals.push_back(ResidualsOf(factors));
   }
   system.first_entry.resize(layout.position.size());
   std::transform(

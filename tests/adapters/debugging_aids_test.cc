@@ -296,6 +296,41 @@ TEST_F(Dump, SystemsOfSparseSolversWithDynamicSparsityAreStocks) {
   }
 }
 
+// Thousands of residual blocks, camera by camera.
+std::unique_ptr<testing::TestProblem> MakeBundleCameraByCamera() {
+  constexpr std::size_t kCameras = 3;
+  std::unique_ptr<testing::TestProblem> test = testing::MakeBundle(kCameras, 1400, true);
+  std::vector<ceres::ResidualBlockId> by_point;
+  test->problem.GetResidualBlocks(&by_point);
+  for (std::size_t c = 0; c < kCameras; ++c) {
+    for (std::size_t k = c; k < by_point.size(); k += kCameras) {
+      std::vector<double*> blocks;
+      test->problem.GetParameterBlocksForResidualBlock(by_point[k], &blocks);
+      test->problem.AddResidualBlock(
+          const_cast<ceres::CostFunction*>(
+              test->problem.GetCostFunctionForResidualBlock(by_point[k])),
+          nullptr, blocks);
+    }
+  }
+  for (const ceres::ResidualBlockId id : by_point) {
+    test->problem.RemoveResidualBlock(id);
+  }
+  return test;
+}
+
+// Their Jacobians are kept landmark by landmark then, and only as long as they are needed.
+TEST_F(Dump, SystemsOfIterativeSchurAreStocksWhateverTheOrderOfResidualBlocks) {
+  ceres::Solver::Options options = OptionsOf(ceres::ITERATIVE_SCHUR);
+  options.trust_region_minimizer_iterations_to_dump = {1};
+  SolveBoth(MakeBundleCameraByCamera, options);
+  EXPECT_EQ(Files("ours"), Files("stock"));
+  const std::string base = "ceres_solver_iteration_001";
+  for (const char* part : {"_D.txt", "_b.txt"}) {
+    ExpectSameNumbers(Numbers("ours", base + part), Numbers("stock", base + part), /*sorted=*/true);
+  }
+  EXPECT_EQ(Numbers("ours", base + "_A.txt").size(), Numbers("stock", base + "_A.txt").size());
+}
+
 // Points are eliminated here where that is cheaper; a type that eliminates none does not show it.
 TEST_F(Dump, ColumnsOfATypeThatIsNotSchurAreInTheOrderOfTheProblem) {
   ceres::Solver::Options options = OptionsOf(ceres::DENSE_NORMAL_CHOLESKY);

@@ -173,7 +173,7 @@ std::vector<SystemDump::Entry> SystemDump::AllEntries(const std::vector<Entry>& 
 std::vector<double> SystemDump::ResidualsOf(const StepSystem& system) const {
   std::vector<double> b(At(num_rows_));
   for (std::size_t f = 0; f < first_row_.size(); ++f) {
-    const double* residual = system.residuals[f];
+    const double* residual = system.residuals[f].data();
     for (const int row : first_row_[f]) {
       std::copy_n(residual, num_rows_of_[f], b.begin() + row);
       residual += num_rows_of_[f];
