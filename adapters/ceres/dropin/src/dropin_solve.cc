@@ -94,7 +94,8 @@ void SolveIncrementally(DropinMode mode, KnownProblem* known, const ceres::Solve
   const Borrowed borrowed(known);
   SolveOptions asked = Asked(*known, SolveMode::kIncremental);
   SolveReport report;
-  if (known->num_solves > 0 && borrowed.mine()) {
+  // With bounds only a session brings what incremental steps do not finish to an end.
+  if ((known->num_solves > 0 || known->has_bounds) && borrowed.mine()) {
     CeresSession& session = SessionOf(mode, known);
     asked.problem_unedited = Next().sees_all_calls && !known->edited;
     known->edited = false;
