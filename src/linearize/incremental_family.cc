@@ -19,13 +19,6 @@ namespace {
 // What a factor is told of a variable that it has no Jacobian for.
 constexpr TangentMap kConstantMap{TangentMap::Kind::kConstant};
 
-// By the rules that a variable has to keep in order to move (problem/find_fault.h).
-bool FitsSlot(const FactorGraph& graph, const FactorFamily& family, int slot, VariableId id) {
-  const Manifold* const manifold = graph.manifold(id);
-  return graph.TangentSize(id) == family.slot(slot).tangent_size &&
-         (manifold == nullptr || MovesIn(family.Space(slot), *manifold));
-}
-
 }  // namespace
 
 IncrementalFamily::IncrementalFamily(const FactorGraph& graph, FamilyId id)
@@ -58,8 +51,8 @@ void IncrementalFamily::Connect(int factor, VariableStore* variable_store) {
   const FactorGraph& graph = *factors_.graph;
   for (int s = 0; s < num_slots(); ++s) {
     const VariableId id = variables(factor)[s];
-    const bool fits =
-        variable_store->quad(id) < 0 || !graph.IsConstant(id) || FitsSlot(graph, family(), s, id);
+    const bool fits = variable_store->quad(id) < 0 || !graph.IsConstant(id) ||
+                      CouldMoveInSlot(graph, id, family(), s);
     const TangentMap& map = fits ? variable_store->map(id) : kConstantMap;
     const auto at = static_cast<std::size_t>(factors_.Entry(factor)) + s;
     // A variable that is constant is not linearized and needs no pin.

@@ -22,16 +22,6 @@ using internal::FamilyCheck;
 using internal::Invalid;
 using internal::SlotPoint;
 
-// Whether the variable could move in the slot's tangent space. What Validate has not asked of a
-// constant: its degrees of freedom, and that its manifold is one the family's Jacobians are for.
-bool HasTangentOf(const FactorGraph& graph, VariableId variable, const FactorFamily& family,
-                  int s) {
-  const int size = graph.TangentSize(variable);
-  const Manifold* manifold = graph.manifold(variable);
-  return size > 0 && size == family.slot(s).tangent_size &&
-         (manifold == nullptr || internal::MovesIn(family.Space(s), *manifold));
-}
-
 // Constants are checked as if they were free, if they could be: of one whose tangent space is not
 // the slot's there is nothing to compare, nor of a borrowed one, which has none.
 std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor) {
@@ -41,8 +31,9 @@ std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor
   const VariableId* variables = graph.Variables(id, factor);
   for (int s = 0; s < family.num_slots(); ++s) {
     const VariableId variable = variables[s];
-    point.push_back({graph.Values(variable), graph.manifold(variable),
-                     HasTangentOf(graph, variable, family, s)});
+    point.push_back(
+        {graph.Values(variable), graph.manifold(variable),
+         graph.TangentSize(variable) > 0 && internal::CouldMoveInSlot(graph, variable, family, s)});
   }
   return point;
 }

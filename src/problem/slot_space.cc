@@ -119,6 +119,13 @@ bool MovesIn(SlotSpace space, const Manifold& manifold) {
   return true;
 }
 
+bool CouldMoveInSlot(const FactorGraph& graph, VariableId id, const FactorFamily& family,
+                     int slot) {
+  const Manifold* const manifold = graph.manifold(id);
+  return graph.TangentSize(id) == family.slot(slot).tangent_size &&
+         (manifold == nullptr || MovesIn(family.Space(slot), *manifold));
+}
+
 const char* NameOf(SlotSpace space) {
   switch (space) {
     case SlotSpace::kEuclidean:

@@ -97,10 +97,10 @@ class CeresSession::Impl {
   std::string ReasonForExact(const ceres::Solver::Options& solver_options);
   bool IsUnfinished(const internal::SolveInput& input, const IncrementalOptions& core,
                     const SolveReport& report, const ceres::Solver::Summary& summary) const;
-  bool FinishInBatch(const ceres::Problem& problem, const internal::SolveInput& input,
-                     const IncrementalOptions& core, const internal::StartValues& start,
-                     std::unique_ptr<internal::IncrementalProblem>* working, SolveReport* report,
-                     ceres::Solver::Summary* summary);
+  bool Finish(const ceres::Problem& problem, const internal::SolveInput& input,
+              const IncrementalOptions& core, const internal::StartValues& start,
+              std::unique_ptr<internal::IncrementalProblem>* working, SolveReport* report,
+              ceres::Solver::Summary* summary);
   // What came of a part of a solve: nothing, and all is as before it; an end; an abort, or values
   // that cannot be evaluated.
   enum class Part { kNone, kDone, kAborted };
@@ -111,9 +111,9 @@ class CeresSession::Impl {
     // Unless null what is remembered goes on by itself.
     std::unique_ptr<internal::IncrementalProblem>* working = nullptr;
   };
-  Part GoOnInBatch(const internal::SolveInput& input, const Descent& descent,
-                   const internal::StartValues& start, SolveReport* report,
-                   ceres::Solver::Summary* summary);
+  Part GoOn(const internal::SolveInput& input, const Descent& descent,
+            const internal::StartValues& start, SolveReport* report,
+            ceres::Solver::Summary* summary);
   bool SolveExactlyFor(const std::string& reason, const internal::SolveCall& call,
                        internal::SolveInput* input);
   std::unique_ptr<internal::IncrementalProblem> NewLiving(const IncrementalOptions& core);
@@ -195,7 +195,7 @@ void CeresSession::Impl::SolveLiving(const internal::SolveCall& call,
   bool solved = internal::SolveIncrementally(input, core, working.get(), summary, report);
   if (solved) {
     solved = !IsUnfinished(input, core, *report, *summary) ||
-             FinishInBatch(*problem, input, core, *start, &working, report, summary);
+             Finish(*problem, input, core, *start, &working, report, summary);
   }
   if (solved && options.automatic) {
     // with what finishing took
@@ -227,11 +227,11 @@ bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
 
 // The batch solver, or what is remembered, from the values in the user's memory, which shows the
 // start again meanwhile, as in a solve of one part. What is remembered finds the values changed.
-CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveInput& input,
-                                                         const Descent& descent,
-                                                         const internal::StartValues& start,
-                                                         SolveReport* report,
-                                                         ceres::Solver::Summary* summary) {
+CeresSession::Impl::Part CeresSession::Impl::GoOn(const internal::SolveInput& input,
+                                                  const Descent& descent,
+                                                  const internal::StartValues& start,
+                                                  SolveReport* report,
+                                                  ceres::Solver::Summary* summary) {
   if (NumEvaluations(report->update) >= options.core.max_factor_evaluations) {
     return Part::kNone;
   }
@@ -245,22 +245,22 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
   if (in_batch && !internal::ChoosePlan(type, &again).empty()) {
     return Part::kNone;  // no memory for it
   }
-  has_view = false;  // the batch solver's graph takes its place
+  has_view = false;  // the batch solver's graph may take its place
   internal::StartValues reached(view);
   ceres::Solver::Summary first;
   std::swap(first, *summary);
   const SolveReport before = *report;
-  IncrementalOptions of_batch = internal::IncrementalOptionsFor(again, options.core);
-  of_batch.max_num_iterations = descent.max_iterations;
-  of_batch.max_factor_evaluations -= NumEvaluations(before.update);
+  IncrementalOptions of_part = internal::IncrementalOptionsFor(again, options.core);
+  of_part.max_num_iterations = descent.max_iterations;
+  of_part.max_factor_evaluations -= NumEvaluations(before.update);
   if (in_batch) {
-    of_batch.batch_share = descent.as_ceres ? 0.0 : std::min(of_batch.batch_share, 0.5);
-    of_batch.batch_strategy = descent.strategy;
+    of_part.batch_share = descent.as_ceres ? 0.0 : std::min(of_part.batch_share, 0.5);
+    of_part.batch_strategy = descent.strategy;
   }
-  if (!internal::SolveIncrementally(again, of_batch, in_batch ? nullptr : descent.working->get(),
-                                    summary, report) &&
-      !in_batch) {
-    descent.working->reset();  // of no more use
+  internal::IncrementalProblem* const remembered = in_batch ? nullptr : descent.working->get();
+  const bool usable = internal::SolveIncrementally(again, of_part, remembered, summary, report);
+  if (!usable && !in_batch) {
+    descent.working->reset();
   }
   // What was reached stays, unless it is found to have no cost: what is remembered of it is then
   // out of date.
@@ -291,12 +291,10 @@ CeresSession::Impl::Part CeresSession::Impl::GoOnInBatch(const internal::SolveIn
 // is solved from the start as Ceres would, so that no solve takes many more iterations than there;
 // and from the lower one of both ends it goes on, unless that one has been such an end before.
 // False after an abort.
-bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
-                                       const internal::SolveInput& input,
-                                       const IncrementalOptions& core,
-                                       const internal::StartValues& start,
-                                       std::unique_ptr<internal::IncrementalProblem>* working,
-                                       SolveReport* report, ceres::Solver::Summary* summary) {
+bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::SolveInput& input,
+                                const IncrementalOptions& core, const internal::StartValues& start,
+                                std::unique_ptr<internal::IncrementalProblem>* working,
+                                SolveReport* report, ceres::Solver::Summary* summary) {
   constexpr TrustRegionStrategyKind kGoOn = TrustRegionStrategyKind::kMarquardt;
   // Clamped steps creep along bounds, and prove nothing there.
   working = internal::HasBounds(view) ? working : nullptr;
@@ -311,13 +309,13 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
     const Descent only{
         IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
         iterations_left(), /*as_ceres=*/false, working};
-    return !goes_on || GoOnInBatch(input, only, start, report, summary) != Part::kAborted;
+    return !goes_on || GoOn(input, only, start, report, summary) != Part::kAborted;
   }
   bool has_end = !goes_on;  // without a proof
   if (goes_on && GainedLately(*summary) <= Tolerance(input, *report)) {
     const Descent near{kGoOn, iterations_left() / 2, /*as_ceres=*/false, working};
     const int others_left = iterations_left() - near.max_iterations;
-    const Part part = GoOnInBatch(input, near, start, report, summary);
+    const Part part = GoOn(input, near, start, report, summary);
     if (part != Part::kDone || !IsUnfinished(input, core, *report, *summary)) {
       return part != Part::kAborted;
     }
@@ -333,7 +331,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   start.PutBack();
   Look(problem);
   const Descent anew{core.batch_strategy, iterations_left() / 2, /*as_ceres=*/true};
-  const Part part = GoOnInBatch(input, anew, start, report, summary);
+  const Part part = GoOn(input, anew, start, report, summary);
   if (part == Part::kAborted) {
     return false;
   }
@@ -357,7 +355,7 @@ bool CeresSession::Impl::FinishInBatch(const ceres::Problem& problem,
   }
   Look(problem);
   const Descent last{kGoOn, iterations_left(), /*as_ceres=*/false, working};
-  return GoOnInBatch(input, last, start, report, summary) != Part::kAborted;
+  return GoOn(input, last, start, report, summary) != Part::kAborted;
 }
 
 // Empty: the solve is to be incremental.
