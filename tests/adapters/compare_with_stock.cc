@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "inceres/ceres/session.h"
+
 namespace inceres::testing {
 namespace {
 
@@ -160,6 +162,16 @@ BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options
   inceres::Solve(our_options, &both.our_problem->problem, &both.ours, solve_options, &both.report);
   EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
   return both;
+}
+
+void SolveBySessionOrOnce(bool session, const ceres::Solver::Options& options,
+                          ceres::Problem* problem, const SolveOptions& asked,
+                          ceres::Solver::Summary* summary, SolveReport* report) {
+  if (session) {
+    CeresSession().Solve(options, problem, summary, asked, report);
+  } else {
+    inceres::Solve(options, problem, summary, asked, report);
+  }
 }
 
 void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination) {

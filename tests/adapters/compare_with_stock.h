@@ -24,6 +24,11 @@ using Adjust = std::function<void(TestProblem*, ceres::Solver::Options*)>;
 BothSolved SolveBoth(const Recipe& recipe, const ceres::Solver::Options& options,
                      const Adjust& adjust = nullptr);
 
+/// By a session of its own, or by a single solve: what incremental mode is asked for in two ways.
+void SolveBySessionOrOnce(bool session, const ceres::Solver::Options& options,
+                          ceres::Problem* problem, const SolveOptions& asked,
+                          ceres::Solver::Summary* summary, SolveReport* report);
+
 /// Every field of the summaries but times; costs and norms of the trace to a relative tolerance.
 /// Elimination order and Schur structure only if `same_elimination`.
 void ExpectSameSummary(const BothSolved& both, double tolerance, bool same_elimination);

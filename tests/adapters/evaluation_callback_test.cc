@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
-#include "inceres/ceres/session.h"
 #include "support/ceres_manifolds.h"
 
 namespace inceres {
@@ -244,11 +243,7 @@ TEST(EvaluationCallback, IncrementalModeAndSessionsSolveExactly) {
     asked.evaluation_callback = test->evaluation_callback;
     Options options;
     ceres::Solver::Summary summary;
-    if (session) {
-      CeresSession().Solve(options, &test->problem, &summary, asked, &report);
-    } else {
-      Solve(options, &test->problem, &summary, asked, &report);
-    }
+    testing::SolveBySessionOrOnce(session, options, &test->problem, asked, &summary, &report);
     EXPECT_FALSE(report.used_stock) << report.fallback_reason;
     EXPECT_EQ(report.exact_reason, "an evaluation callback, which is told of whole points only");
     EXPECT_GT(callbacks.all[0]->calls.size(), 2u);

@@ -14,7 +14,6 @@
 #include "adapters/captured_log.h"
 #include "adapters/ceres/fallback/decline.h"
 #include "adapters/compare_with_stock.h"
-#include "inceres/ceres/session.h"
 #include "support/ceres_manifolds.h"
 
 namespace inceres {
@@ -271,11 +270,7 @@ TEST(Gate, ManifoldsAreNotAskedWhereAProblemGoesToStock) {
     SolveReport report;
     asked.mode = SolveMode::kIncremental;
     asked.strict = true;
-    if (session) {
-      CeresSession().Solve(Options(), &test.problem, &summary, asked, &report);
-    } else {
-      inceres::Solve(Options(), &test.problem, &summary, asked, &report);
-    }
+    testing::SolveBySessionOrOnce(session, Options(), &test.problem, asked, &summary, &report);
     EXPECT_NE(report.fallback_reason.find("lower bound not below"), std::string::npos)
         << report.fallback_reason;
     EXPECT_EQ(num_calls, 0);

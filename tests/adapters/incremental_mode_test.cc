@@ -349,11 +349,7 @@ TEST(IncrementalGate, OptionsOnlyExactModeHonors) {
       SolveReport report;
       asked.mode = SolveMode::kIncremental;
       asked.strict = true;
-      if (session) {
-        CeresSession().Solve(options, &test->problem, &summary, asked, &report);
-      } else {
-        inceres::Solve(options, &test->problem, &summary, asked, &report);
-      }
+      testing::SolveBySessionOrOnce(session, options, &test->problem, asked, &summary, &report);
       EXPECT_FALSE(report.used_stock) << report.fallback_reason;
       EXPECT_NE(report.exact_reason.find(reason), std::string::npos) << report.exact_reason;
       ceres::Solver::Summary expected;
