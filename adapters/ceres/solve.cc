@@ -13,7 +13,9 @@
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "adapters/ceres/read/selection.h"
 #include "adapters/ceres/session/incremental_solve.h"
+#include "inceres/ceres/session.h"
 
 namespace inceres {
 namespace {
@@ -71,6 +73,11 @@ void SolveOnce(const internal::SolveCall& call) {
       solve_options.mode == SolveMode::kIncremental && report->exact_reason.empty();
   if (!obstacle.empty()) {
     internal::Decline(call, obstacle);
+    return;
+  }
+  if (incremental && internal::HasBounds(view)) {
+    // A session finishes what incremental steps have not, for the batch solver does not begin here.
+    internal::SolveOnceInSession(call);
     return;
   }
   internal::SolveInput input{options, view, ordering, clock, callback};

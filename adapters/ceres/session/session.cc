@@ -459,6 +459,12 @@ Status CeresSession::Covariance(const std::vector<const double*>& parameter_bloc
                              "none");
 }
 
+void internal::SolveOnceInSession(const SolveCall& call) {
+  SessionOptions options;
+  options.exact_windows = false;  // no window slides in one solve
+  CeresSession::Impl(options).SolveOnce(call);
+}
+
 void CeresSession::Forget(const ceres::CostFunction* cost_function) {
   if (impl_->living != nullptr) {
     impl_->living->Forget(cost_function);

@@ -14,6 +14,11 @@
 
 namespace inceres {
 
+namespace internal {
+struct SolveCall;
+void SolveOnceInSession(const SolveCall& call);
+}  // namespace internal
+
 /// What a CeresSession is told once.
 struct INCERES_EXPORT SessionOptions {
   /// Thresholds and damping limits. What a ceres::Solver::Options says too is taken from there at
@@ -119,6 +124,8 @@ class INCERES_EXPORT CeresSession {
   void Reset();
 
  private:
+  friend void internal::SolveOnceInSession(const internal::SolveCall& call);
+
   class INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
