@@ -79,13 +79,15 @@ bool StoppingRule::NextStepsGainLittle(double series, double landmark_rest, doub
 // What is left falls by φ = Σ r_i² R_i / Σ R_i, where the model's curvature in direction i is off
 // by a share of r_i; so φ rises, toward the largest r_i², as far as steps are a linear iteration.
 // A first step tells of the directions in which there was most to gain. Where another one is a
-// saddle, r_i > 1, and little was left of it, that comes to light when φ jumps.
+// saddle, r_i > 1, and little was left of it, that comes to light when φ jumps. Where φ was 1 or
+// more a direction had just come up, and only its own steps tell how it falls.
 bool StoppingRule::IsBorneOut(double remaining, double cost) const {
   if (std::isinf(tuning_.factor_growth) || !has_stepped_) {
     return std::isinf(tuning_.factor_growth) || !asks_for_step_;
   }
   const bool falls_steadily =
-      !has_curved_down_ && previous_factor_ > 0.0 && remaining < last_remaining_ &&
+      !has_curved_down_ && previous_factor_ > 0.0 && previous_factor_ < 1.0 &&
+      remaining < last_remaining_ &&
       remaining <= tuning_.factor_growth * previous_factor_ * last_remaining_;
   return last_gain_ratio_ <= kCurvesDown && last_gain_ratio_ >= kCurvesUp &&
          (falls_steadily || last_gain_ <= tuning_.rest_share * Tolerance(cost));

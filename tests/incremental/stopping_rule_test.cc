@@ -53,6 +53,18 @@ TEST(StoppingRule, WhereTheCostHasCurvedDownwardASmallStepBearsOut) {
   }
 }
 
+// A step that promised more than the one before had come to another direction, of which nothing is
+// known but that.
+TEST(StoppingRule, PromisesThatHaveRisenDoNotFallSteadily) {
+  for (const double before : {10.0, 1000.0}) {
+    StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+    rule.StepTaken(before * kTolerance, before * kTolerance, 1.0);
+    rule.StepTaken(20.0 * kTolerance, 20.0 * kTolerance, 1.0);
+    EXPECT_TRUE(IsLittle(&rule, 0.05, 0.0));
+    EXPECT_EQ(rule.WaitForStep(), before < 20.0);
+  }
+}
+
 TEST(StoppingRule, LandmarksThatMayCreepAreAskedFirst) {
   StoppingRule rule = RuleAfterAStep();
   EXPECT_FALSE(IsLittle(&rule, 0.07, 0.05));
