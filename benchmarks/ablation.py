@@ -92,7 +92,11 @@ def main():
     parser.add_argument("--only", default="", help="only thresholds with this in their name")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time")
     parser.add_argument("--pose_graphs", action="store_true", help="play pose graphs")
+    parser.add_argument("--names", action="store_true", help="print the names as src/incremental/tuning.cc includes them, and play nothing")
     arguments = parser.parse_args()
+    if arguments.names:
+        print("\n".join(f"INCERES_THRESHOLD({name})" for name, _, _ in thresholds()))
+        return 0
     replays = POSE_GRAPHS if arguments.pose_graphs else REPLAYS
     settings = [("as they are", "")]
     for name, value, count in thresholds():

@@ -312,10 +312,12 @@ void MeasureRobustification(benchmark::State& state, double second_derivative,
   Measure(state, (flops_an_entry * kEntries + 2.0 * kRows) * ladybug.num_factors(),
           16.0 * (kEntries + kRows) * ladybug.num_factors(), [&] {
             for (int i = 0; i < cache.num_factors; ++i) {
-              benchmark::DoNotOptimize(RobustifyFactor(
-                  &loss, 2, 2, cache.slots.data(), i,
-                  cache.tangent_offsets.data() + std::ptrdiff_t{2} * i, LossCurvature::kPositive,
-                  cache.residuals.data() + std::ptrdiff_t{2} * i));
+              double* const f = cache.residuals.data() + std::ptrdiff_t{2} * i;
+              const LossValue value(&loss, f, 2);
+              RobustifyFactor(value, 2, 2, cache.slots.data(), i,
+                              cache.tangent_offsets.data() + std::ptrdiff_t{2} * i,
+                              LossCurvature::kPositive, f);
+              benchmark::DoNotOptimize(value);
             }
           });
 }

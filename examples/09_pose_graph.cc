@@ -13,7 +13,7 @@
 #include "examples/eight.h"
 #include "examples/picture.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
 
 namespace {

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "examples/noise.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 
 /// A track in the shape of an eight, 40 m long and with a hill, that a robot drives along, 60 poses
 /// a lap. Whatever is asked for has the same answer each time.

@@ -6,7 +6,7 @@
 #
 # --tests and --without choose among the names that `ctest --preset NAME --show-only` prints, --without-folders among the folders of
 # tests/, which are the tests' labels; --target builds no more than these; --together runs many tests of a program in one process
-# (tools/test_together.py), as sanitized processes take long to start.
+# (tools/test_together.py), as a process, a sanitized one above all, takes longer to start than most tests do.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -3,7 +3,7 @@
 
     tools/test_together.py PRESET [--tests-regex REGEX] [--exclude-regex REGEX] [--label-exclude REGEX] [--size N]
 
-With a sanitizer a process takes longer to start than most tests do. Tests of one program run in one process, --size of them
+A process, a sanitized one above all, takes longer to start than most tests do. Tests of one program run in one process, --size of them
 at most; all others are left to ctest. What a process that failed printed is printed, and is added to ctest's LastTest.log, the
 names of its failed tests to LastTestsFailed.log. Exit code 0: all passed.
 """

@@ -6,7 +6,6 @@
 
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/exact/exact_solve.h"
-#include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
@@ -16,6 +15,7 @@
 #include "adapters/ceres/read/selection.h"
 #include "adapters/ceres/session/incremental_solve.h"
 #include "inceres/ceres/session.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres {
 namespace {
@@ -48,7 +48,7 @@ std::string SolveByCore(const internal::SolveCall& call, bool incremental,
 }
 
 void SolveOnce(const internal::SolveCall& call) {
-  const internal::WallClock clock;
+  const double began = internal::NowInSeconds();
   const auto& [options, problem, summary, solve_options, report] = call;
   if (solve_options.mode == SolveMode::kStock) {
     report->used_stock = true;
@@ -80,8 +80,7 @@ void SolveOnce(const internal::SolveCall& call) {
     internal::SolveOnceInSession(call);
     return;
   }
-  internal::SolveInput input{options, view, ordering, clock, callback};
-  input.asked = &solve_options;
+  internal::SolveInput input{options, view, ordering, began, callback, solve_options};
   const std::string too_much = SolveByCore(call, incremental, &input);
   if (!too_much.empty()) {
     internal::Decline(call, too_much);

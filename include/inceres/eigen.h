@@ -13,7 +13,6 @@
 #include "inceres/problem/manifolds.h"
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/incremental_solver.h"
-#include "inceres/solver/value_snapshot.h"
 
 /// Eigen's types for the core's plain arrays. Headers only, and optional: the library neither
 /// includes nor links Eigen, and a program that includes this has Eigen 3.3 or later itself

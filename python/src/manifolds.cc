@@ -9,7 +9,6 @@
 #include <pybind11/stl.h>
 
 #include "arrays.h"
-#include "inceres/problem/similarity_manifold.h"
 #include "module.h"
 
 namespace inceres::python {

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 
-#include "inceres/factors/bearing.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/equidistant_reprojection.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres::python {
 

@@ -27,9 +27,8 @@ void CountingSort(std::size_t num_groups, const ForEach& for_each, std::vector<I
   });
 }
 
-/// The same of items 0, 1, … num_items − 1 by several threads, of an Executor or a Threads:
-/// group_of(item), −1 of an item that is left out, is asked for twice. Cost: two walks, and one
-/// index a group and thread.
+/// The same of items 0, 1, … num_items − 1 by the threads of an Executor: group_of(item), −1 of an
+/// item that is left out, is asked for twice. Cost: two walks, and one index a group and thread.
 template <typename Executors, typename GroupOf, typename Items>
 void CountingSort(const Executors& executor, int num_groups, int num_items, const GroupOf& group_of,
                   std::vector<int>* begin, Items* items) {

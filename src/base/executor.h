@@ -2,6 +2,8 @@
 
 #include <type_traits>
 
+#include "inceres/export.h"
+
 namespace inceres::internal {
 
 /// Runs independent tasks on up to num_threads threads of oneTBB, the calling one among them, in an
@@ -21,7 +23,7 @@ class Executor {
   /// Calls body(begin, end) on ranges that cover [0, count) once, of about `grain` or more.
   template <typename Body>
   void For(int count, int grain, Body&& body) const {
-    if (num_threads_ == 1 || count <= grain) {
+    if (num_threads_ <= 1 || count <= grain) {
       if (count > 0) {
         body(0, count);
       }
@@ -37,7 +39,8 @@ class Executor {
  private:
   using Callback = void (*)(void* context, int begin, int end);
 
-  void RunParallel(int count, int grain, Callback callback, const void* context) const;
+  INCERES_EXPORT void RunParallel(int count, int grain, Callback callback,
+                                  const void* context) const;
 
   int num_threads_;
 };

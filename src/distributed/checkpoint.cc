@@ -2,9 +2,7 @@
 
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
-#include <memory>
 #include <system_error>
 #include <utility>
 
@@ -56,11 +54,6 @@ struct FixedHead {
   double initial_cost;
   double strategy[kMaxStrategyNumbers];
 };
-
-struct Closer {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-using File = std::unique_ptr<std::FILE, Closer>;
 
 // All that is wrong with a file is kIo, and begins with its name.
 Status Wrong(const std::string& path, const std::string& what) {
@@ -227,17 +220,18 @@ std::vector<char> EncodeHead(const CheckpointHead& head, std::vector<CheckpointS
 // numbers. Sections themselves are read by ForEach.
 Status CheckpointReader::Open(const std::string& path) {
   path_ = path;
-  const File file(std::fopen(path.c_str(), "rb"));
+  file_.reset(std::fopen(path.c_str(), "rb"));
+  std::FILE* const file = file_.get();
   if (file == nullptr) {
     return Wrong(path, "cannot open for reading: " + LastError());
   }
   FixedHead fixed{};
-  if (std::fseek(file.get(), 0, SEEK_END) != 0) {
+  if (std::fseek(file, 0, SEEK_END) != 0) {
     return Wrong(path, "cannot read: " + LastError());
   }
-  const std::int64_t file_bytes = std::ftell(file.get());
-  std::rewind(file.get());
-  if (std::fread(&fixed, sizeof fixed, 1, file.get()) != 1) {
+  const std::int64_t file_bytes = std::ftell(file);
+  std::rewind(file);
+  if (std::fread(&fixed, sizeof fixed, 1, file) != 1) {
     return Wrong(path, "is too short for a checkpoint");
   }
   Status status = CheckHead(path, fixed, file_bytes);
@@ -246,7 +240,7 @@ Status CheckpointReader::Open(const std::string& path) {
   }
   sections_.resize(static_cast<std::size_t>(fixed.num_sections));
   if (!sections_.empty() && std::fread(sections_.data(), sizeof(CheckpointSection),
-                                       sections_.size(), file.get()) != sections_.size()) {
+                                       sections_.size(), file) != sections_.size()) {
     return Wrong(path, "ends within its table");
   }
   status = CheckSum(path, fixed, sections_);
@@ -258,14 +252,12 @@ Status CheckpointReader::Open(const std::string& path) {
   return status;
 }
 
-// One section is in memory at a time. The file is opened anew, since the reader holds no handle
-// between calls.
+// One section is in memory at a time.
 Status CheckpointReader::ReadSection(const CheckpointSection& section,
                                      std::vector<char>* bytes) const {
-  const File file(std::fopen(path_.c_str(), "rb"));
   bytes->resize(static_cast<std::size_t>(section.bytes));
-  if (file == nullptr || fseeko(file.get(), static_cast<off_t>(section.offset), SEEK_SET) != 0 ||
-      std::fread(bytes->data(), 1, bytes->size(), file.get()) != bytes->size()) {
+  if (fseeko(file_.get(), static_cast<off_t>(section.offset), SEEK_SET) != 0 ||
+      std::fread(bytes->data(), 1, bytes->size(), file_.get()) != bytes->size()) {
     return Wrong(path_, "cannot read a section: " + LastError());
   }
   return ChecksumOf(bytes->data(), bytes->size()) == section.checksum

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <cerrno>
+#include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -46,6 +50,35 @@ std::uint64_t ChecksumOf(const char* bytes, std::size_t count);
 /// Head and table; sets the offsets of the sections, whose sizes and sums are given.
 std::vector<char> EncodeHead(const CheckpointHead& head, std::vector<CheckpointSection>* sections);
 
+/// Repeats a call of POSIX that a signal has interrupted; what it returned at last.
+template <typename Call>
+auto Uninterrupted(const Call& call) {
+  auto result = call();
+  while (result < 0 && errno == EINTR) {
+    result = call();
+  }
+  return result;
+}
+
+/// Writes all bytes from `offset` on by calls write(bytes, count, offset), which return as pwrite
+/// does and may write less than they are asked to. 0, or the errno that ended it: EIO where a call
+/// has written nothing and given no reason.
+template <typename Write>
+int WriteAll(const std::vector<char>& bytes, std::int64_t offset, const Write& write) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const auto count = Uninterrupted([&] {
+      return write(bytes.data() + done, bytes.size() - done,
+                   offset + static_cast<std::int64_t>(done));
+    });
+    if (count <= 0) {
+      return count < 0 ? errno : EIO;
+    }
+    done += static_cast<std::size_t>(count);
+  }
+  return 0;
+}
+
 /// Nothing read is trusted: every count is checked against the size of the file before memory is
 /// asked for. kIo names the file and what is wrong.
 class CheckpointReader {
@@ -63,6 +96,7 @@ class CheckpointReader {
   Status ReadSection(const CheckpointSection& section, std::vector<char>* bytes) const;
 
   std::string path_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_{nullptr, &std::fclose};
   CheckpointHead head_;
   std::vector<CheckpointSection> sections_;
 };

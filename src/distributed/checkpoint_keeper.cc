@@ -9,8 +9,6 @@
 #include <cstdio>
 #include <system_error>
 
-#include "distributed/write_all.h"
-
 namespace inceres::internal {
 
 // Checkpoints of a distributed solve: where the trust-region loop stands, the values of all

@@ -8,8 +8,7 @@
 #include "distributed/checkpoint.h"
 #include "distributed/communicator.h"
 #include "distributed/shared_frames.h"
-#include "inceres/distributed/graph_part.h"
-#include "inceres/distributed/options.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "linearize/layout.h"
 #include "trust_region/loop_options.h"
 

@@ -4,7 +4,6 @@
 #include <string>
 
 #include "distributed/assembled_system.h"
-#include "distributed/reduced_solvers.h"
 
 // The solver for kCholesky: (S + Λ_c) δ_c = b with S formed in its upper triangle
 // (AssembledSystem), factored in parallel by MUMPS through PETSc's preconditioner PCCHOLESKY, and
@@ -31,14 +30,9 @@ class CholeskySolver final : public DistributedReducedSolver {
  public:
   // Collective. A prefix of its own keeps -inceres_ksp_type, which is for kKsp, from changing this
   // solver, and lets MUMPS have options.
-  explicit CholeskySolver(ReducedSystem* system) : matrix_(AssembledSystem::Form::kUpper, *system) {
-    const MPI_Comm comm = system->ranks().comm();
-    const SharedFrames& frames = system->frames();
-    const PetscInt own = ToPetscInt(frames.owned_size(FramePlace::kTangent));
-    const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
-    Check(VecCreateMPI(comm, own, all, b_.Receive()), "VecCreateMPI");
-    Check(VecDuplicate(b_.get(), x_.Receive()), "VecDuplicate");
-    Check(KSPCreate(comm, ksp_.Receive()), "KSPCreate");
+  explicit CholeskySolver(ReducedSystem* system)
+      : matrix_(AssembledSystem::Form::kUpper, *system), vectors_(system->parts()) {
+    Check(KSPCreate(system->parts().ranks.comm(), ksp_.Receive()), "KSPCreate");
     Check(KSPSetOptionsPrefix(ksp_.get(), "inceres_direct_"), "KSPSetOptionsPrefix");
     Check(KSPSetType(ksp_.get(), KSPPREONLY), "KSPSetType");
   }
@@ -51,17 +45,13 @@ class CholeskySolver final : public DistributedReducedSolver {
   Status Solve(const std::vector<double>& b, std::vector<double>* x) override {
     matrix_.Assemble();
     const LogStage stage("inceres factor S");
-    Copy(b, b_.get());
     // At most some tries: 50, 100, … until kMaxExtraSpace is reached.
     for (;; extra_space_ *= 2) {
       if (!is_set_up_) {
         SetUp();
       }
       Check(KSPSetOperators(ksp_.get(), matrix_.matrix(), matrix_.matrix()), "KSPSetOperators");
-      Check(KSPSolve(ksp_.get(), b_.get(), x_.get()), "KSPSolve");
-      KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
-      Check(KSPGetConvergedReason(ksp_.get(), &reason), "KSPGetConvergedReason");
-      if (reason > 0) {
+      if (vectors_.Solve(ksp_.get(), b) > 0) {
         break;
       }
       is_set_up_ = false;  // PETSc keeps a failed factor as failed
@@ -79,7 +69,7 @@ class CholeskySolver final : public DistributedReducedSolver {
     if (Infog(kMumpsNegativePivots) > 0) {
       return Indefinite();
     }
-    Copy(x_.get(), x);
+    vectors_.CopySolution(x);
     return Status::Ok();
   }
 
@@ -122,8 +112,7 @@ class CholeskySolver final : public DistributedReducedSolver {
   }
 
   AssembledSystem matrix_;
-  PetscOwned<Vec, VecDestroy> b_;
-  PetscOwned<Vec, VecDestroy> x_;
+  KspVectors vectors_;
   PetscOwned<KSP, KSPDestroy> ksp_;
   int extra_space_ = kFirstExtraSpace;
   bool is_set_up_ = false;

@@ -230,12 +230,6 @@ std::vector<std::int64_t> Communicator::Gather(const std::vector<std::int64_t>& 
   return all;
 }
 
-std::vector<double> Communicator::GatherNumbers(const std::vector<double>& own) const {
-  std::vector<double> all(own.size() * static_cast<std::size_t>(size_));
-  AllGather(own.data(), static_cast<int>(own.size()), all.data());
-  return all;
-}
-
 // Parts of different lengths that all ranks know already, so that no counts are exchanged. MPI
 // takes counts and places as int.
 std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
@@ -258,8 +252,8 @@ std::vector<double> Communicator::GatherParts(const std::vector<double>& own,
 
 // Two gatherings: lengths, which only each rank knows of itself, then bytes. The limit of MPI's int
 // is met by all ranks at once, so it can be an agreed failure.
-std::vector<char> Communicator::GatherBytes(const std::vector<char>& own) const {
-  const std::vector<std::int64_t> sizes = Gather({static_cast<std::int64_t>(own.size())});
+std::vector<char> Communicator::GatherBytes(const void* own, std::size_t size) const {
+  const std::vector<std::int64_t> sizes = Gather({static_cast<std::int64_t>(size)});
   const std::int64_t total = std::accumulate(sizes.begin(), sizes.end(), std::int64_t{0});
   if (total > INT_MAX) {  // the same on all ranks
     throw AgreedFailure(Status::Error(
@@ -270,8 +264,8 @@ std::vector<char> Communicator::GatherBytes(const std::vector<char>& own) const 
   std::vector<int> begins(counts.size(), 0);
   std::partial_sum(counts.begin(), counts.end() - 1, begins.begin() + 1);
   std::vector<char> all(static_cast<std::size_t>(total));
-  MPI_Allgatherv(own.data(), static_cast<int>(own.size()), MPI_BYTE, all.data(), counts.data(),
-                 begins.data(), MPI_BYTE, comm_);
+  MPI_Allgatherv(own, static_cast<int>(size), MPI_BYTE, all.data(), counts.data(), begins.data(),
+                 MPI_BYTE, comm_);
   return all;
 }
 

@@ -4,9 +4,11 @@
 
 #include <climits>
 #include <cstdint>
+#include <cstring>
 #include <exception>
 #include <functional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -61,11 +63,19 @@ class Communicator final : public Agreement {
   Status Agree(const Status& own) const;
   /// The same of work here, whose exceptions are failures too.
   Status Try(const std::function<Status()>& work) const;
-  /// What each rank has, in the order of the ranks; of these two, as much of each.
+  /// What each rank has, in the order of the ranks; as much of each.
   std::vector<std::int64_t> Gather(const std::vector<std::int64_t>& own) const;
-  std::vector<double> GatherNumbers(const std::vector<double>& own) const;
-  std::vector<char> GatherBytes(const std::vector<char>& own) const;
-
+  /// The same of plain data, of which a rank may have more than another.
+  template <typename T>
+  std::vector<T> GatherAll(const std::vector<T>& own) const {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const std::vector<char> bytes = GatherBytes(own.data(), own.size() * sizeof(T));
+    std::vector<T> all(bytes.size() / sizeof(T));
+    if (!all.empty()) {
+      std::memcpy(all.data(), bytes.data(), bytes.size());
+    }
+    return all;
+  }
   /// The same of numbers, counts[r] of rank r; 2³¹ and more in all end the program.
   std::vector<double> GatherParts(const std::vector<double>& own,
                                   const std::vector<std::int64_t>& counts) const;
@@ -107,6 +117,7 @@ class Communicator final : public Agreement {
 
  private:
   void AllGather(const double* own, int count, double* all) const;
+  std::vector<char> GatherBytes(const void* own, std::size_t size) const;
   void CountMessage(std::size_t to_rank, std::size_t bytes) const;
 
   MPI_Comm comm_ = MPI_COMM_NULL;

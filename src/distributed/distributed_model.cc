@@ -3,7 +3,6 @@
 #include <limits>
 
 #include "distributed/petsc_objects.h"
-#include "distributed/reduced_solvers.h"
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
@@ -71,6 +70,22 @@ std::unique_ptr<RankedAggregates> AggregatesFor(const DistributedOptions& option
   return std::make_unique<RankedAggregates>(ranks, frames, evaluator, incidences);
 }
 
+// Where an option becomes a solver.
+std::unique_ptr<DistributedReducedSolver> MakeSolver(const DistributedOptions& options,
+                                                     ReducedSystem* system, Status* status) {
+  switch (options.linear_solver) {
+    case DistributedLinearSolver::kCholesky:
+      return MakeCholeskySolver(system);
+    case DistributedLinearSolver::kKsp:
+      return MakeKspSolver(options.solver.conjugate_gradients, system, status);
+    // Resolved before; only kConjugateGradients comes here.
+    case DistributedLinearSolver::kAutomatic:
+    case DistributedLinearSolver::kConjugateGradients:
+      break;
+  }
+  return MakeMergedGradients(options.solver.conjugate_gradients, system);
+}
+
 }  // namespace
 
 // The Status is agreed on, as all that follows is collective: a rank whose blocks are too large for
@@ -87,17 +102,17 @@ DistributedModel::DistributedModel(const DistributedOptions& options, const Comm
              aggregates_ != nullptr ? &aggregates_->by_owner : nullptr),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
+      parts_{ranks, frames, evaluator, incidences_, plans_, hessian_, elimination_},
       exchange_(ranks, frames, frames.moving(), FramePlace::kTangent),
       rows_(evaluator),
-      system_(ranks, frames, evaluator, plans_, hessian_, elimination_, &exchange_) {
+      system_(parts_, &exchange_) {
   *status = ranks.Agree(CheckBlockOffsets(evaluator, incidences_));
   if (status->ok()) {
-    solver_ = MakeDistributedSolver(options.linear_solver, options.solver.conjugate_gradients,
-                                    &system_, status);
+    solver_ = MakeSolver(options, &system_, status);
   }
   // Without a frame that moves there is no system, and nothing to precondition.
   if (status->ok() && aggregates_ != nullptr && frames.num_frames() > 0) {
-    *status = system_.MakeTwoLevel(incidences_, *aggregates_);
+    *status = system_.MakeTwoLevel(*aggregates_);
   }
   owned_.resize(static_cast<std::size_t>(exchange_.owned_size()));
   owned_b_.resize(owned_.size());
@@ -169,10 +184,7 @@ RowProducts DistributedModel::MultiplyJacobian(const double* v) {
   const RowProducts own = rows_.Multiply(v);
   double sums[2] = {own.model_decrease, own.squared_norm};
   ranks_.SumAll(2, sums);
-  RowProducts all;
-  all.model_decrease = sums[0];
-  all.squared_norm = sums[1];
-  return all;
+  return {sums[0], sums[1]};
 }
 
 // Over all variables of all ranks, each counted once: a shared frame by its owner. The sum of a

@@ -8,7 +8,7 @@
 #include "distributed/ranked_aggregates.h"
 #include "distributed/reduced_system.h"
 #include "distributed/shared_frames.h"
-#include "inceres/distributed/options.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "linearize/hessian.h"
 #include "schur/elimination.h"
 #include "trust_region/linear_model.h"
@@ -53,6 +53,7 @@ class DistributedModel final : public LinearModel {
   FramePlans plans_;
   Hessian hessian_;
   Elimination elimination_;
+  const RankedParts parts_;
   FrameExchange exchange_;
   JacobianProduct rows_;
   ReducedSystem system_;

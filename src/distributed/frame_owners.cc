@@ -1,7 +1,7 @@
-#include "distributed/frame_owners.h"
-
 #include <algorithm>
 #include <cstddef>
+
+#include "distributed/shared_frames.h"
 
 namespace inceres::internal {
 

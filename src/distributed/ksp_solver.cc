@@ -5,7 +5,6 @@
 #include <string>
 
 #include "distributed/assembled_system.h"
-#include "distributed/reduced_solvers.h"
 
 // The solver for kKsp: PETSc's Krylov methods on (S + Λ_c) δ_c = b, with what options of prefix
 // -inceres_ say. S is a shell around ReducedSystem::Multiply, or formed as AssembledSystem where
@@ -49,7 +48,6 @@ class KspSolver final : public DistributedReducedSolver {
 
  private:
   void MakeOperator();
-  Status CheckPreconditioner() const;
   static PetscErrorCode MultiplyShell(Mat shell, Vec v, Vec y);
   static PetscErrorCode ApplyBlocks(PC shell, Vec r, Vec z);
 
@@ -57,8 +55,7 @@ class KspSolver final : public DistributedReducedSolver {
   ReducedSystem& system_;
   std::unique_ptr<AssembledSystem> matrix_;  // null: S is a shell
   PetscOwned<Mat, MatDestroy> shell_;
-  PetscOwned<Vec, VecDestroy> b_;
-  PetscOwned<Vec, VecDestroy> x_;
+  KspVectors vectors_;
   PetscOwned<KSP, KSPDestroy> ksp_;
   bool uses_blocks_ = false;
   int num_iterations_ = 0;
@@ -67,12 +64,7 @@ class KspSolver final : public DistributedReducedSolver {
 
 // Vectors have the entries owned here, in the order of ReducedSystem.
 KspSolver::KspSolver(const ConjugateGradientsOptions& options, ReducedSystem* system)
-    : options_(options), system_(*system) {
-  const SharedFrames& frames = system->frames();
-  Check(VecCreateMPI(system->ranks().comm(), ToPetscInt(frames.owned_size(FramePlace::kTangent)),
-                     ToPetscInt(frames.total_size(FramePlace::kTangent)), b_.Receive()),
-        "VecCreateMPI");
-  Check(VecDuplicate(b_.get(), x_.Receive()), "VecDuplicate");
+    : options_(options), system_(*system), vectors_(system->parts()) {
   MakeOperator();
 }
 
@@ -82,11 +74,12 @@ void KspSolver::MakeOperator() {
     matrix_ = std::make_unique<AssembledSystem>(AssembledSystem::Form::kWhole, system_);
     return;
   }
-  const SharedFrames& frames = system_.frames();
+  const SharedFrames& frames = system_.parts().frames;
   const PetscInt own = ToPetscInt(frames.owned_size(FramePlace::kTangent));
   const PetscInt all = ToPetscInt(frames.total_size(FramePlace::kTangent));
-  Check(MatCreateShell(system_.ranks().comm(), own, own, all, all, &system_, shell_.Receive()),
-        "MatCreateShell");
+  Check(
+      MatCreateShell(system_.parts().ranks.comm(), own, own, all, all, &system_, shell_.Receive()),
+      "MatCreateShell");
   // As PETSc takes operations of any signature.
   using Function = void (*)();
   Check(MatShellSetOperation(shell_.get(), MATOP_MULT,
@@ -98,7 +91,7 @@ void KspSolver::MakeOperator() {
 // Defaults first, then the options of the command line, then what came of them: the name in the
 // summary says what is really used. No rank waits for another in here.
 Status KspSolver::MakeSolver() {
-  Check(KSPCreate(system_.ranks().comm(), ksp_.Receive()), "KSPCreate");
+  Check(KSPCreate(system_.parts().ranks.comm(), ksp_.Receive()), "KSPCreate");
   KSP ksp = ksp_.get();
   Mat S = matrix_ != nullptr ? matrix_->matrix() : shell_.get();
   Check(KSPSetOptionsPrefix(ksp, "inceres_"), "KSPSetOptionsPrefix");
@@ -124,22 +117,13 @@ Status KspSolver::MakeSolver() {
   name_ += !uses_blocks_ ? preconditioner : two_level ? "blocks, two-level" : "blocks";
   name_ += ", on the reduced system, ";
   name_ += matrix_ != nullptr ? "formed" : "by products";
-  return CheckPreconditioner();
-}
-
-// A shell has no entries, so PETSc's own preconditioners could not be made; that is said by the
-// option's name before the first solve, instead of by an error of PETSc's in the middle of it.
-Status KspSolver::CheckPreconditioner() const {
-  PC pc = nullptr;
-  const char* type = nullptr;
-  Check(KSPGetPC(ksp_.get(), &pc), "KSPGetPC");
-  Check(PCGetType(pc, &type), "PCGetType");
-  const std::string name = type != nullptr ? type : "";
-  if (matrix_ != nullptr || uses_blocks_ || name == PCNONE) {
+  // A shell has no entries, so PETSc's own preconditioners could not be made; that is said by the
+  // option's name before the first solve, instead of by an error of PETSc's in the middle of it.
+  if (matrix_ != nullptr || uses_blocks_ || preconditioner == PCNONE) {
     return Status::Ok();
   }
   return Status::Error(StatusCode::kInvalidArgument,
-                       "-inceres_pc_type " + name +
+                       "-inceres_pc_type " + preconditioner +
                            " needs the entries of S, which is not formed: ask for "
                            "explicit_schur_complement, or take shell or none");
 }
@@ -171,10 +155,7 @@ Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
       return status;
     }
   }
-  Copy(b, b_.get());
-  Check(KSPSolve(ksp_.get(), b_.get(), x_.get()), "KSPSolve");
-  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
-  Check(KSPGetConvergedReason(ksp_.get(), &reason), "KSPGetConvergedReason");
+  const KSPConvergedReason reason = vectors_.Solve(ksp_.get(), b);
   PetscInt count = 0;
   Check(KSPGetIterationNumber(ksp_.get(), &count), "KSPGetIterationNumber");
   num_iterations_ = static_cast<int>(count);
@@ -182,7 +163,7 @@ Status KspSolver::Solve(const std::vector<double>& b, std::vector<double>* x) {
     return Status::Error(StatusCode::kSingular, std::string("PETSc's solver did not converge: ") +
                                                     KSPConvergedReasons[reason]);
   }
-  Copy(x_.get(), x);
+  vectors_.CopySolution(x);
   return Status::Ok();
 }
 
@@ -192,7 +173,7 @@ std::unique_ptr<DistributedReducedSolver> MakeKspSolver(const ConjugateGradients
                                                         ReducedSystem* system, Status* status) {
   // The operator is not made in the Try: the exchanges within would meet its agreement.
   auto solver = std::make_unique<KspSolver>(options, system);
-  *status = system->ranks().Try([&] { return solver->MakeSolver(); });
+  *status = system->parts().ranks.Try([&] { return solver->MakeSolver(); });
   return solver;
 }
 

@@ -1,13 +1,13 @@
 // Options of the distributed solver: their names, what is refused, and whether the ranks have the
 // same. The last matters as much as the others: ranks that decide by different tolerances would
 // part at some iteration, and wait for each other forever.
-#include "distributed/option_agreement.h"
-
 #include <algorithm>
 #include <functional>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "distributed/solve_steps.h"
 
 namespace inceres {
 
@@ -145,7 +145,7 @@ Status AgreeOnOptions(const Communicator& ranks, const DistributedOptions& optio
   for (const auto& [name, number] : own) {
     numbers.push_back(number);
   }
-  const std::vector<double> all = ranks.GatherNumbers(numbers);
+  const std::vector<double> all = ranks.GatherAll(numbers);
   for (std::size_t k = 0; k < all.size(); ++k) {
     // The numbers of rank r begin at r times their count.
     const std::size_t option = k % own.size();

@@ -2,7 +2,6 @@
 
 #include <petscsys.h>
 
-#include <algorithm>
 #include <cstdlib>
 #include <limits>
 
@@ -10,8 +9,7 @@ namespace inceres::internal {
 
 // The C interface of PETSc as the rest of the code uses it. PETSc returns codes and, unless told
 // otherwise, prints a trace for each of them; here a code becomes an exception with the call and
-// PETSc's own words, and nothing is printed. Vectors are copied by the entries of this rank, in
-// their order.
+// PETSc's own words, and nothing is printed.
 
 namespace {
 
@@ -55,23 +53,6 @@ PetscInt ToPetscInt(long long count) {
                        "integers of this build of PETSc are too short for this problem");
   }
   return static_cast<PetscInt>(count);
-}
-
-// Write access alone: PETSc need not fetch what is overwritten. The state of the vector changes
-// when the array is restored.
-void Copy(const std::vector<double>& from, Vec to) {
-  double* values = nullptr;
-  Check(VecGetArrayWrite(to, &values), "VecGetArrayWrite");
-  std::copy(from.begin(), from.end(), values);
-  Check(VecRestoreArrayWrite(to, &values), "VecRestoreArrayWrite");
-}
-
-// *to has its size already: that of the entries of this rank.
-void Copy(Vec from, std::vector<double>* to) {
-  const double* values = nullptr;
-  Check(VecGetArrayRead(from, &values), "VecGetArrayRead");
-  std::copy(values, values + to->size(), to->begin());
-  Check(VecRestoreArrayRead(from, &values), "VecRestoreArrayRead");
 }
 
 // Whoever has started PETSc or MPI keeps it: a PETSc that runs is taken as it is, and

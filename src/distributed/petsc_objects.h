@@ -49,10 +49,6 @@ class PetscOwned {
   Object object_ = nullptr;
 };
 
-/// Copies the entries of this rank.
-void Copy(const std::vector<double>& from, Vec to);
-void Copy(Vec from, std::vector<double>* to);
-
 /// Starts PETSc and MPI, if nobody has; from then on PETSc's errors are returned, not printed. What
 /// is started here is ended when the program exits, unless ForgetPetsc was called or MPI has ended.
 void EnsurePetsc();

@@ -1,7 +1,6 @@
 #include "distributed/rank_sums.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "base/sort_unique.h"
 #include "linear/pattern_rows.h"
@@ -18,24 +17,6 @@ namespace inceres::internal {
 
 namespace {
 
-// memcpy is undefined for null pointers, even for no bytes: an empty vector may have one.
-template <typename T>
-std::vector<char> ToBytes(const std::vector<T>& values) {
-  std::vector<char> bytes(values.size() * sizeof(T));
-  if (!values.empty()) {
-    std::memcpy(bytes.data(), values.data(), bytes.size());
-  }
-  return bytes;
-}
-
-std::vector<int> ToInts(const std::vector<char>& bytes) {
-  std::vector<int> values(bytes.size() / sizeof(int));
-  if (!values.empty()) {
-    std::memcpy(values.data(), bytes.data(), bytes.size());
-  }
-  return values;
-}
-
 // Blocks of all ranks, and the diagonal.
 // Every rank gets the list of all and builds the same pattern: sorted by row and column, each block
 // once. Diagonal blocks are there even where nobody adds to them, for solvers rely on them.
@@ -46,7 +27,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
     flat.push_back(row);
     flat.push_back(column);
   }
-  const std::vector<int> all = ToInts(ranks.GatherBytes(ToBytes(flat)));
+  const std::vector<int> all = ranks.GatherAll(flat);
   std::vector<BlockSums::Place> places;
   for (std::size_t k = 0; k < all.size(); k += 2) {
     places.emplace_back(all[k], all[k + 1]);
@@ -59,16 +40,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
   for (const int size : sizes) {
     offsets.push_back(offsets.back() + size);
   }
-  BlockPattern pattern = PatternWithoutBlocks(std::move(offsets));
-  std::vector<int> columns;
-  for (const auto& [row, column] : places) {
-    columns.push_back(column);
-    if (row == column) {  // the last one of its row
-      AppendRow(columns, &pattern);
-      columns.clear();
-    }
-  }
-  return pattern;
+  return PatternOf(std::move(offsets), places);
 }
 
 }  // namespace
@@ -76,7 +48,7 @@ BlockPattern UnionOf(const Communicator& ranks, const std::vector<int>& sizes,
 // Two gatherings: how many segments each rank has, and which.
 SegmentSums::SegmentSums(const Communicator& ranks, const std::vector<int>& own) : ranks_(ranks) {
   const std::vector<std::int64_t> counts = ranks.Gather({static_cast<std::int64_t>(own.size())});
-  const std::vector<int> all = ToInts(ranks.GatherBytes(ToBytes(own)));
+  const std::vector<int> all = ranks.GatherAll(own);
   auto next = all.begin();
   for (const std::int64_t count : counts) {
     segments_.emplace_back(next, next + count);

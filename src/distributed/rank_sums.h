@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "distributed/communicator.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 

@@ -1,7 +1,6 @@
 #include "distributed/ranked_aggregates.h"
 
 #include <algorithm>
-#include <cstring>
 #include <tuple>
 #include <vector>
 
@@ -51,15 +50,7 @@ std::vector<Edge> GatherEdges(const Communicator& ranks, const SharedFrames& fra
           {frames.moving()[i].number, frames.moving()[here.neighbors[k]].number, here.weights[k]});
     }
   }
-  std::vector<char> bytes(own.size() * sizeof(Edge));
-  if (!own.empty()) {
-    std::memcpy(bytes.data(), own.data(), bytes.size());
-  }
-  const std::vector<char> gathered = ranks.GatherBytes(bytes);
-  std::vector<Edge> all(gathered.size() / sizeof(Edge));
-  if (!all.empty()) {
-    std::memcpy(all.data(), gathered.data(), gathered.size());
-  }
+  std::vector<Edge> all = ranks.GatherAll(own);
   std::sort(all.begin(), all.end(), [](const Edge& a, const Edge& b) {
     return std::tie(a.from, a.to) < std::tie(b.from, b.to);
   });

@@ -3,7 +3,7 @@
 #include "distributed/communicator.h"
 #include "distributed/rank_sums.h"
 #include "distributed/shared_frames.h"
-#include "linear/frame_clusters.h"
+#include "linear/aggregation.h"
 #include "linearize/incidences.h"
 #include "schur/frame_aggregates.h"
 

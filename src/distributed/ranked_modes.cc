@@ -1,7 +1,8 @@
-#include "distributed/ranked_modes.h"
-
 #include <algorithm>
 #include <utility>
+
+#include "distributed/ranked_two_level.h"
+#include "linear/pattern_rows.h"
 
 namespace inceres::internal {
 
@@ -40,41 +41,34 @@ std::vector<std::int64_t> SquaresOf(const std::vector<int>& sizes) {
 
 }  // namespace
 
-RankedModes::RankedModes(const Communicator& ranks, const SharedFrames& frames,
-                         const SegmentSums& by_frame, const Evaluator& evaluator,
-                         const Hessian& hessian, const FramePlans& plans,
-                         const FrameAggregates& all, const FrameAggregates& here, Status* status)
-    : ranks_(ranks),
-      frames_(frames),
-      by_frame_(by_frame),
-      hessian_(hessian),
-      plans_(plans),
-      normals_(evaluator, here.is_shared),
-      C_sums_(ranks, frames.sizes(), PlacesHere()),
+RankedModes::RankedModes(const RankedParts& parts, const RankedAggregates& aggregates,
+                         Status* status)
+    : parts_(parts),
+      by_frame_(aggregates.by_frame),
+      normals_(parts.evaluator, aggregates.here.is_shared),
+      C_sums_(parts.ranks, parts.frames.sizes(), PlacesHere()),
       here_(normals_.pattern()),
       all_(C_sums_.pattern()),
-      fit_(C_sums_.pattern(), evaluator.executor(), status) {
+      fit_(C_sums_.pattern(), parts.evaluator.executor(), status) {
   // Most of the landmarks of all ranks must be Euclidean; the counts are summed, so all ranks
   // decide the same.
-  by_gauge_ = 2.0 * ranks.Sum(normals_.num_of_points()) > ranks.Sum(normals_.num_of_landmarks());
+  by_gauge_ = 2.0 * parts.ranks.Sum(normals_.num_of_points()) >
+              parts.ranks.Sum(normals_.num_of_landmarks());
   const std::vector<int>& offsets = C_sums_.pattern().offsets;
-  columns_ = std::make_unique<ModeColumns>(all, offsets, by_gauge_);
-  V_ = std::make_unique<CoarseColumns>(offsets, ShapeWithoutProducts(all, columns_->widths()),
-                                       evaluator.executor());
-  *status = ranks.Agree(*status);
+  columns_ = std::make_unique<ModeColumns>(aggregates.all, offsets, by_gauge_);
+  V_ = std::make_unique<CoarseColumns>(offsets,
+                                       ShapeWithoutProducts(aggregates.all, columns_->widths()),
+                                       parts.evaluator.executor());
+  *status = parts.ranks.Agree(*status);
 }
 
 // Blocks of the normal equations that factors here add to, by the numbers of the frames.
 std::vector<BlockSums::Place> RankedModes::PlacesHere() const {
-  const BlockPattern& pattern = normals_.pattern();
   std::vector<BlockSums::Place> places;
-  for (int i = 0; i < pattern.num_blocks(); ++i) {
-    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-      const int row = frames_.moving()[i].number;
-      const int column = frames_.moving()[pattern.columns[k]].number;
-      places.emplace_back(std::max(row, column), std::min(row, column));
-    }
-  }
+  ForEachBlock(normals_.pattern(), [&](int i, int j, int /*block*/) {
+    const int row = parts_.frames.moving()[i].number, column = parts_.frames.moving()[j].number;
+    places.emplace_back(std::max(row, column), std::min(row, column));
+  });
   return places;
 }
 
@@ -87,7 +81,7 @@ GaugeOrigin RankedModes::AgreeOnOrigin() const {
   for (int k = 0; k < 3; ++k) {
     sums[k + 1] = own.num_points * own.center[k];
   }
-  ranks_.SumAll(5, sums);
+  parts_.ranks.SumAll(5, sums);
   GaugeOrigin origin;
   if (sums[0] > 0.0) {
     origin.num_points = sums[0];
@@ -105,10 +99,10 @@ GaugeOrigin RankedModes::AgreeOnOrigin() const {
 void RankedModes::SumNormals() {
   const BlockPattern& pattern = normals_.pattern();
   for (int i = 0; i < pattern.num_blocks(); ++i) {
-    const int row = frames_.moving()[i].number;
+    const int row = parts_.frames.moving()[i].number;
     const int rows = pattern.block_size(i);
     for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-      const int column = frames_.moving()[pattern.columns[k]].number;
+      const int column = parts_.frames.moving()[pattern.columns[k]].number;
       const int columns = pattern.block_size(pattern.columns[k]);
       const double* const from = here_.C.data() + pattern.value_begin[k];
       const int block = C_sums_.Find({std::max(row, column), std::min(row, column)});
@@ -128,8 +122,8 @@ void RankedModes::SumNormals() {
   }
   // R has kGaugeStride numbers for each scalar row of a frame, the squares as many for each frame.
   C_sums_.Sum(all_.C.data());
-  by_frame_.Sum(SegmentBegins(frames_.sizes(), kGaugeStride), all_.R.data());
-  by_frame_.Sum(SegmentBegins(std::vector<int>(frames_.sizes().size(), kGaugeStride)),
+  by_frame_.Sum(SegmentBegins(parts_.frames.sizes(), kGaugeStride), all_.R.data());
+  by_frame_.Sum(SegmentBegins(std::vector<int>(parts_.frames.sizes().size(), kGaugeStride)),
                 all_.squares.data());
 }
 
@@ -137,13 +131,13 @@ void RankedModes::SumNormals() {
 // The norm that makes the columns of V orthonormal within an aggregate: C of all ranks,
 // block-diagonal.
 std::vector<const double*> RankedModes::SumNorm() {
-  const std::vector<std::int64_t> begin = SquaresOf(frames_.sizes());
+  const std::vector<std::int64_t> begin = SquaresOf(parts_.frames.sizes());
   norm_.resize(static_cast<std::size_t>(begin.back()));
-  const BlockPattern& pattern = plans_.pattern;
+  const BlockPattern& pattern = parts_.plans.pattern;
   for (int i = 0; i < pattern.num_blocks(); ++i) {
-    const int number = frames_.moving()[i].number;
+    const int number = parts_.frames.moving()[i].number;
     // The diagonal block is the last one of its row.
-    std::copy_n(hessian_.FrameBlock(pattern.row_begin[i + 1] - 1),
+    std::copy_n(parts_.hessian.FrameBlock(pattern.row_begin[i + 1] - 1),
                 begin[number + 1] - begin[number], norm_.begin() + begin[number]);
   }
   by_frame_.Sum(begin, norm_.data());

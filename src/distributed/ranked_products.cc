@@ -1,10 +1,9 @@
-#include "distributed/ranked_products.h"
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "base/sort_unique.h"
+#include "distributed/ranked_two_level.h"
 
 namespace inceres::internal {
 
@@ -91,29 +90,18 @@ struct RankedProducts::Key {
   }
 };
 
-RankedProducts::RankedProducts(const Communicator& ranks, const SharedFrames& frames,
-                               const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                               const FramePlans& plans, const Hessian& hessian,
-                               const Elimination& elimination, const FrameAggregates& here,
+RankedProducts::RankedProducts(const RankedParts& parts, const FrameAggregates& here,
                                const std::vector<int>& widths)
-    : ranks_(ranks),
-      frames_(frames),
-      evaluator_(evaluator),
-      offsets_(plans.pattern.offsets),
-      products_(incidences, plans, BlocksOf(hessian, plans), &elimination),
-      row_of_number_(frames.sizes().size(), -1),
+    : parts_(parts),
+      offsets_(parts.plans.pattern.offsets),
+      products_(parts.incidences, parts.plans, BlocksOf(parts.hessian, parts.plans),
+                &parts.elimination),
       // Shares are formed without Λ_c.
       no_damping_(offsets_.back(), 0.0) {
-  std::vector<int> owned_offsets{0};
-  for (const int position : frames.owned()) {
-    const FramePlace& place = frames.moving()[position];
-    row_of_number_[place.number] = static_cast<int>(owned_offsets.size()) - 1;
-    owned_offsets.push_back(owned_offsets.back() + place.sizes[FramePlace::kTangent]);
-  }
   // Of this rank; what the owned rows reach is the union over ranks, and found by an exchange.
-  const AggregateReach reach(here, widths, incidences, plans.pattern);
-  owned_ = std::make_unique<CoarseColumns>(owned_offsets, ShapeOfOwned(reach.shape),
-                                           evaluator.executor());
+  const AggregateReach reach(here, widths, parts.incidences, parts.plans.pattern);
+  owned_ = std::make_unique<CoarseColumns>(parts.frames.owned_offsets(), ShapeOfOwned(reach.shape),
+                                           parts.evaluator.executor());
   ForEachPlace(owned_->shape(), [&](int, int row, int aggregate) {
     block_sizes_.push_back(owned_->block_size(row) * owned_->stride(aggregate));
   });
@@ -122,14 +110,14 @@ RankedProducts::RankedProducts(const Communicator& ranks, const SharedFrames& fr
 
 // What other ranks have of rows owned here: in the order of the ranks, of each by aggregates.
 std::vector<RankedProducts::Key> RankedProducts::ExchangeKeys(const CoarseShape& shape) const {
-  std::vector<std::vector<Key>> to_rank(ranks_.size());
+  std::vector<std::vector<Key>> to_rank(parts_.ranks.size());
   ForEachPlace(shape, [&](int, int row, int aggregate) {
-    const FramePlace& place = frames_.moving()[row];
-    if (place.owner != ranks_.rank()) {
+    const FramePlace& place = parts_.frames.moving()[row];
+    if (place.owner != parts_.ranks.rank()) {
       to_rank[place.owner].push_back({place.number, aggregate});
     }
   });
-  return ranks_.SendToEach(std::move(to_rank));
+  return parts_.ranks.SendToEach(std::move(to_rank));
 }
 
 // The union of what the ranks have.
@@ -138,22 +126,22 @@ std::vector<RankedProducts::Key> RankedProducts::ExchangeKeys(const CoarseShape&
 CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
   std::vector<Key> keys = ExchangeKeys(here);
   ForEachPlace(here, [&](int, int row, int aggregate) {
-    const FramePlace& place = frames_.moving()[row];
-    if (place.owner == ranks_.rank()) {
+    const FramePlace& place = parts_.frames.moving()[row];
+    if (place.owner == parts_.ranks.rank()) {
       keys.push_back({place.number, aggregate});
     }
   });
   SortUnique(&keys);
   CoarseShape shape;
   shape.widths = here.widths;
-  for (const int position : frames_.owned()) {
+  for (const int position : parts_.frames.owned()) {
     shape.aggregate_of.push_back(here.aggregate_of[position]);
   }
   auto next = keys.begin();
   shape.coupled_begin.push_back(0);
   for (int a = 0; a < shape.num_aggregates(); ++a) {
     for (; next != keys.end() && next->aggregate == a; ++next) {
-      shape.coupled.push_back(row_of_number_[next->number]);
+      shape.coupled.push_back(parts_.frames.OwnedRow(next->number));
     }
     shape.coupled_begin.push_back(static_cast<int>(shape.coupled.size()));
   }
@@ -162,7 +150,7 @@ CoarseShape RankedProducts::ShapeOfOwned(const CoarseShape& here) const {
 
 // Of a key whose frame is owned here.
 int RankedProducts::PlaceOf(const Key& key) const {
-  return owned_->PlaceOf(row_of_number_[key.number], key.aggregate);
+  return owned_->PlaceOf(parts_.frames.OwnedRow(key.number), key.aggregate);
 }
 
 // As many on all ranks, of the same aggregates.
@@ -175,7 +163,7 @@ void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
              owned_->stride(aggregate);
   });
   const int count = reach.shape.num_aggregates();
-  const double wanted = std::ceil(ranks_.Max(bytes) / kBytesPerBatch);
+  const double wanted = std::ceil(parts_.ranks.Max(bytes) / kBytesPerBatch);
   const int num_batches = static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, 1.0 * count)));
   for (int b = 0; b < num_batches; ++b) {
     // A product of ints may overflow, hence the wider argument.
@@ -190,10 +178,10 @@ void RankedProducts::CutIntoBatches(const AggregateReach& reach) {
 // Done once: places to read from and to add to, in the order in which FormBatch goes through them.
 // Collective, as keys are exchanged.
 void RankedProducts::Plan(Batch* batch) const {
-  batch->sent.resize(ranks_.size());
+  batch->sent.resize(parts_.ranks.size());
   ForEachPlace(batch->reach.shape, [&](int at, int row, int aggregate) {
-    const FramePlace& place = frames_.moving()[row];
-    if (place.owner == ranks_.rank()) {
+    const FramePlace& place = parts_.frames.moving()[row];
+    if (place.owner == parts_.ranks.rank()) {
       batch->own_from.push_back(at);
       batch->own_to.push_back(PlaceOf({place.number, aggregate}));
     } else {
@@ -216,12 +204,12 @@ void RankedProducts::Add(const double* block, int place) {
 // needs V_j of frames j that others own as well, which is why every rank has V of all.
 void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
   const CoarseShape& shape = batch.reach.shape;
-  CoarseColumns columns(offsets_, shape, evaluator_.executor());
+  CoarseColumns columns(offsets_, shape, parts_.evaluator.executor());
   for (int i = 0; i < columns.num_rows(); ++i) {
-    std::copy_n(modes.V(frames_.moving()[i].number),
+    std::copy_n(modes.V(parts_.frames.moving()[i].number),
                 columns.block_size(i) * columns.stride(shape.aggregate_of[i]), columns.V(i));
   }
-  products_.Form(batch.reach, no_damping_.data(), evaluator_.executor(), &columns);
+  products_.Form(batch.reach, no_damping_.data(), parts_.evaluator.executor(), &columns);
   for (std::size_t k = 0; k < batch.own_from.size(); ++k) {
     Add(columns.AV(batch.own_from[k]), batch.own_to[k]);
   }
@@ -237,7 +225,7 @@ void RankedProducts::FormBatch(const Batch& batch, const RankedModes& modes) {
       to_rank[r].insert(to_rank[r].end(), block, block + sizes[place]);
     }
   }
-  const std::vector<double> received = ranks_.SendToEach(std::move(to_rank));
+  const std::vector<double> received = parts_.ranks.SendToEach(std::move(to_rank));
   const double* next = received.data();
   // Both ends have the same width for an aggregate, so sizes agree: those of the owned places.
   for (const int place : batch.received_to) {
@@ -270,7 +258,7 @@ void RankedProducts::Form(const RankedModes& modes, const std::vector<double>& o
     std::fill_n(owned_->AV(static_cast<int>(place)), block_sizes_[place], 0.0);
   }
   for (int row = 0; row < owned_->num_rows(); ++row) {
-    const FramePlace& place = frames_.moving()[frames_.owned()[row]];
+    const FramePlace& place = parts_.frames.moving()[parts_.frames.owned()[row]];
     const int stride = owned_->stride(owned_->shape().aggregate_of[row]);
     std::copy_n(modes.V(place.number), owned_->block_size(row) * stride, owned_->V(row));
   }
@@ -281,7 +269,7 @@ void RankedProducts::Form(const RankedModes& modes, const std::vector<double>& o
 }
 
 std::int64_t RankedProducts::Bytes() const {
-  std::size_t ints = row_of_number_.size() + block_sizes_.size();
+  std::size_t ints = block_sizes_.size();
   for (const Batch& batch : batches_) {
     ints += batch.reach.shape.coupled.size() + batch.reach.landmarks.size() +
             batch.own_from.size() + batch.own_to.size() + batch.received_to.size();

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "base/stopwatch.h"
+#include "distributed/ranked_two_level.h"
 
 namespace inceres::internal {
 
@@ -21,47 +22,30 @@ namespace inceres::internal {
 // owners by an exchange of their own, and are inverted there with Λ added. What is kept: the plans,
 // and the inverses until the next Prepare.
 
-ReducedSystem::ReducedSystem(const Communicator& ranks, const SharedFrames& frames,
-                             const Evaluator& evaluator, const FramePlans& plans,
-                             const Hessian& hessian, const Elimination& elimination,
-                             FrameExchange* exchange)
-    : ranks_(ranks),
-      frames_(frames),
-      evaluator_(evaluator),
-      plans_(plans),
-      hessian_(hessian),
-      elimination_(elimination),
+ReducedSystem::ReducedSystem(const RankedParts& parts, FrameExchange* exchange)
+    : parts_(parts),
       exchange_(*exchange),
-      block_exchange_(ranks, frames, frames.moving(), FramePlace::kSquare) {
-  // The values of C stay where they are while they are formed anew.
-  for (std::size_t k = 0; k < plans.block_row.size(); ++k) {
-    blocks_.push_back(hessian.FrameBlock(static_cast<int>(k)));
-  }
+      block_exchange_(parts.ranks, parts.frames, parts.frames.moving(), FramePlace::kSquare) {
   packed_.resize(static_cast<std::size_t>(exchange_.here_size()));
-  const Layout& layout = evaluator.layout();
+  const Layout& layout = parts.evaluator.layout();
   // Padding is zero here, and nothing writes it later.
   padded_.assign(static_cast<std::size_t>(layout.quad_offset[layout.num_frames]) * kQuad, 0.0);
   padded_product_.resize(padded_.size());
-  owned_offsets_.push_back(0);
-  std::size_t padded_size = 0;
-  for (const int position : frames.owned()) {
-    const int size = frames.moving()[static_cast<std::size_t>(position)].sizes[0];
-    owned_offsets_.push_back(owned_offsets_.back() + size);
-    padded_size += static_cast<std::size_t>(PadToQuad(size));
-  }
   // 1 without Jacobi scaling.
-  owned_scale_.assign(static_cast<std::size_t>(owned_offsets_.back()), 1.0);
-  padded_owned_.assign(padded_size, 0.0);
-  padded_result_.resize(padded_size);
+  owned_scale_.assign(static_cast<std::size_t>(parts.frames.owned_offsets().back()), 1.0);
+  padded_owned_.assign(parts.frames.padded_owned_size(), 0.0);
+  padded_result_.resize(padded_owned_.size());
 }
+
+ReducedSystem::~ReducedSystem() = default;
 
 // What is owned of values of the frames here.
 // Values of a shared frame are the same on all ranks that have it, so those here will do: no
 // exchange.
 void ReducedSystem::ChooseOwned(const double* here, std::vector<double>* owned) const {
   owned->clear();
-  const std::vector<int>& offsets = plans_.pattern.offsets;
-  for (const int position : frames_.owned()) {
+  const std::vector<int>& offsets = parts_.plans.pattern.offsets;
+  for (const int position : parts_.frames.owned()) {
     const auto i = static_cast<std::size_t>(position);
     owned->insert(owned->end(), here + offsets[i], here + offsets[i + 1]);
   }
@@ -80,12 +64,12 @@ void ReducedSystem::Multiply(const double* v, double* y) {
   const StageTimer timer(&product_seconds_);
   ++num_products_;
   exchange_.Spread(v, packed_.data());
-  const Layout& layout = evaluator_.layout();
+  const Layout& layout = parts_.evaluator.layout();
   layout.Pad(packed_.data(), 0, layout.num_frames, padded_.data());
   std::fill(padded_product_.begin(), padded_product_.end(), 0.0);
   // The sign is turned on the way to the packed vector. Without damping, which must not be added by
   // every rank.
-  elimination_.SubtractReduced(padded_.data(), padded_product_.data());
+  parts_.elimination.SubtractReduced(padded_.data(), padded_product_.data());
   for (int i = 0; i < layout.num_frames; ++i) {
     const double* const minus =
         padded_product_.data() + static_cast<std::ptrdiff_t>(layout.quad_offset[i]) * kQuad;
@@ -99,11 +83,9 @@ void ReducedSystem::Multiply(const double* v, double* y) {
 }
 
 // Once for a structure. Other preconditioners do without, and two_level_ stays null.
-Status ReducedSystem::MakeTwoLevel(const LandmarkIncidences& incidences,
-                                   const RankedAggregates& aggregates) {
+Status ReducedSystem::MakeTwoLevel(const RankedAggregates& aggregates) {
   Status status;
-  two_level_ = RankedTwoLevel::Make(ranks_, frames_, evaluator_, incidences, plans_, hessian_,
-                                    elimination_, aggregates, &status);
+  two_level_ = std::make_unique<RankedTwoLevel>(parts_, aggregates, &status);
   return status;
 }
 
@@ -130,12 +112,13 @@ Status ReducedSystem::Prepare(PreconditionerKind kind) {
 // Collective. A sum of blocks is positive definite where each of its terms need not be: only the
 // owner's sum is inverted.
 Status ReducedSystem::InvertBlocks(bool of_S) {
-  const BlockPattern& pattern = plans_.pattern;
+  const BlockPattern& pattern = parts_.plans.pattern;
   std::vector<double> here;
-  for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
-    if (pattern.columns[k] == plans_.block_row[k]) {
-      const double* const block = of_S ? elimination_.S() + pattern.value_begin[k] : blocks_[k];
-      const int size = pattern.block_size(plans_.block_row[k]);
+  for (std::size_t k = 0; k < parts_.plans.block_row.size(); ++k) {
+    if (pattern.columns[k] == parts_.plans.block_row[k]) {
+      const double* const block = of_S ? parts_.elimination.S() + pattern.value_begin[k]
+                                       : parts_.hessian.FrameBlock(static_cast<int>(k));
+      const int size = pattern.block_size(parts_.plans.block_row[k]);
       // Whole squares, in the order of the layout, as FramePlace::kSquare counts them.
       here.insert(here.end(), block, block + static_cast<std::ptrdiff_t>(size) * size);
     }
@@ -144,23 +127,24 @@ Status ReducedSystem::InvertBlocks(bool of_S) {
   block_exchange_.Collect(here.data(), owned.data());
   std::vector<const double*> diagonal_blocks;
   const double* next = owned.data();
-  for (std::size_t k = 0; k + 1 < owned_offsets_.size(); ++k) {
-    const std::ptrdiff_t size = owned_offsets_[k + 1] - owned_offsets_[k];
+  const std::vector<int>& offsets = parts_.frames.owned_offsets();
+  for (std::size_t k = 0; k + 1 < offsets.size(); ++k) {
+    const std::ptrdiff_t size = offsets[k + 1] - offsets[k];
     diagonal_blocks.push_back(next);
     next += size * size;
   }
-  const int singular = inverses_.Invert(owned_offsets_, diagonal_blocks, owned_damping_.data(),
-                                        evaluator_.executor());
+  const int singular = inverses_.Invert(offsets, diagonal_blocks, owned_damping_.data(),
+                                        parts_.evaluator.executor());
   // A block without an inverse on one rank is an invalid step on all.
   Status own;
   if (singular >= 0) {
-    const int position = frames_.owned()[static_cast<std::size_t>(singular)];
-    own =
-        Status::Error(StatusCode::kSingular,
-                      "the preconditioner is not positive definite at frame " +
-                          std::to_string(frames_.moving()[static_cast<std::size_t>(position)].id));
+    const int position = parts_.frames.owned()[static_cast<std::size_t>(singular)];
+    own = Status::Error(
+        StatusCode::kSingular,
+        "the preconditioner is not positive definite at frame " +
+            std::to_string(parts_.frames.moving()[static_cast<std::size_t>(position)].id));
   }
-  return ranks_.Agree(own);
+  return parts_.ranks.Agree(own);
 }
 
 // Local but for the two levels, which exchange coarse vectors.
@@ -175,10 +159,11 @@ void ReducedSystem::Precondition(const double* r, double* z) {
   }
   // visit(first packed entry, size, first padded entry).
   const auto for_each_frame = [this](const auto& visit) {
+    const std::vector<int>& offsets = parts_.frames.owned_offsets();
     std::size_t padded = 0;
-    for (std::size_t k = 0; k + 1 < owned_offsets_.size(); ++k) {
-      const int size = owned_offsets_[k + 1] - owned_offsets_[k];
-      visit(owned_offsets_[k], size, padded);
+    for (std::size_t k = 0; k + 1 < offsets.size(); ++k) {
+      const int size = offsets[k + 1] - offsets[k];
+      visit(offsets[k], size, padded);
       padded += static_cast<std::size_t>(PadToQuad(size));
     }
   };
@@ -188,7 +173,7 @@ void ReducedSystem::Precondition(const double* r, double* z) {
   if (kind_ == PreconditionerKind::kTwoLevel) {
     two_level_->Apply(padded_owned_.data(), padded_result_.data());
   } else {
-    inverses_.Apply(evaluator_.executor(), padded_owned_.data(), padded_result_.data());
+    inverses_.Apply(parts_.evaluator.executor(), padded_owned_.data(), padded_result_.data());
   }
   for_each_frame([&](int at, int size, std::size_t padded) {
     std::copy_n(padded_result_.data() + padded, size, z + at);

@@ -7,7 +7,6 @@
 #include "base/aligned_vector.h"
 #include "distributed/communicator.h"
 #include "distributed/frame_exchange.h"
-#include "distributed/ranked_two_level.h"
 #include "distributed/shared_frames.h"
 #include "inceres/solver/options.h"
 #include "linear/block_inverses.h"
@@ -16,17 +15,31 @@
 
 namespace inceres::internal {
 
+struct RankedAggregates;
+class RankedTwoLevel;
+
+/// What a solve over ranks works with. All of it, and this, outlives who is given it.
+struct RankedParts {
+  const Communicator& ranks;
+  const SharedFrames& frames;
+  const Evaluator& evaluator;
+  const LandmarkIncidences& incidences;
+  const FramePlans& plans;
+  const Hessian& hessian;
+  const Elimination& elimination;
+};
+
 /// S + Λ_c of all ranks, implicit: this rank's share of S is C − Y Yᵀ of its own factors and
 /// landmarks. Vectors have the entries owned here, in the order of their numbers.
 class ReducedSystem {
  public:
-  ReducedSystem(const Communicator& ranks, const SharedFrames& frames, const Evaluator& evaluator,
-                const FramePlans& plans, const Hessian& hessian, const Elimination& elimination,
-                FrameExchange* exchange);
+  /// `exchange`: of the tangent vectors of the frames here.
+  ReducedSystem(const RankedParts& parts, FrameExchange* exchange);
+  ~ReducedSystem();
 
   /// Makes what PreconditionerKind::kTwoLevel takes, before the first Prepare of it. Collective. An
   /// error is that of all ranks.
-  Status MakeTwoLevel(const LandmarkIncidences& incidences, const RankedAggregates& aggregates);
+  Status MakeTwoLevel(const RankedAggregates& aggregates);
   /// C and the Jacobians are new.
   void Refresh();
   /// After each elimination. `frame_damping`: of the frames here, packed; copied.
@@ -41,10 +54,7 @@ class ReducedSystem {
   /// z = M⁻¹ r.
   void Precondition(const double* r, double* z);
 
-  const Communicator& ranks() const { return ranks_; }
-  const SharedFrames& frames() const { return frames_; }
-  const FramePlans& plans() const { return plans_; }
-  const Elimination& elimination() const { return elimination_; }
+  const RankedParts& parts() const { return parts_; }
   /// Λ of the frames owned here.
   const std::vector<double>& owned_damping() const { return owned_damping_; }
   double product_seconds() const { return product_seconds_; }
@@ -55,22 +65,15 @@ class ReducedSystem {
   void ChooseOwned(const double* here, std::vector<double>* owned) const;
   Status InvertBlocks(bool of_S);
 
-  const Communicator& ranks_;
-  const SharedFrames& frames_;
-  const Evaluator& evaluator_;
-  const FramePlans& plans_;
-  const Hessian& hessian_;
-  const Elimination& elimination_;
+  const RankedParts& parts_;
   FrameExchange& exchange_;
   FrameExchange block_exchange_;  // of diagonal blocks
   BlockInverses inverses_;
   std::unique_ptr<RankedTwoLevel> two_level_;
   PreconditionerKind kind_ = PreconditionerKind::kIdentity;
-  std::vector<const double*> blocks_;  // of C, by the pattern
   std::vector<double> owned_damping_;
   std::vector<double> owned_scale_;
-  std::vector<int> owned_offsets_;  // per owned frame, one more
-  std::vector<double> packed_;      // of the frames here
+  std::vector<double> packed_;  // of the frames here
   AlignedVector<double> padded_;
   AlignedVector<double> padded_product_;
   AlignedVector<double> padded_owned_;
@@ -90,5 +93,22 @@ class DistributedReducedSolver {
   virtual int num_iterations() const { return 1; }
   virtual std::int64_t Bytes() const { return 0; }
 };
+
+/// The three solvers there are. `system` outlives them. Collective; AgreedFailure is thrown on all
+/// ranks, and the Status is the same on all.
+std::unique_ptr<DistributedReducedSolver> MakeMergedGradients(
+    const ConjugateGradientsOptions& options, ReducedSystem* system);
+std::unique_ptr<DistributedReducedSolver> MakeKspSolver(const ConjugateGradientsOptions& options,
+                                                        ReducedSystem* system, Status* status);
+std::unique_ptr<DistributedReducedSolver> MakeCholeskySolver(ReducedSystem* system);
+
+/// Why a factorization by MUMPS failed.
+enum class MumpsFailure {
+  kSpaceTooSmall,  ///< it has predicted too little, and is to be given more: ICNTL(14)
+  kOutOfMemory,
+  kOther,  ///< taken for one of the matrix
+};
+/// By its INFOG(1).
+MumpsFailure MumpsFailureOf(int infog1);
 
 }  // namespace inceres::internal

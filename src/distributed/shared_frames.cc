@@ -1,12 +1,11 @@
 #include "distributed/shared_frames.h"
 
 #include <algorithm>
-#include <cstring>
 #include <numeric>
 #include <string>
-#include <type_traits>
 
-#include "distributed/frame_owners.h"
+#include "distributed/checkpoint.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -23,20 +22,6 @@ namespace inceres::internal {
 // which only some hold it, would each minimize something else without noticing.
 
 namespace {
-
-// FNV-1a over the bits of the values.
-// Values are compared by a hash of their bits, which is of fixed length. So −0 and 0 differ.
-std::uint64_t HashOf(const double* values, int count) {
-  std::uint64_t hash = 0xcbf29ce484222325U;
-  for (int k = 0; k < count; ++k) {
-    std::uint64_t bits = 0;
-    std::memcpy(&bits, values + k, sizeof bits);
-    for (int byte = 0; byte < 8; ++byte, bits >>= 8) {
-      hash = (hash ^ (bits & 0xff)) * 0x100000001b3U;
-    }
-  }
-  return hash;
-}
 
 std::string NameOf(std::int64_t id) {
   return "frame " + std::to_string(id);
@@ -112,7 +97,9 @@ Status SharedFrames::Collect(const GraphPart& part, const Layout& layout,
     record.id = frame.id;
     record.ambient_size = graph.AmbientSize(frame.variable);
     record.tangent_size = graph.TangentSize(frame.variable);
-    record.values = HashOf(graph.Values(frame.variable), record.ambient_size);
+    // Compared by a sum over their bits, which is of fixed length. So −0 and 0 differ.
+    record.values = ChecksumOf(reinterpret_cast<const char*>(graph.Values(frame.variable)),
+                               static_cast<std::size_t>(record.ambient_size) * sizeof(double));
     record.num_factors = num_factors[static_cast<std::size_t>(frame.variable)];
     record.place = static_cast<std::int32_t>(own->size());
     record.constant = graph.IsConstant(frame.variable) ? 1 : 0;
@@ -137,19 +124,10 @@ Status SharedFrames::Agree(const Communicator& ranks, const GraphPart& part, con
   if (!status.ok()) {
     return status;
   }
-  static_assert(std::is_trivially_copyable_v<Record>);
-  std::vector<char> bytes(own.size() * sizeof(Record));
   for (Record& record : own) {
     record.rank = ranks.rank();
   }
-  if (!own.empty()) {
-    std::memcpy(bytes.data(), own.data(), bytes.size());
-  }
-  const std::vector<char> gathered = ranks.GatherBytes(bytes);
-  std::vector<Record> all(gathered.size() / sizeof(Record));
-  if (!all.empty()) {
-    std::memcpy(all.data(), gathered.data(), gathered.size());
-  }
+  std::vector<Record> all = ranks.GatherAll(own);
   std::sort(all.begin(), all.end(), [](const Record& a, const Record& b) {
     return a.id != b.id ? a.id < b.id : a.rank < b.rank;
   });
@@ -169,6 +147,7 @@ struct SharedFrames::Group {
   std::size_t end;
   int num_sharers;  // ranks with factors of it
   int owner;
+  const Record* own;  // that of this rank; null: it does not list the frame
 };
 
 // What of a record is not as the first one has it: words to stand before two ranks; or null.
@@ -182,10 +161,11 @@ const char* SharedFrames::FindDifference(const Record& first, const Record& reco
   return record.values != first.values ? " starts from other values on rank " : nullptr;
 }
 
-Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Group>* groups) {
+Status SharedFrames::FindGroups(const std::vector<Record>& all, int rank,
+                                std::vector<Group>* groups) {
   for (std::size_t begin = 0; begin < all.size();) {
     const Record& first = all[begin];
-    Group group{begin, begin, 0, -1};
+    Group group{begin, begin, 0, -1, nullptr};
     for (; group.end < all.size() && all[group.end].id == first.id; ++group.end) {
       const Record& record = all[group.end];
       // Records of one frame are sorted by rank, so the same rank twice stands next to itself.
@@ -200,6 +180,7 @@ Status SharedFrames::FindGroups(const std::vector<Record>& all, std::vector<Grou
                                  " and rank " + std::to_string(first.rank));
       }
       group.num_sharers += record.num_factors > 0 ? 1 : 0;
+      group.own = record.rank == rank ? &record : group.own;
     }
     // Frames that are constant, or that no factor of any rank touches, are checked and then left
     // out: nobody owns them.
@@ -242,12 +223,24 @@ std::int64_t SharedFrames::SizeOf(const Record& record, int kind) {
 // All ranks number the same records, so nothing needs to be agreed on.
 Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>& all) {
   std::vector<Group> groups;
-  Status status = FindGroups(all, &groups);
+  Status status = FindGroups(all, ranks.rank(), &groups);
   if (!status.ok()) {
     return status;
   }
   ChooseOwners(all, ranks.size(), &groups);
-  CountFrames(groups, all, ranks.rank());
+  // All frames that move are numbered by ascending id, whoever owns them: what patterns and sums
+  // over all frames are by.
+  sizes_.clear();
+  for (const Group& group : groups) {
+    if (group.own != nullptr) {
+      FramePlace& place = numbered_[static_cast<std::size_t>(group.own->place)];
+      place.number = static_cast<int>(sizes_.size());
+      place.owner = group.owner;
+      // Ranks with factors, without this one.
+      place.num_others = group.num_sharers - (group.own->num_factors > 0 ? 1 : 0);
+    }
+    sizes_.push_back(all[group.begin].tangent_size);
+  }
   // A counting sort by owner: sizes first, one rank further; their sums are where each rank begins;
   // then each frame takes the next place of its owner, by ascending id.
   for (int kind = 0; kind < 3; ++kind) {
@@ -258,43 +251,17 @@ Status SharedFrames::Number(const Communicator& ranks, const std::vector<Record>
     std::partial_sum(next.begin(), next.end(), next.begin());  // where each rank begins
     const auto own = static_cast<std::size_t>(ranks.rank());
     owned_size_[kind] = next[own + 1] - next[own];
+    owned_begin_[kind] = next[own];
     total_size_[kind] = next.back();
     for (const Group& group : groups) {
       std::int64_t& at = next[static_cast<std::size_t>(group.owner)];
-      Place(group, all, ranks.rank(), kind, at);
+      if (group.own != nullptr) {
+        numbered_[static_cast<std::size_t>(group.own->place)].begin[kind] = at;
+      }
       at += SizeOf(all[group.begin], kind);
     }
   }
   return status;
-}
-
-// Of this rank's own entry for the frame, if it lists it.
-void SharedFrames::Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
-                         std::int64_t at) {
-  for (std::size_t k = group.begin; k < group.end; ++k) {
-    if (all[k].rank == rank) {
-      FramePlace& place = numbered_[static_cast<std::size_t>(all[k].place)];
-      place.owner = group.owner;
-      place.begin[kind] = at;
-      // Ranks with factors, without this one.
-      place.num_others = group.num_sharers - (all[k].num_factors > 0 ? 1 : 0);
-    }
-  }
-}
-
-// Numbers all frames that move by ascending id, whoever owns them: what patterns and sums over all
-// frames are by.
-void SharedFrames::CountFrames(const std::vector<Group>& groups, const std::vector<Record>& all,
-                               int rank) {
-  sizes_.clear();
-  for (const Group& group : groups) {
-    for (std::size_t k = group.begin; k < group.end; ++k) {
-      if (all[k].rank == rank) {
-        numbered_[static_cast<std::size_t>(all[k].place)].number = static_cast<int>(sizes_.size());
-      }
-    }
-    sizes_.push_back(all[group.begin].tangent_size);
-  }
 }
 
 // Sorts the entries of this rank into those that the layout has, by position, and those that move
@@ -323,6 +290,15 @@ void SharedFrames::Keep(const GraphPart& part, const Layout& layout, int rank) {
   std::sort(owned_.begin(), owned_.end(), [this](int a, int b) {
     return moving_[static_cast<std::size_t>(a)].id < moving_[static_cast<std::size_t>(b)].id;
   });
+  row_of_number_.assign(sizes_.size(), -1);
+  for (const int position : owned_) {
+    const FramePlace& place = moving_[static_cast<std::size_t>(position)];
+    row_of_number_[static_cast<std::size_t>(place.number)] =
+        static_cast<int>(owned_offsets_.size()) - 1;
+    const int size = place.sizes[FramePlace::kTangent];
+    owned_offsets_.push_back(owned_offsets_.back() + size);
+    padded_owned_size_ += static_cast<std::size_t>(PadToQuad(size));
+  }
 }
 
 }  // namespace inceres::internal

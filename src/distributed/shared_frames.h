@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "distributed/communicator.h"
-#include "inceres/distributed/graph_part.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/layout.h"
 
@@ -25,6 +25,22 @@ struct FramePlace {
   int number = -1;                    ///< among all frames that move, by ascending id
 };
 
+/// A rank that has factors of a frame.
+struct FrameSharer {
+  int frame;
+  int rank;
+  std::int64_t num_factors;
+};
+
+/// Which of the ranks that share a frame sums its rows: the owner. In a product a rank sends its
+/// part of each frame that it shares to the owner, or, of those it owns, the sum to all others: of
+/// a frame that h ranks share 2 (h − 1) times its entries are sent, whoever owns it. Owners are
+/// such that what a rank sends, over the entries of the frames it shares, is about the same for
+/// all, and of the rest that all own as much. `sizes`: entries of each frame. `sharers`: by
+/// ascending frame, at least one of each.
+std::vector<int> ChooseFrameOwners(const std::vector<int>& sizes,
+                                   const std::vector<FrameSharer>& sharers, int num_ranks);
+
 /// Which frames the ranks have in common, and who owns each: sums its rows, and counts it. That is
 /// one of those with factors of it, such that all have about as much to send. Owned frames are
 /// numbered rank by rank, by ascending id.
@@ -41,8 +57,16 @@ class SharedFrames {
   const std::vector<FramePlace>& idle() const { return idle_; }
   /// Positions in `moving` of those that are owned here, by ascending id: as they are numbered.
   const std::vector<int>& owned() const { return owned_; }
-  /// Entries owned here, and by all, of each of the three kinds.
+  /// The rows of these, in their order: where each begins, one more; and which is that of a frame
+  /// by its number, −1 if others own it.
+  const std::vector<int>& owned_offsets() const { return owned_offsets_; }
+  int OwnedRow(int number) const { return row_of_number_[static_cast<std::size_t>(number)]; }
+  /// Entries of vectors in which each of them begins on a quad.
+  std::size_t padded_owned_size() const { return padded_owned_size_; }
+  /// Entries owned here, the first of them among those of all, and how many these are, of each of
+  /// the three kinds.
   std::int64_t owned_size(int kind) const { return owned_size_[kind]; }
+  std::int64_t owned_begin(int kind) const { return owned_begin_[kind]; }
   std::int64_t total_size(int kind) const { return total_size_[kind]; }
   std::int64_t num_frames() const { return static_cast<std::int64_t>(sizes_.size()); }
   /// Tangent sizes of all frames that move, by ascending id.
@@ -53,21 +77,22 @@ class SharedFrames {
   struct Group;
   Status Collect(const GraphPart& part, const Layout& layout, std::vector<Record>* own) const;
   static const char* FindDifference(const Record& first, const Record& record);
-  static Status FindGroups(const std::vector<Record>& all, std::vector<Group>* groups);
+  static Status FindGroups(const std::vector<Record>& all, int rank, std::vector<Group>* groups);
   static void ChooseOwners(const std::vector<Record>& all, int num_ranks,
                            std::vector<Group>* groups);
   static std::int64_t SizeOf(const Record& record, int kind);
   Status Number(const Communicator& ranks, const std::vector<Record>& all);
-  void Place(const Group& group, const std::vector<Record>& all, int rank, int kind,
-             std::int64_t at);
-  void CountFrames(const std::vector<Group>& groups, const std::vector<Record>& all, int rank);
   void Keep(const GraphPart& part, const Layout& layout, int rank);
 
   std::vector<FramePlace> numbered_;  // of this rank, in the order of its part
   std::vector<FramePlace> moving_;
   std::vector<FramePlace> idle_;
   std::vector<int> owned_;
+  std::vector<int> owned_offsets_{0};
+  std::vector<int> row_of_number_;
+  std::size_t padded_owned_size_ = 0;
   std::int64_t owned_size_[3] = {0, 0, 0};
+  std::int64_t owned_begin_[3] = {0, 0, 0};
   std::int64_t total_size_[3] = {0, 0, 0};
   std::vector<int> sizes_;
 };

@@ -6,8 +6,9 @@
 
 #include "estimator/window.h"
 #include "inceres/solver/covariance.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "linearize/factor_linearizer.h"
+#include "linearize/jacobian_map.h"
 
 // The public face of a window. The work is in estimator/window.h, phase by phase; here is the order
 // of the phases and what can be read out between two calls: states, covariances of one frame, how
@@ -18,7 +19,7 @@
 namespace inceres {
 namespace {
 
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using internal::RowMajor;
 
 // As newly made, but for the memory it holds.
 // Copied and not moved: strings and vectors that are given an empty one's value keep their capacity
@@ -187,9 +188,8 @@ Status SlidingWindowEstimator::LandmarkHessian(std::int64_t track,
     }
     const FactorFamily& family = graph.family(view.factor.family);
     // the landmark's, in both families
-    const internal::SlotJacobians& slot = factor.slots[family.num_slots() - 1];
-    const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(
-        slot.data, factor.rows, size, Eigen::OuterStride<>(slot.row_stride));
+    const internal::JacobianMap J =
+        internal::JacobianOf(factor.slots[family.num_slots() - 1], 0, factor.rows);
     P += J.transpose() * J;
   }
   hessian->assign(P.data(), P.data() + P.size());

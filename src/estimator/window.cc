@@ -59,9 +59,8 @@ Status Window::Solve(WindowSummary* summary) {
   GraphEdit edit(graph_.solver.graph());
   WindowTracks tracks = tracks_;
   DropViewsFrom(frames_.back().number, &tracks, &edit, summary);
-  if (graph_.solver.Apply(edit).ok()) {
-    tracks_ = std::move(tracks);
-  }
+  // Whether they could be dropped or not: the solve is what failed.
+  static_cast<void>(Commit(edit, &tracks));
   return Status::Error(
       StatusCode::kEvaluationFailed,
       "the solve failed, and the frame's views are dropped: " + summary->update.message);
@@ -105,9 +104,13 @@ Status Window::RejectLandmarks(WindowSummary* summary) {
     }
     entry = wrong ? tracks.all().erase(entry) : std::next(entry);
   }
+  return Commit(edit, &tracks);
+}
+
+Status Window::Commit(const GraphEdit& edit, WindowTracks* tracks) {
   const Status status = edit.empty() ? Status::Ok() : graph_.solver.Apply(edit);
   if (status.ok()) {
-    tracks_ = std::move(tracks);
+    tracks_ = std::move(*tracks);
   }
   return status;
 }

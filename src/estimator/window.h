@@ -45,6 +45,11 @@ class Window {
   Status Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
                  const WindowState& predicted);
   bool Triangulate(const Track& track, Feature* feature) const;
+  // A landmark with all views of its track, the first of which is its anchor's.
+  void AddLandmark(const Feature& feature, Track* track, GraphEdit* edit);
+
+  // Applies the edit, and only if it was carried out, `tracks` take the place of the window's.
+  Status Commit(const GraphEdit& edit, WindowTracks* tracks);
 
   bool IsWrong(const Track& track) const;
   Status RejectLandmarks(WindowSummary* summary);

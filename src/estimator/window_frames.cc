@@ -4,7 +4,7 @@
 
 #include "estimator/window.h"
 #include "estimator/window_input.h"
-#include "factors/imu_layout.h"
+#include "factors/imu_math.h"
 
 // A frame is predicted by the IMU, connected with the frame before it and with the landmarks that
 // it sees, and tracks that have become wide enough get landmarks. Whether the frame before it is a
@@ -99,11 +99,10 @@ Status Window::Connect(const WindowFrame& frame, const ImuPreintegrator& imu,
     }
     track.views.push_back(view);
   }
-  const Status status = graph_.solver.Apply(edit);
+  const Status status = Commit(edit, &tracks);
   if (status.ok()) {
     ++next_number_;
     frames_.push_back(record);
-    tracks_ = std::move(tracks);
   }
   return status;
 }
@@ -134,21 +133,24 @@ Status Window::CreateLandmarks(WindowSummary* summary) {
         !Triangulate(track, &feature)) {
       continue;
     }
-    // All views the track has are used at once, from its anchor on.
-    View& anchor_view = track.views.front();
-    track.landmark = graph_.AddLandmark(feature, &anchor_view, &edit);
-    for (auto view = track.views.begin() + 1; view != track.views.end(); ++view) {
-      graph_.AddView(track.landmark, FrameNumbered(anchor_view.frame), anchor_view,
-                     FrameNumbered(view->frame), &*view, &edit);
-    }
+    AddLandmark(feature, &track, &edit);
     ++count;
   }
-  const Status status = edit.empty() ? Status::Ok() : graph_.solver.Apply(edit);
+  const Status status = Commit(edit, &tracks);
   if (status.ok()) {
     summary->num_new_landmarks += count;
-    tracks_ = std::move(tracks);
   }
   return status;
+}
+
+// All views the track has are used at once, from its anchor on.
+void Window::AddLandmark(const Feature& feature, Track* track, GraphEdit* edit) {
+  View& anchor_view = track->views.front();
+  const FrameRecord& anchor = FrameNumbered(anchor_view.frame);
+  track->landmark = graph_.AddLandmark(feature, &anchor_view, edit);
+  for (auto view = track->views.begin() + 1; view != track->views.end(); ++view) {
+    graph_.AddView(track->landmark, anchor, anchor_view, FrameNumbered(view->frame), &*view, edit);
+  }
 }
 
 }  // namespace inceres::internal

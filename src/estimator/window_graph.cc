@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "factors/imu_layout.h"
+#include "factors/imu_math.h"
 
 // What a window is as a graph. A frame is two variables, pose [p(3), q(x, y, z, w)] on PoseManifold
 // and nine values of velocity and biases in the order of the IMU's conventions. A landmark is λ or

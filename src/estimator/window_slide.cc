@@ -1,6 +1,5 @@
 // How frames leave the window.
 #include <iterator>
-#include <utility>
 
 #include "estimator/window.h"
 #include "inceres/solver/marginalization.h"
@@ -84,17 +83,12 @@ Status Window::Reanchor(WindowSummary* summary) {
     edit.RemoveVariable(track.landmark);
     track.views.erase(track.views.begin());
     const Feature feature{{h.x() / h.z(), h.y() / h.z()}, old_feature.lambda / h.z()};
-    track.landmark = graph_.AddLandmark(feature, &track.views[0], &edit);
-    for (std::size_t k = 1; k < track.views.size(); ++k) {
-      graph_.AddView(track.landmark, anchor, track.views[0], FrameNumbered(track.views[k].frame),
-                     &track.views[k], &edit);
-    }
+    AddLandmark(feature, &track, &edit);
     ++count;
   }
-  const Status status = edit.empty() ? Status::Ok() : graph_.solver.Apply(edit);
+  const Status status = Commit(edit, &tracks);
   if (status.ok()) {
     summary->num_reanchored_landmarks += count;
-    tracks_ = std::move(tracks);
   }
   return status;
 }
@@ -177,14 +171,13 @@ Status Window::DropSecondNewest(WindowSummary* summary) {
       edit.RemoveVariable(id);
     }
   }
-  status = graph_.solver.Apply(edit);
+  status = Commit(edit, &tracks);
   if (!status.ok()) {
     return status;
   }
   // The newest frame moves down by one place, with its new IMU factor.
   frames_.pop_back();
   frames_.back() = newest;
-  tracks_ = std::move(tracks);
   summary->left = WindowSummary::Left::kSecondNewest;
   summary->left_time = leaving.time;
   return request.marginalized.empty() ? status : MarginalizeLeft(&request, summary);

@@ -77,9 +77,8 @@ double WriteJacobians(const FactorBatch& batch, int i, int num_slots,
                       const InverseDepthChain<poses, cameras>& chain, const Observed& v) {
   using Chain = InverseDepthChain<poses, cameras>;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(i) * num_slots;
-  const double* packed = measurement.sqrt_information;
-  // U as a 2×2 matrix, from its three entries.
-  const double U[4] = {packed[0], packed[1], 0.0, packed[2]};
+  double U[4];
+  internal::UnpackUpper(measurement.sqrt_information, U);
   // Whitened before it goes back along the chain: two rows are multiplied by U, not the Jacobians
   // of all slots.
   double a[2][3], by_tau[2];

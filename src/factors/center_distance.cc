@@ -1,8 +1,7 @@
-#include "inceres/factors/center_distance.h"
-
 #include <algorithm>
 #include <cmath>
 
+#include "inceres/factors/gauge.h"
 #include "inceres/problem/rotation.h"
 
 // The residual is w (‖c_b − c_a‖ − d). Its gradient with respect to c_b is w times the unit vector

@@ -1,9 +1,9 @@
 #include "inceres/factors/imu_factor.h"
 
-#include <cmath>
+#include <cstddef>
+#include <optional>
 
-#include "factors/imu_correction.h"
-#include "factors/imu_layout.h"
+#include "factors/imu_math.h"
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
 
@@ -14,7 +14,7 @@
 //     r_p = R_iᵀ(p_j − p_i − v_iΔt − ½gΔt²) − Δp,
 //     r_b = b_j − b_i,
 // with (ΔR, Δv, Δp) corrected to first order for the biases of i. Conventions decide the order of
-// rows and columns (imu_layout.h), on which side rotations are perturbed, Log or 2 vec(q), and the
+// rows and columns (ImuLayout), on which side rotations are perturbed, Log or 2 vec(q), and the
 // sign.
 //
 // Kept per factor is U with UᵀU = Σ⁻¹, which costs a 15×15 Cholesky factorization and a triangular
@@ -240,34 +240,6 @@ class Derivatives {
   Matrix3 R_i_inv_;
 };
 
-// Writes U E. Returns the sum of its entries, which is finite only if all are.
-template <typename E>
-double Whiten(const Matrix<15, 15>& U, const E& jacobian, const JacobianView& view, int i) {
-  return internal::MultiplyUpper<15, E::ColsAtCompileTime>(
-      U.data(), jacobian.data(), view.data + i * view.factor_stride, view.row_stride);
-}
-
-double WriteJacobians(const FactorBatch& batch, int i, const Derivatives& derivatives,
-                      const Matrix<15, 15>& U, bool left) {
-  const std::ptrdiff_t first = 4 * static_cast<std::ptrdiff_t>(i);
-  double sum = 0.0;
-  for (int s = 0; s < 4; ++s) {
-    const TangentMap& map = *batch.tangent_maps[first + s];
-    // A constant or unwanted variable has no block to write to; its derivative is not formed.
-    if (!map.wanted()) {
-      continue;
-    }
-    const JacobianView& view = batch.jacobians[s];
-    if (s % 2 == 0) {
-      internal::AssertPoseManifold(map, batch.parameters[first + s], left);
-      sum += Whiten(U, s == 0 ? derivatives.ByPoseI() : derivatives.ByPoseJ(), view, i);
-    } else {
-      sum += Whiten(U, s == 1 ? derivatives.BySpeedBiasI() : derivatives.BySpeedBiasJ(), view, i);
-    }
-  }
-  return sum;
-}
-
 }  // namespace
 
 ImuFactorFamily::ImuFactorFamily() : FactorFamily(15, {{7, 6}, {9, 9}, {7, 6}, {9, 9}}) {
@@ -317,31 +289,32 @@ bool ImuFactorFamily::Recenter(int factor, const double* const* parameters) cons
 }
 
 EvaluationFailure ImuFactorFamily::Evaluate(const FactorBatch& batch) const {
-  for (int i = batch.begin; i < batch.end; ++i) {
+  return internal::EvaluateEach(batch, [&](int i) -> const char* {
     const Factor& factor = *factors_[static_cast<std::size_t>(i)];
     // Told here and not in Place, so that the factor's index is in the message.
     if (!factor.has_information) {
-      return {i, "the preintegration has no information matrix: too few samples, or none"};
+      return "the preintegration has no information matrix: too few samples, or none";
     }
     Comparison comparison;
     const bool jacobians = batch.jacobians != nullptr;
     Compare(factor.imu, factor.layout, batch.parameters + 4 * static_cast<std::ptrdiff_t>(i),
             jacobians, &comparison);
-    double* residual = batch.residuals + 15 * static_cast<std::ptrdiff_t>(i);
-    // Whitening sums what it writes; the sum is finite only if all entries are.
-    if (!std::isfinite(
-            internal::MultiplyUpper<15, 1>(factor.U.data(), comparison.e.data(), residual, 1))) {
-      return {i, "a residual is not finite"};
-    }
+    std::optional<Derivatives> derivatives;
     if (jacobians) {
-      const Derivatives derivatives(factor.imu, factor.layout, comparison);
-      const bool left = TurnsOnTheLeft(factor.imu.options().conventions);
-      if (!std::isfinite(WriteJacobians(batch, i, derivatives, factor.U, left))) {
-        return {i, "a Jacobian entry is not finite"};
-      }
+      derivatives.emplace(factor.imu, factor.layout, comparison);
     }
-  }
-  return {};
+    const double* const U = factor.U.data();
+    const auto write_slot = [&](int s, const TangentMap& map, const double* x) {
+      if (s % 2 == 0) {
+        internal::AssertPoseManifold(map, x, TurnsOnTheLeft(factor.imu.options().conventions));
+        const Jacobian6 E = s == 0 ? derivatives->ByPoseI() : derivatives->ByPoseJ();
+        return internal::WriteSlot<15, 6>(batch, i, s, U, E.data());
+      }
+      const Jacobian9 E = s == 1 ? derivatives->BySpeedBiasI() : derivatives->BySpeedBiasJ();
+      return internal::WriteSlot<15, 9>(batch, i, s, U, E.data());
+    };
+    return internal::WriteFactor<15>(batch, i, 4, U, comparison.e.data(), write_slot);
+  });
 }
 
 }  // namespace inceres

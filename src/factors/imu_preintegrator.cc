@@ -7,8 +7,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "factors/imu_layout.h"
-#include "factors/imu_step.h"
+#include "factors/imu_math.h"
 #include "problem/find_fault.h"
 
 // The samples of an interval as one relative motion (docs/algorithms.md, "IMU pre-integration").
@@ -61,25 +60,24 @@ Status CheckBiases(const double* gyr_bias, const double* acc_bias) {
                                 : Invalid("the accelerometer bias to integrate at is not finite");
 }
 
-// One step per pair of neighbors. With `before` null the first sample only begins.
-void StepAll(const ImuOptions& options, const ImuSample* before,
-             const std::vector<ImuSample>& samples, ImuDelta* delta) {
+// From `delta` on, one step per pair of neighbors. With `before` null the first sample only begins.
+Status StepAll(const ImuOptions& options, ImuDelta delta, const ImuSample* before,
+               const std::vector<ImuSample>& samples, ImuDelta* result) {
   for (const ImuSample& sample : samples) {
     if (before != nullptr) {
-      internal::StepImu(options, *before, sample, delta);
+      internal::StepImu(options, *before, sample, &delta);
     }
     before = &sample;
   }
-}
-
-// Samples are finite one by one, and yet products of them may overflow.
-Status CheckResult(const ImuDelta& delta) {
-  const bool finite = AllFinite(delta.q, 4) && AllFinite(delta.v, 3) && AllFinite(delta.p, 3) &&
-                      AllFinite(delta.bias_jacobian, 54) && AllFinite(delta.covariance, 225);
-  return finite ? Status::Ok()
-                : Status::Error(StatusCode::kEvaluationFailed,
-                                "IMU preintegration overflows: rates, forces or time steps are "
-                                "beyond any sensor's");
+  // Samples are finite one by one, and yet products of them may overflow.
+  if (!(AllFinite(delta.q, 4) && AllFinite(delta.v, 3) && AllFinite(delta.p, 3) &&
+        AllFinite(delta.bias_jacobian, 54) && AllFinite(delta.covariance, 225))) {
+    return Status::Error(StatusCode::kEvaluationFailed,
+                         "IMU preintegration overflows: rates, forces or time steps are beyond any "
+                         "sensor's");
+  }
+  *result = delta;
+  return Status::Ok();
 }
 
 // No motion yet, at these biases: q is the identity and covariance and derivative are zero.
@@ -105,11 +103,10 @@ Status ImuPreintegrator::Integrate(const std::vector<ImuSample>& samples, const 
     return Invalid("IMU preintegration needs two samples at least, one at either end, and got " +
                    std::to_string(samples.size()));
   }
-  ImuDelta delta = StartAt(gyr_bias, acc_bias);
-  StepAll(options_, nullptr, samples, &delta);
-  Status status = CheckResult(delta);
+  ImuDelta delta;
+  Status status = StepAll(options_, StartAt(gyr_bias, acc_bias), nullptr, samples, &delta);
   if (status.ok()) {
-    samples_ = samples;
+    samples_ = samples;  // may throw: before anything has changed
     delta_ = delta;
   }
   return status;
@@ -126,9 +123,8 @@ Status ImuPreintegrator::Append(const std::vector<ImuSample>& samples) {
   }
   // The new samples are integrated at the biases of the old ones, whatever the state says now: one
   // preintegration has one pair of biases.
-  ImuDelta delta = delta_;
-  StepAll(options_, &samples_.back(), samples, &delta);
-  status = CheckResult(delta);
+  ImuDelta delta;
+  status = StepAll(options_, delta_, &samples_.back(), samples, &delta);
   if (status.ok()) {
     samples_.insert(samples_.end(), samples.begin(), samples.end());
     delta_ = delta;
@@ -141,17 +137,9 @@ Status ImuPreintegrator::Reintegrate(const double gyr_bias[3], const double acc_
     return Invalid("Reintegrate repeats what Integrate began, and nothing was integrated yet");
   }
   // The samples were checked when they came in; only the biases are new.
-  Status status = CheckBiases(gyr_bias, acc_bias);
-  if (!status.ok()) {
-    return status;
-  }
-  ImuDelta delta = StartAt(gyr_bias, acc_bias);
-  StepAll(options_, nullptr, samples_, &delta);
-  status = CheckResult(delta);
-  if (status.ok()) {
-    delta_ = delta;
-  }
-  return status;
+  const Status status = CheckBiases(gyr_bias, acc_bias);
+  return status.ok() ? StepAll(options_, StartAt(gyr_bias, acc_bias), nullptr, samples_, &delta_)
+                     : status;
 }
 
 // Not the biases' change but what it moves is compared, a rotation in rad and a speed in m/s: a

@@ -1,7 +1,6 @@
 #include <algorithm>
 
-#include "factors/imu_correction.h"
-#include "factors/imu_layout.h"
+#include "factors/imu_math.h"
 #include "inceres/factors/imu_preintegrator.h"
 #include "problem/find_fault.h"
 

@@ -1,5 +1,3 @@
-#include "factors/imu_step.h"
-
 #include <cmath>
 #include <utility>
 

@@ -1,8 +1,7 @@
-#include "inceres/factors/inverse_depth_reprojection.h"
-
 #include <cmath>
 
 #include "factors/pose_slot.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/problem/rotation.h"
 
 // With anchor a and observer b: h = R_bᵀ R_a m_a + d R_bᵀ (p_a − p_b). The matrix R_bᵀ R_a and the

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "factors/pose_slot.h"
+#include "factors/small_matrices.h"
 #include "factors/whiten.h"
 #include "factors/wrap_angle.h"
 #include "inceres/problem/rotation.h"
@@ -17,30 +18,10 @@
 namespace inceres {
 namespace {
 
-using internal::MultiplyUpper;
-
-// Writes U J of a slot of factor i, J of kColumns columns; the sum of its entries.
-// The landmark of the spatial family is Euclidean: its columns are the ambient ones.
-template <int kColumns>
-double WriteSlot(const FactorBatch& batch, int i, int slot, int num_slots, const double* U,
-                 const double* J) {
-  const TangentMap& map = *batch.tangent_maps[num_slots * static_cast<std::ptrdiff_t>(i) + slot];
-  if (!map.wanted()) {
-    return 0.0;
-  }
-  const JacobianView& view = batch.jacobians[slot];
-  return MultiplyUpper<3, kColumns>(U, J, view.data + i * view.factor_stride, view.row_stride);
-}
-
-// [v]× into three columns of a row-major matrix of six.
-void PutCross(const double* v, double* J) {
-  const double cross[9] = {0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0};
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) {
-      J[6 * r + 3 + c] = cross[3 * r + c];
-    }
-  }
-}
+using internal::AsVector;
+using internal::Matrix;
+using internal::Matrix3;
+using internal::Skew;
 
 // d = R(θ)ᵀ (l − p), and what it becomes by p, θ and l: rows x, y of five columns.
 void SeePlanar(const double* pose, const double* landmark, double d[2], double D[10]) {
@@ -74,23 +55,6 @@ bool ToRangeBearing(double d[2], double D[10]) {
   d[0] = range;
   d[1] = bearing;
   return true;
-}
-
-// One factor of the two families in space.
-// The first failure ends the batch: it is that of the first factor in the family's order.
-template <typename Evaluate>
-EvaluationFailure EvaluateEach(const FactorBatch& batch, const Evaluate& evaluate) {
-  for (int i = batch.begin; i < batch.end; ++i) {
-    double sums[2] = {0.0, 0.0};  // of residuals, of Jacobians
-    evaluate(i, sums);
-    if (!std::isfinite(sums[0])) {
-      return {i, "a residual is not finite"};
-    }
-    if (!std::isfinite(sums[1])) {
-      return {i, "a Jacobian entry is not finite"};
-    }
-  }
-  return {};
 }
 
 }  // namespace
@@ -127,66 +91,61 @@ bool PlanarLandmarkFamily::EvaluateOne(int i, const double* const* parameters, d
 }
 
 EvaluationFailure SpatialLandmarkFamily::Evaluate(const FactorBatch& batch) const {
-  return EvaluateEach(batch, [this, &batch](int i, double* sums) {
+  return internal::EvaluateEach(batch, [&](int i) {
     const Measurement& m = measurement(i);
     const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
     const double *pose = parameters[0], *l = parameters[1];
     const double difference[3] = {l[0] - pose[0], l[1] - pose[1], l[2] - pose[2]};
     // y = Rᵀ (l − p): the landmark in the axes of the pose.
-    double R[9], y[3];
-    QuaternionToMatrix(pose + 3, R);
-    internal::MultiplyTransposed(R, difference, y);
+    const Matrix3 R = internal::RotationOf(pose + 3);
+    double y[3];
+    internal::MultiplyTransposed(R.data(), difference, y);
     const double e[3] = {y[0] - m.z[0], y[1] - m.z[1], y[2] - m.z[2]};
-    sums[0] = MultiplyUpper<3, 1>(m.sqrt_information, e,
-                                  batch.residuals + 3 * static_cast<std::ptrdiff_t>(i), 1);
-    if (batch.jacobians == nullptr) {
-      return;
-    }
-    // ∂y/∂l = Rᵀ, ∂y/∂p = −Rᵀ, ∂y/∂φ = [y]×; the first two are R read by columns.
-    double J_pose[18] = {}, J_landmark[9];
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) {
-        J_landmark[3 * r + c] = R[3 * c + r];
-        J_pose[6 * r + c] = -R[3 * c + r];
+    const double* const U = m.sqrt_information;
+    const auto write_slot = [&](int slot, const TangentMap& map, const double* /*values*/) {
+      // ∂y/∂l = Rᵀ, ∂y/∂p = −Rᵀ, ∂y/∂φ = [y]×. The landmark is Euclidean: its columns are the
+      // ambient ones.
+      if (slot == 1) {
+        const Matrix3 J = R.transpose();
+        return internal::WriteSlot<3, 3>(batch, i, slot, U, J.data());
       }
-    }
-    PutCross(y, J_pose);
-    // The formulas hold in PoseManifold's tangent only; no other manifold will do.
-    internal::AssertPoseManifold(*batch.tangent_maps[2 * static_cast<std::ptrdiff_t>(i)], pose);
-    sums[1] = WriteSlot<6>(batch, i, 0, 2, m.sqrt_information, J_pose) +
-              WriteSlot<3>(batch, i, 1, 2, m.sqrt_information, J_landmark);
+      // The formulas hold in PoseManifold's tangent only; no other manifold will do.
+      internal::AssertPoseManifold(map, pose);
+      Matrix<3, 6> J;
+      J << -R.transpose(), Skew(AsVector(y));
+      return internal::WriteSlot<3, 6>(batch, i, slot, U, J.data());
+    };
+    return internal::WriteFactor<3>(batch, i, 2, U, e, write_slot);
   });
 }
 
 EvaluationFailure PositionPriorFamily::Evaluate(const FactorBatch& batch) const {
-  return EvaluateEach(batch, [this, &batch](int i, double* sums) {
+  return internal::EvaluateEach(batch, [&](int i) {
     const Measurement& m = measurement(i);
     const double* pose = batch.parameters[i];
-    double R[9], arm[3];
-    QuaternionToMatrix(pose + 3, R);
+    double arm[3];
+    const Matrix3 R = internal::RotationOf(pose + 3);
     // The lever in the world's axes.
-    MultiplyMatrixVector(R, m.lever, arm);
+    MultiplyMatrixVector(R.data(), m.lever, arm);
     const double e[3] = {pose[0] + arm[0] - m.z[0], pose[1] + arm[1] - m.z[1],
                          pose[2] + arm[2] - m.z[2]};
-    sums[0] = MultiplyUpper<3, 1>(m.sqrt_information, e,
-                                  batch.residuals + 3 * static_cast<std::ptrdiff_t>(i), 1);
-    if (batch.jacobians == nullptr) {
-      return;
-    }
-    // R Exp(φ) c ≈ R c − R [c]× φ.
-    double J[18] = {}, turn[18] = {};
-    PutCross(m.lever, turn);
-    for (int r = 0; r < 3; ++r) {
-      J[6 * r + r] = 1.0;
-      for (int c = 3; c < 6; ++c) {
-        // −R [c]× for the three columns of φ; PutCross has written [c]× in the same columns.
-        for (int k = 0; k < 3; ++k) {
-          J[6 * r + c] -= R[3 * r + k] * turn[6 * k + c];
+    const double* const U = m.sqrt_information;
+    const auto write_slot = [&](int slot, const TangentMap& map, const double* /*values*/) {
+      internal::AssertPoseManifold(map, pose);
+      // R Exp(φ) c ≈ R c − R [c]× φ.
+      const Matrix3 cross = Skew(AsVector(m.lever));
+      double J[18] = {};
+      for (int r = 0; r < 3; ++r) {
+        J[6 * r + r] = 1.0;
+        for (int c = 0; c < 3; ++c) {
+          for (int k = 0; k < 3; ++k) {
+            J[6 * r + 3 + c] -= R(r, k) * cross(k, c);
+          }
         }
       }
-    }
-    internal::AssertPoseManifold(*batch.tangent_maps[i], pose);
-    sums[1] = WriteSlot<6>(batch, i, 0, 1, m.sqrt_information, J);
+      return internal::WriteSlot<3, 6>(batch, i, slot, U, J);
+    };
+    return internal::WriteFactor<3>(batch, i, 1, U, e, write_slot);
   });
 }
 

@@ -134,18 +134,20 @@ double WritePointJacobians(const FactorBatch& batch, int i, const PointChain& ch
 ///     void Error(const Measurement&, const double h[3], double omega, double* e,
 ///                double (*A)[4]) const;
 ///     const char* ReasonAt(const double h[3]) const;  // why a residual there is not finite
-/// where A, if not null, becomes ∂e/∂(h, ω). `measurement_of(i)` is the measurement of factor i.
-template <typename Sensor, typename MeasurementOf>
-EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size,
-                                 Perturbation perturbation, const Sensor& sensor,
-                                 const MeasurementOf& measurement_of) {
+/// where A, if not null, becomes ∂e/∂(h, ω).
+template <typename Family, typename Sensor>
+EvaluationFailure EvaluatePoints(const Family& family, const FactorBatch& batch,
+                                 const Sensor& sensor) {
   constexpr int kRows = Sensor::kRows;
+  // 3 or 4, which tells whether landmarks are homogeneous.
+  const int landmark_size = family.slot(PointChain::kLandmark).ambient_size;
+  const bool left = family.perturbation() == Perturbation::kLeft;
   for (int i = batch.begin; i < batch.end; ++i) {
     const PointChain chain(
         batch.parameters + PointChain::kNumSlots * static_cast<std::ptrdiff_t>(i), landmark_size);
     double e[kRows], A[kRows][4], U[kRows * kRows];
-    sensor.SqrtInformation(measurement_of(i), U);
-    sensor.Error(measurement_of(i), chain.h, chain.omega, e,
+    sensor.SqrtInformation(family.measurement(i), U);
+    sensor.Error(family.measurement(i), chain.h, chain.omega, e,
                  batch.jacobians == nullptr ? nullptr : A);
     double* residual = batch.residuals + kRows * static_cast<std::ptrdiff_t>(i);
     if (!std::isfinite(MultiplyUpper<kRows, 1>(U, e, residual, 1))) {
@@ -156,21 +158,12 @@ EvaluationFailure EvaluatePoints(const FactorBatch& batch, int landmark_size,
     }
     double whitened[kRows][4];
     MultiplyUpper<kRows, 4>(U, A[0], whitened[0], 4);
-    const bool left = perturbation == Perturbation::kLeft;
     if (!std::isfinite(
             WritePointJacobians<kRows>(batch, i, chain, landmark_size, left, whitened))) {
       return {i, "a Jacobian entry is not finite"};
     }
   }
   return {};
-}
-
-/// U (2×2, row-major) from its three entries.
-inline void UnpackUpper(const double packed[3], double U[4]) {
-  U[0] = packed[0];
-  U[1] = packed[1];
-  U[2] = 0.0;
-  U[3] = packed[2];
 }
 
 /// Why the residual of an image is not finite.

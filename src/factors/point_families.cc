@@ -4,10 +4,8 @@
 
 #include "factors/image_error.h"
 #include "factors/point_chain.h"
-#include "inceres/factors/bearing.h"
 #include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/stereo_reprojection.h"
 
 // Each family is a sensor: an error e(h, ω) and its derivative A = ∂e/∂(h, ω), three columns for h
 // and one for ω at fixed h. point_chain.h does the rest, the same for all: from the landmark to h =
@@ -19,14 +17,19 @@
 namespace inceres {
 namespace {
 
-// A pinhole with distortion: the point in the plane z = 1, then the camera's own model.
-struct PixelSensor {
+// What is measured has two rows, of whose U three entries are kept.
+struct TwoRows {
   static constexpr int kRows = 2;
-  const PinholeCamera& camera;
 
-  void SqrtInformation(const PixelObservation& seen, double* U) const {
+  template <typename Observation>
+  static void SqrtInformation(const Observation& seen, double* U) {
     internal::UnpackUpper(seen.sqrt_information, U);
   }
+};
+
+// A pinhole with distortion: the point in the plane z = 1, then the camera's own model.
+struct PixelSensor : TwoRows {
+  const PinholeCamera& camera;
 
   // A = J [I | −u] / h_z with u = h_xy / h_z and J of the camera.
   void Error(const PixelObservation& seen, const double h[3], double /*omega*/, double* e,
@@ -51,13 +54,8 @@ struct PixelSensor {
 };
 
 // A fisheye takes h itself, not h_xy / h_z: it sees beyond 90°, where h_z ≤ 0.
-struct EquidistantSensor {
-  static constexpr int kRows = 2;
+struct EquidistantSensor : TwoRows {
   const EquidistantCamera& camera;
-
-  static void SqrtInformation(const PixelObservation& seen, double* U) {
-    internal::UnpackUpper(seen.sqrt_information, U);
-  }
 
   void Error(const PixelObservation& seen, const double h[3], double /*omega*/, double* e,
              double (*A)[4]) const {
@@ -118,13 +116,7 @@ struct StereoSensor {
 
 // Across the ray: e = B (h / ‖h‖ − d) in the plane tangent to the unit sphere at the measured
 // direction.
-struct BearingSensor {
-  static constexpr int kRows = 2;
-
-  static void SqrtInformation(const BearingObservation& seen, double* U) {
-    internal::UnpackUpper(seen.sqrt_information, U);
-  }
-
+struct BearingSensor : TwoRows {
   static void Error(const BearingObservation& seen, const double h[3], double /*omega*/, double* e,
                     double (*A)[4]) {
     // Measured directions need not be of unit length.
@@ -148,27 +140,20 @@ struct BearingSensor {
 
 }  // namespace
 
-// The landmark's ambient size, 3 or 4, tells whether it is homogeneous.
 EvaluationFailure PointReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(), PixelSensor{camera_},
-                                  [this](int i) -> const Measurement& { return measurement(i); });
+  return internal::EvaluatePoints(*this, batch, PixelSensor{{}, camera_});
 }
 
 EvaluationFailure EquidistantReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(),
-                                  EquidistantSensor{camera_},
-                                  [this](int i) -> const Measurement& { return measurement(i); });
+  return internal::EvaluatePoints(*this, batch, EquidistantSensor{{}, camera_});
 }
 
 EvaluationFailure StereoReprojectionFamily::Evaluate(const FactorBatch& batch) const {
-  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(),
-                                  StereoSensor{camera_},
-                                  [this](int i) -> const Measurement& { return measurement(i); });
+  return internal::EvaluatePoints(*this, batch, StereoSensor{camera_});
 }
 
 EvaluationFailure BearingFamily::Evaluate(const FactorBatch& batch) const {
-  return internal::EvaluatePoints(batch, slot(2).ambient_size, perturbation(), BearingSensor{},
-                                  [this](int i) -> const Measurement& { return measurement(i); });
+  return internal::EvaluatePoints(*this, batch, BearingSensor{});
 }
 
 }  // namespace inceres

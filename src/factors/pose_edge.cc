@@ -1,12 +1,12 @@
-#include "inceres/factors/pose_edge.h"
-
-#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include <Eigen/Geometry>
 
 #include "factors/pose_slot.h"
+#include "factors/relative_error.h"
 #include "factors/whiten.h"
+#include "inceres/factors/relative_pose.h"
 #include "inceres/problem/rotation.h"
 
 // A measured relative pose in four conventions, from the same ingredients: E = R_mᵀ R_aᵀ R_b with r
@@ -19,54 +19,14 @@
 namespace inceres {
 namespace {
 
-using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using internal::Matrix3;
+using internal::RelativeError;
+using internal::Skew;
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Eigen::Vector3d;
 
-// What the errors of all conventions are made of.
-struct EdgeError {
-  Matrix3 R_a;
-  Matrix3 R_m;
-  Vector3d t;           // R_aᵀ (p_b − p_a)
-  Vector3d u;           // t − p_m
-  double q[4];          // E, of w ≥ 0
-  Vector3d r;           // Log E
-  Matrix3 J_l_inverse;  // at r
-
-  Vector3d epsilon() const { return {q[0], q[1], q[2]}; }
-};
-
-Matrix3 CrossMatrix(const Vector3d& v) {
-  Matrix3 M;
-  M << 0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0;
-  return M;
-}
-
-// Everything that error and Jacobians share, computed once a factor.
-EdgeError MeasureEdge(const PoseEdgeFamily::Measurement& m, const double* a, const double* b) {
-  EdgeError e;
-  double a_inverse[4], m_inverse[4], q_ab[4];
-  ConjugateQuaternion(a + 3, a_inverse);
-  ConjugateQuaternion(m.q_m, m_inverse);
-  MultiplyQuaternions(a_inverse, b + 3, q_ab);
-  MultiplyQuaternions(m_inverse, q_ab, e.q);
-  // q and −q are one rotation; the one of w ≥ 0 has an angle of at most π.
-  if (e.q[3] < 0.0) {
-    std::for_each(e.q, e.q + 4, [](double& value) { value = -value; });
-  }
-  QuaternionToMatrix(a + 3, e.R_a.data());
-  QuaternionToMatrix(m.q_m, e.R_m.data());
-  e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-  e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
-  LogQuaternion(e.q, e.r.data());
-  // J_l⁻¹(r) = I − ½ [r]× + k [r]×²; J_r⁻¹ is its transpose.
-  RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
-                     e.J_l_inverse.data());
-  return e;
-}
-
 // The formulas are those of the header, in the same order.
-void WriteError(PoseErrorConvention convention, const EdgeError& e, double* error) {
+void WriteError(PoseErrorConvention convention, const RelativeError& e, double* error) {
   Eigen::Map<Vector3d> position(error), rotation(error + 3);
   switch (convention) {
     case PoseErrorConvention::kGeodesic:
@@ -111,7 +71,7 @@ Matrix3 DifferentiateInverseJacobian(const Vector3d& r, const Vector3d& c) {
   const double t = r.squaredNorm();
   const double k = InverseLeftJacobianCoefficient(r.data());
   const Vector3d twice = r.cross(r.cross(c));
-  return 0.5 * CrossMatrix(c) +
+  return 0.5 * Skew(c) +
          k * (r * c.transpose() + r.dot(c) * Matrix3::Identity() - 2.0 * c * r.transpose()) +
          2.0 * SlopeOfCoefficient(t) * twice * r.transpose();
 }
@@ -126,14 +86,14 @@ struct EdgeSlopes {
 };
 
 // Slot 0 is a, slot 1 is b. u does not depend on the rotation of b.
-EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
+EdgeSlopes DifferentiateEdge(const RelativeError& e, int slot) {
   EdgeSlopes slopes;
   // 2 vec(Exp(x) ⊗ q) ≈ 2 ε + (w I − [ε]×) x from the left, with a plus from the right.
-  const Matrix3 turn = CrossMatrix(e.epsilon());
+  const Matrix3 turn = Skew(e.epsilon());
   if (slot == 0) {
     slopes.u_p = -e.R_a.transpose();
     // R_a Exp(φ) turns t by −φ, which adds t × φ.
-    slopes.u_r = CrossMatrix(e.t);
+    slopes.u_r = Skew(e.t);
     slopes.r = -e.J_l_inverse * e.R_m.transpose();
     slopes.q = -0.5 * (e.q[3] * Matrix3::Identity() - turn) * e.R_m.transpose();
   } else {
@@ -146,7 +106,7 @@ EdgeSlopes DifferentiateEdge(const EdgeError& e, int slot) {
 }
 
 // Columns δp, φ; the lower left block is zero, for no convention's rotation depends on positions.
-Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slot) {
+Matrix6 EdgeJacobian(PoseErrorConvention convention, const RelativeError& e, int slot) {
   const EdgeSlopes slopes = DifferentiateEdge(e, slot);
   Matrix6 J = Matrix6::Zero();
   // Into the axes of the measured pose, where g2o and GTSAM have the position's error.
@@ -172,16 +132,6 @@ Matrix6 EdgeJacobian(PoseErrorConvention convention, const EdgeError& e, int slo
   return J;
 }
 
-// WritePosePair hands over zeros and whitens what comes back.
-double WriteEdgeJacobians(const FactorBatch& batch, int i, PoseErrorConvention convention,
-                          const PoseEdgeFamily::Measurement& measurement, const EdgeError& e) {
-  return internal::WritePosePair(batch, i, measurement.sqrt_information,
-                                 [&](int slot, double E[6][6]) {
-                                   Eigen::Map<Matrix6> map(&E[0][0]);
-                                   map = EdgeJacobian(convention, e, slot);
-                                 });
-}
-
 }  // namespace
 
 const char* ToString(PoseErrorConvention convention) {
@@ -199,22 +149,18 @@ const char* ToString(PoseErrorConvention convention) {
 }
 
 EvaluationFailure PoseEdgeFamily::Evaluate(const FactorBatch& batch) const {
-  for (int i = batch.begin; i < batch.end; ++i) {
+  return internal::EvaluateEach(batch, [&](int i) {
     const Measurement& m = measurement(i);
     const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
-    const EdgeError e = MeasureEdge(m, parameters[0], parameters[1]);
+    const RelativeError e = internal::MeasureRelative(m.p_m, m.q_m, parameters[0], parameters[1]);
     double error[6];
     WriteError(convention_, e, error);
-    double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
-    if (!std::isfinite(internal::MultiplyUpper<6, 1>(m.sqrt_information, error, residual, 1))) {
-      return {i, "a residual is not finite"};
-    }
-    if (batch.jacobians != nullptr &&
-        !std::isfinite(WriteEdgeJacobians(batch, i, convention_, m, e))) {
-      return {i, "a Jacobian entry is not finite"};
-    }
-  }
-  return {};
+    const auto differentiate = [&](int slot, double E[6][6]) {
+      Eigen::Map<Matrix6> map(&E[0][0]);
+      map = EdgeJacobian(convention_, e, slot);
+    };
+    return internal::WritePoseFactor(batch, i, 2, m.sqrt_information, error, false, differentiate);
+  });
 }
 
 }  // namespace inceres

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cassert>
-#include <cstddef>
 
 #include "factors/whiten.h"
 #include "inceres/problem/factor_family.h"
@@ -23,27 +22,18 @@ inline void AssertPoseManifold(const TangentMap& map, const double* pose,
   static_cast<void>(on_the_left);
 }
 
-/// Writes √Λ E of both poses of factor i, one that is wanted: jacobian_of(slot, E) fills E, zeros
-/// before, with the error's derivative by the slot's tangent. Returns the sum of what was written,
-/// which is finite only if all is.
+/// WriteFactor of an error e between poses, or of one: jacobian_of(slot, E) fills E, zeros before,
+/// with the error's derivative by the slot's tangent.
 template <typename JacobianOf>
-double WritePosePair(const FactorBatch& batch, int i, const double* sqrt_information,
-                     const JacobianOf& jacobian_of) {
-  double sum = 0.0;
-  for (int s = 0; s < 2; ++s) {
-    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
-    const TangentMap& map = *batch.tangent_maps[index];
-    if (!map.wanted()) {
-      continue;
-    }
-    AssertPoseManifold(map, batch.parameters[index]);
+const char* WritePoseFactor(const FactorBatch& batch, int i, int num_slots, const double* U,
+                            const double* e, bool on_the_left, const JacobianOf& jacobian_of) {
+  const auto write_slot = [&](int s, const TangentMap& map, const double* pose) {
+    AssertPoseManifold(map, pose, on_the_left);
     double E[6][6] = {};
     jacobian_of(s, E);
-    const JacobianView& view = batch.jacobians[s];
-    sum += MultiplyUpper<6, 6>(sqrt_information, E[0], view.data + i * view.factor_stride,
-                               view.row_stride);
-  }
-  return sum;
+    return WriteSlot<6, 6>(batch, i, s, U, E[0]);
+  };
+  return WriteFactor<6>(batch, i, num_slots, U, e, write_slot);
 }
 
 /// y = Mᵀ v for a row-major 3×3 matrix. y must not alias v.

@@ -1,6 +1,6 @@
 #include "inceres/factors/relative_pose.h"
 
-#include <cmath>
+#include <cstddef>
 
 #include "factors/pose_slot.h"
 #include "factors/whiten.h"
@@ -16,7 +16,6 @@ namespace inceres {
 namespace {
 
 using internal::MultiplyTransposed;
-using internal::MultiplyUpper;
 
 // The residual before whitening and what the Jacobians share with it.
 struct Difference {
@@ -82,35 +81,23 @@ void DifferentiateB(const Difference& v, const double* q_ab, double E[6][6]) {
   E[5][4] = v.t[0];
 }
 
-double WriteJacobians(const FactorBatch& batch, int i,
-                      const RelativePoseFamily::Measurement& measurement, const Difference& v) {
-  return internal::WritePosePair(batch, i, measurement.sqrt_information,
-                                 [&](int slot, double E[6][6]) {
-                                   if (slot == 0) {
-                                     DifferentiateA(v, E);
-                                   } else {
-                                     DifferentiateB(v, measurement.q_ab, E);
-                                   }
-                                 });
-}
-
 }  // namespace
 
 EvaluationFailure RelativePoseFamily::Evaluate(const FactorBatch& batch) const {
-  for (int i = batch.begin; i < batch.end; ++i) {
-    const Measurement& measurement = this->measurement(i);
+  return internal::EvaluateEach(batch, [&](int i) {
+    const Measurement& m = measurement(i);
     const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
     Difference v;
-    Compare(measurement, parameters[0], parameters[1], v);
-    double* residual = batch.residuals + 6 * static_cast<std::ptrdiff_t>(i);
-    if (!std::isfinite(MultiplyUpper<6, 1>(measurement.sqrt_information, v.e, residual, 1))) {
-      return {i, "a residual is not finite"};
-    }
-    if (batch.jacobians != nullptr && !std::isfinite(WriteJacobians(batch, i, measurement, v))) {
-      return {i, "a Jacobian entry is not finite"};
-    }
-  }
-  return {};
+    Compare(m, parameters[0], parameters[1], v);
+    const auto differentiate = [&](int slot, double E[6][6]) {
+      if (slot == 0) {
+        DifferentiateA(v, E);
+      } else {
+        DifferentiateB(v, m.q_ab, E);
+      }
+    };
+    return internal::WritePoseFactor(batch, i, 2, m.sqrt_information, v.e, false, differentiate);
+  });
 }
 
 }  // namespace inceres

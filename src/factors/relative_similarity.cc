@@ -1,5 +1,3 @@
-#include "inceres/factors/relative_similarity.h"
-
 #include <cassert>
 #include <cmath>
 #include <cstddef>
@@ -7,8 +5,10 @@
 
 #include <Eigen/Geometry>
 
+#include "factors/relative_error.h"
 #include "factors/similarity_log.h"
 #include "factors/whiten.h"
+#include "inceres/factors/relative_pose.h"
 #include "inceres/problem/rotation.h"
 
 namespace inceres {
@@ -37,39 +37,16 @@ using Vector7 = Eigen::Matrix<double, 7, 1>;
 using Eigen::Vector3d;
 
 // What the errors of both conventions are made of.
-struct SimilarityError {
-  Matrix3 R_a;
-  Matrix3 R_m;
+struct SimilarityError : internal::RelativeError {
   double s_a;
-  Vector3d t;           // R_aᵀ (p_b − p_a) / s_a
-  Vector3d u;           // t − p_m
-  Vector3d r;           // Log R_E
-  double lambda;        // ln s_E
-  Matrix3 J_l_inverse;  // at r
+  double lambda;  // ln s_E
 };
 
-// Rotations by quaternions, for Log takes one and needs no angle from a matrix; vectors by
-// matrices, which the derivatives need as well.
 SimilarityError MeasureSimilarity(const RelativeSimilarityFamily::Measurement& m, const double* a,
                                   const double* b) {
-  SimilarityError e;
-  double a_inverse[4], m_inverse[4], q_ab[4], q[4];
-  ConjugateQuaternion(a + 3, a_inverse);
-  ConjugateQuaternion(m.q_m, m_inverse);
-  MultiplyQuaternions(a_inverse, b + 3, q_ab);
-  MultiplyQuaternions(m_inverse, q_ab, q);
-  QuaternionToMatrix(a + 3, e.R_a.data());
-  QuaternionToMatrix(m.q_m, e.R_m.data());
-  e.s_a = a[7];
-  e.t = e.R_a.transpose() * Vector3d(b[0] - a[0], b[1] - a[1], b[2] - a[2]) / e.s_a;
-  e.u = e.t - Eigen::Map<const Vector3d>(m.p_m);
-  LogQuaternion(q, e.r.data());
   // By a difference of logarithms: the quotient could overflow where its logarithm is ordinary.
-  e.lambda = std::log(b[7]) - std::log(a[7]) - std::log(m.s_m);
-  // J_l⁻¹(r) = I − ½ [r]× + c [r]×².
-  RotationPolynomial(e.r.data(), -0.5, InverseLeftJacobianCoefficient(e.r.data()),
-                     e.J_l_inverse.data());
-  return e;
+  return {internal::MeasureRelative(m.p_m, m.q_m, a, b, a[7]), a[7],
+          std::log(b[7]) - std::log(a[7]) - std::log(m.s_m)};
 }
 
 // The derivatives of u, r and λ by the tangent of a slot, as their residuals stand.
@@ -129,38 +106,15 @@ void AssertSimilarityManifold(const TangentMap& map, const double* x) {
   static_cast<void>(x);
 }
 
-// The sum of all entries; it is finite only if each of them is. A slot that is constant is left
-// out.
-double WriteSimilarityJacobians(const FactorBatch& batch, int i, const SimilarityError& e,
-                                const RelativeSimilarityFamily::Measurement& m,
-                                const std::optional<LogOfError>& log) {
-  double sum = 0.0;
-  for (int s = 0; s < 2; ++s) {
-    const std::ptrdiff_t index = 2 * static_cast<std::ptrdiff_t>(i) + s;
-    const TangentMap& map = *batch.tangent_maps[index];
-    if (!map.wanted()) {
-      continue;
-    }
-    AssertSimilarityManifold(map, batch.parameters[index]);
-    Matrix7 J = DifferentiateSimilarity(e, s);
-    if (log.has_value()) {
-      log->Differentiate(&J);
-    }
-    const JacobianView& view = batch.jacobians[s];
-    sum += internal::MultiplyUpper<7, 7>(m.sqrt_information, J.data(),
-                                         view.data + i * view.factor_stride, view.row_stride);
-  }
-  return sum;
-}
-
-// The log of a scale that is not positive does not exist: looked at first. NaN fails the
-// comparison.
-EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
-                                     SimilarityErrorConvention convention,
-                                     const RelativeSimilarityFamily::Measurement& m) {
+// Null, or what is wrong.
+const char* EvaluateSimilarity(const FactorBatch& batch, int i,
+                               SimilarityErrorConvention convention,
+                               const RelativeSimilarityFamily::Measurement& m) {
   const double* const* parameters = batch.parameters + 2 * static_cast<std::ptrdiff_t>(i);
+  // The log of a scale that is not positive does not exist: looked at first. NaN fails the
+  // comparison.
   if (!(parameters[0][7] > 0.0 && parameters[1][7] > 0.0 && m.s_m > 0.0)) {
-    return {i, "a scale is not positive"};
+    return "a scale is not positive";
   }
   const SimilarityError e = MeasureSimilarity(m, parameters[0], parameters[1]);
   Vector7 error;
@@ -171,15 +125,16 @@ EvaluationFailure EvaluateSimilarity(const FactorBatch& batch, int i,
     log.emplace(e, m.s_m);
     error.head<3>() = log->y();
   }
-  double* residual = batch.residuals + 7 * static_cast<std::ptrdiff_t>(i);
-  if (!std::isfinite(
-          internal::MultiplyUpper<7, 1>(m.sqrt_information, error.data(), residual, 1))) {
-    return {i, "a residual is not finite"};
-  }
-  if (batch.jacobians != nullptr && !std::isfinite(WriteSimilarityJacobians(batch, i, e, m, log))) {
-    return {i, "a Jacobian entry is not finite"};
-  }
-  return {};
+  const double* const U = m.sqrt_information;
+  const auto write_slot = [&](int slot, const TangentMap& map, const double* x) {
+    AssertSimilarityManifold(map, x);
+    Matrix7 J = DifferentiateSimilarity(e, slot);
+    if (log.has_value()) {
+      log->Differentiate(&J);
+    }
+    return internal::WriteSlot<7, 7>(batch, i, slot, U, J.data());
+  };
+  return internal::WriteFactor<7>(batch, i, 2, U, error.data(), write_slot);
 }
 
 }  // namespace
@@ -220,15 +175,9 @@ const char* ToString(SimilarityErrorConvention convention) {
   return "unknown";
 }
 
-// The first factor that fails ends the batch and is named.
 EvaluationFailure RelativeSimilarityFamily::Evaluate(const FactorBatch& batch) const {
-  for (int i = batch.begin; i < batch.end; ++i) {
-    const EvaluationFailure failure = EvaluateSimilarity(batch, i, convention_, measurement(i));
-    if (failure.failed()) {
-      return failure;
-    }
-  }
-  return {};
+  return internal::EvaluateEach(
+      batch, [&](int i) { return EvaluateSimilarity(batch, i, convention_, measurement(i)); });
 }
 
 }  // namespace inceres

@@ -5,7 +5,7 @@
 
 #include <Eigen/LU>
 
-#include "factors/imu_math.h"
+#include "factors/small_matrices.h"
 #include "inceres/problem/rotation.h"
 
 namespace inceres::internal {

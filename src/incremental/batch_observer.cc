@@ -23,9 +23,9 @@ namespace inceres::internal {
 void BatchObserver::BeforeEvaluation(const double* /*state*/, bool jacobians, bool /*new_point*/) {
   UpdateSummary& summary = trace_.summary();
   if (jacobians) {
-    summary.num_relinearized_factors += num_factors_;
+    summary.num_relinearized_factors += call_.graph->num_factors();
   } else {
-    summary.num_evaluated_factors += num_factors_;
+    summary.num_evaluated_factors += call_.graph->num_factors();
   }
 }
 
@@ -43,11 +43,11 @@ bool BatchObserver::IsWorthTrying(const IterationSummary& iteration, const StepO
   // Not by Marquardt's rule: it is there for descents whose series have misled before.
   const bool series = known && !IsByMarquardt() && rest <= tuning_.rest_share * Tolerance(cost);
   // A small promise by itself is an end only where no other solver goes on from there.
-  const bool nothing = end_ == BatchEnd::kToTheEnd && promise <= Allowed(cost);
+  const bool nothing = call_.end == BatchEnd::kToTheEnd && promise <= Allowed(cost);
   tried_radius_ = iteration.trust_region_radius;
   held_back_ = origin.held_back;
   // Next to a cost of nothing, whatever damping holds back counts, though it is rounding as well.
-  const bool blurred = end_ == BatchEnd::kToTheEnd && within_rounding_ && IsHardlyDamped();
+  const bool blurred = call_.end == BatchEnd::kToTheEnd && within_rounding_ && IsHardlyDamped();
   // All of it only as far as the model sees weak directions: with much damping a promise is small
   // because steps are short.
   const bool claims =
@@ -121,13 +121,13 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
   // A second part of a solve begins with a row of the state in which the first one has ended.
   if (iteration.iteration == 0 &&
       !trace_.summary().iterations.empty()) {  // told as the end of the part before
-    return stop_.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully
-                                                 : ObserverAction::kContinue;
+    return call_.stop.load(std::memory_order_relaxed) ? ObserverAction::kTerminateSuccessfully
+                                                      : ObserverAction::kContinue;
   }
   WriteRow(iteration);
-  *shown_state_ = best_state;
+  *call_.shown_state = best_state;
   const bool go_on = trace_.EndRow(cost_);
-  *shown_state_ = nullptr;
+  *call_.shown_state = nullptr;
   // After the row is written: the trace shows the iteration that these verdicts rest on.
   if (!settled_ && IsRefusedForNothing(iteration)) {
     settled_ = true;
@@ -161,7 +161,7 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
 // Where Marquardt's rule is to go on: the strategy that was asked for has had its iterations, and
 // is not on its way to an end by those that are left.
 bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) const {
-  return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && !IsByMarquardt() &&
+  return call_.end == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && !IsByMarquardt() &&
          iteration.iteration >= tuning_.patience &&
          !IsOnItsWay(gained_lately_, cost_ - options_.fixed_cost,
                      options_.max_num_iterations - iteration.iteration);
@@ -170,7 +170,7 @@ bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) const {
 // On request, or all evaluations are made.
 bool BatchObserver::HasSpentBudget() const {
   const UpdateSummary& summary = trace_.summary();
-  return stop_.load(std::memory_order_relaxed) ||
+  return call_.stop.load(std::memory_order_relaxed) ||
          summary.num_evaluated_factors + summary.num_relinearized_factors >=
              options_.max_factor_evaluations;
 }
@@ -264,8 +264,9 @@ void BatchObserver::EndHold() {
 // A step that was evaluated and refused, but changes next to nothing: there is nothing to be had.
 // (Ceres's rule does not ask whether a step is accepted either.)
 bool BatchObserver::IsRefusedForNothing(const IterationSummary& iteration) const {
-  return end_ == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && iteration.iteration > 0 &&
-         iteration.step_is_valid && !iteration.step_is_successful && SeesAll() &&
+  return call_.end == BatchEnd::kToTheEnd && options_.batch_share > 0.0 &&
+         iteration.iteration > 0 && iteration.step_is_valid && !iteration.step_is_successful &&
+         SeesAll() &&
          std::fabs(iteration.cost_change) <= tuning_.settled_share * Tolerance(cost_) &&
          iteration.model_cost_change <= Tolerance(cost_);
 }
@@ -286,7 +287,7 @@ bool BatchObserver::HasJustSettled(const IterationSummary& iteration) {
   // Slow ones are believed where they are all there is, and Ceres's rule would have ended the
   // solve.
   const bool slow =
-      end_ == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
+      call_.end == BatchEnd::kToTheEnd && slower < 1.0 && gain <= Tolerance(iteration.cost);
   // What the model was wrong by in this step may still be there: the gradient is off by as much.
   const bool exact = std::fabs(gain - iteration.model_cost_change) <= allowed;
   const bool settled = options_.batch_share > 0.0 && SeesAll() && good && exact && gain >= 0.0 &&

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <string>
 
+#include "inceres/problem/factor_graph.h"
 #include "inceres/solver/callbacks.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/solver.h"
 #include "incremental/descent_pace.h"
 #include "incremental/stagnation.h"
 #include "incremental/tuning.h"
@@ -20,6 +22,20 @@ namespace inceres::internal {
 /// What comes after the batch solver: the incremental one, which finishes, or nothing.
 enum class BatchEnd { kHandsOver, kToTheEnd };
 
+/// A call of the batch solver, from the graph's state on.
+struct BatchCall {
+  const IncrementalOptions* options;
+  const Tuning::Batch& tuning;
+  BatchEnd end;
+  const std::atomic<bool>& stop;
+  Solver* solver;  // may have served before
+  FactorGraph* graph;
+  /// *shown_state is the best state so far while the trace's observer is called, laid out as the
+  /// graph's, otherwise null.
+  const double** shown_state;
+  UpdateTrace* trace;
+};
+
 /// What a cost may change by without counting.
 inline double ToleranceAt(double cost, const IncrementalOptions& options) {
   return options.function_tolerance * std::max(cost - options.fixed_cost, 0.0);
@@ -31,18 +47,13 @@ inline double ToleranceAt(double cost, const IncrementalOptions& options) {
 /// promises too little (docs/algorithms.md, "One-time solves and exact windows").
 class BatchObserver final : public SolveObserver, public StepJudge {
  public:
-  BatchObserver(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
-                const std::atomic<bool>& stop, int num_factors, const double** shown_state,
-                UpdateTrace* trace)
-      : options_(options),
-        tuning_(tuning),
-        end_(end),
-        stop_(stop),
-        num_factors_(num_factors),
-        shown_state_(shown_state),
-        trace_(*trace),
-        stagnation_(tuning) {}
-  ~BatchObserver() override { *shown_state_ = nullptr; }
+  explicit BatchObserver(const BatchCall& call)
+      : call_(call),
+        options_(*call.options),
+        tuning_(call.tuning),
+        trace_(*call.trace),
+        stagnation_(call.tuning) {}
+  ~BatchObserver() override { *call_.shown_state = nullptr; }
   BatchObserver(const BatchObserver&) = delete;
   BatchObserver& operator=(const BatchObserver&) = delete;
 
@@ -96,7 +107,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // was promised no more than that can have been there. Where another solver goes on little is lost
   // by doubt.
   bool KeepsPromise(double gain, double promise) const {
-    const bool is_last = end_ == BatchEnd::kToTheEnd;
+    const bool is_last = call_.end == BatchEnd::kToTheEnd;
     const double error = is_last ? 1.0 - tuning_.kept_promise : tuning_.trial_error;
     return std::fabs(gain - promise) <= error * promise;
   }
@@ -138,12 +149,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool IsOutOfPatience(const IterationSummary& iteration) const;
   void WriteRow(const IterationSummary& iteration);
 
+  const BatchCall call_;
   const IncrementalOptions& options_;
   const Tuning::Batch& tuning_;
-  const BatchEnd end_;
-  const std::atomic<bool>& stop_;
-  const int num_factors_;
-  const double** const shown_state_;
   UpdateTrace& trace_;
   double cost_ = 0.0;       // of the state
   double best_cost_ = 0.0;  // of a state there was, since the cost became another function

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "incremental/batch_part.h"
 #include "incremental/claim_in_words.h"
 
 namespace inceres::internal {
@@ -152,19 +151,18 @@ SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batc
 
 // The order of the verdicts below: a cost that is no number, the user, the observer's rule, a
 // limit, and last what Ceres's rule has called convergence.
-BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tuning, BatchEnd end,
-                     const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
-                     const double** shown_state, UpdateTrace* trace) {
-  UpdateSummary* summary = &trace->summary();
+BatchOutcome RunPart(const BatchCall& call) {
+  const IncrementalOptions& options = *call.options;
+  UpdateSummary* summary = &call.trace->summary();
   summary->rests_on_refusals = false;
-  SolverOptions batch = BatchOptions(options, tuning, end);
-  BatchObserver observer(options, tuning, end, stop, graph->num_factors(), shown_state, trace);
+  SolverOptions batch = BatchOptions(options, call.tuning, call.end);
+  BatchObserver observer(call);
   batch.observer = &observer;
   LoopOptions loop;
   loop.judge = &observer;
   loop.fixed_cost = options.fixed_cost;
   Summary solved;
-  SolveWith(batch, loop, graph, solver, &solved);
+  SolveWith(batch, loop, call.graph, call.solver, &solved);
   Count(solved, observer, summary);
   // The summary of the batch solver has the lowest cost seen; here the cost belongs to the state.
   const bool cost_of_state = solved.IsSolutionUsable() && !solved.iterations.empty();
@@ -197,23 +195,14 @@ BatchOutcome RunPart(const IncrementalOptions& options, const Tuning::Batch& tun
     return {Termination::kNoConvergence, true};
   }
   summary->ended_by_batch_rule = solved.termination == Termination::kConvergence;
-  const bool held_back = IsHeldBack(solved, observer, batch, tuning);
+  const bool held_back = IsHeldBack(solved, observer, batch, call.tuning);
   // Without iterations nothing can move, which is a minimum.
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
-  const bool settled =
-      observer.PromisesLittle(solved.discarded_cost_change) && HasSettled(solved, options, tuning);
+  const bool settled = observer.PromisesLittle(solved.discarded_cost_change) &&
+                       HasSettled(solved, options, call.tuning);
   return {solved.termination, !held_back && settled, held_back,
           observer.PromisesNothing(solved.discarded_cost_change) || no_gradient};
-}
-
-BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,
-                           const std::atomic<bool>& stop, FactorGraph* graph,
-                           const double** shown_state, UpdateTrace* trace) {
-  // Holds nothing for a next call: what an incremental solver keeps from one Update to the next is
-  // its own system.
-  Solver solver(/*max_bytes=*/0);
-  return RunPart(options, tuning, BatchEnd::kHandsOver, stop, &solver, graph, shown_state, trace);
 }
 
 }  // namespace inceres::internal

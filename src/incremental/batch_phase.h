@@ -1,11 +1,10 @@
 #pragma once
 
-#include <atomic>
-
 #include "inceres/problem/factor_graph.h"
 #include "inceres/solver/incremental_options.h"
+#include "inceres/solver/options.h"
+#include "incremental/batch_observer.h"
 #include "incremental/tuning.h"
-#include "incremental/update_trace.h"
 
 namespace inceres::internal {
 
@@ -24,12 +23,13 @@ struct BatchOutcome {
   bool promises_nothing = false;
 };
 
-/// The part of an Update that the batch solver does: from the graph's state to what its own
-/// stopping rule leaves. Counts and rows go into the trace and its summary; so does a failure, and
-/// the state is then what it was, as after an observer's kAbort. *shown_state is the best state so
-/// far while the observer is called, laid out as the graph's, otherwise null.
-BatchOutcome RunBatchPhase(const IncrementalOptions& options, const Tuning::Batch& tuning,
-                           const std::atomic<bool>& stop, FactorGraph* graph,
-                           const double** shown_state, UpdateTrace* trace);
+/// What the batch solver is asked for, but for the observer.
+SolverOptions BatchOptions(const IncrementalOptions& options, const Tuning::Batch& tuning,
+                           BatchEnd end);
+
+/// The part of an Update, or of a one-time solve, that one call of the batch solver does: from the
+/// graph's state to what its own stopping rule leaves. Counts and rows go into the trace and its
+/// summary; so does a failure, and the state is then what it was, as after an observer's kAbort.
+BatchOutcome RunPart(const BatchCall& call);
 
 }  // namespace inceres::internal

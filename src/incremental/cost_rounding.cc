@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <utility>
 
 namespace inceres::internal {
 
@@ -84,18 +83,13 @@ double CostRounding::MostOfLandmark(std::int32_t l) const {
   return moves ? MostOf(landmark.id, landmark.size, schur_.blocks().P(l), kQuad + 1) : 0.0;
 }
 
-// The most of all frames together; what has changed waits to be asked for its residuals. The first
-// time all rows count as changed, whatever was told before. They ascend in either case, as SumTree
-// asks for.
+// The most of all frames together; what has changed waits to be asked for its residuals. A new row
+// counts as changed; they ascend, as SumTree asks for.
 double CostRounding::Follow() {
   const std::size_t num_rows = schur_.frames().size();
   most_.Grow(num_rows);
   unasked_.Grow(num_rows);
   schur_.changes().TakeUnbounded(&changed_);
-  if (!std::exchange(has_begun_, true)) {
-    changed_.resize(num_rows);
-    std::iota(changed_.begin(), changed_.end(), 0);
-  }
   most_.Set(changed_, [this](std::int32_t row) { return MostOfFrame(row); });
   std::for_each(changed_.begin(), changed_.end(), [this](std::int32_t row) { unasked_.Add(row); });
   return most_.sum();

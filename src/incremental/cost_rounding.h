@@ -16,6 +16,7 @@ namespace inceres::internal {
 /// of b or its values change. Bits do not depend on what was before.
 class CostRounding {
  public:
+  /// Made before `schur` has a row, and the only one that asks its RowChanges for TakeUnbounded.
   CostRounding(const FactorGraph& graph, const VariableStore& variables,
                const std::vector<IncrementalFamily>& families, IncrementalSchur* schur)
       : graph_(graph), variables_(variables), families_(families), schur_(*schur) {}
@@ -60,7 +61,6 @@ class CostRounding {
   // By row of S.
   SumTree most_, of_residuals_;
   IndexSet unasked_;  // where the second has not followed
-  bool has_begun_ = false;
   std::vector<std::int32_t> changed_;
 };
 

@@ -14,9 +14,11 @@ namespace inceres::internal {
 void DirtySubgraph::GrowFactors(FamilyId family) {
   if (factors_.size() < families_.size()) {
     factors_.resize(families_.size());
+    waiting_.resize(families_.size());
     reweighed_.resize(families_.size());
   }
   factors_[family].Grow(families_[family].num_places());
+  waiting_[family].Grow(families_[family].num_places());
   reweighed_[family].Grow(families_[family].num_places());
 }
 
@@ -163,9 +165,7 @@ Status DirtySubgraph::Linearize(bool by_difference) {
       return linearized;
     }
     factors_[family.id()].Clear();
-    if (family.id() < static_cast<FamilyId>(waiting_.size())) {
-      waiting_[family.id()].Clear();
-    }
+    waiting_[family.id()].Clear();
   }
   return Status::Ok();
 }

@@ -83,12 +83,7 @@ class DirtySubgraph {
   /// The factors that are dirty now are so only because others have moved their variables: they
   /// wait, until they are linearized or removed.
   void LetWait() { waiting_ = factors_; }
-  void StopWaiting(FactorRef ref) {
-    if (ref.family < static_cast<FamilyId>(waiting_.size()) &&
-        waiting_[ref.family].Reaches(ref.factor) && waiting_[ref.family].Has(ref.factor)) {
-      waiting_[ref.family].Remove(ref.factor);
-    }
-  }
+  void StopWaiting(FactorRef ref) { waiting_[ref.family].Remove(ref.factor); }
   int NumWaiting() const { return Count(waiting_); }
   void DropLandmark(std::int32_t landmark) { landmarks_.Remove(landmark); }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "trust_region/dogleg_point.h"
+#include "trust_region/dogleg.h"
 
 namespace inceres::internal {
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/stopwatch.h"
+
 namespace inceres::internal {
 
 void EarlierFactor::Begin(bool alone) {
@@ -22,13 +24,9 @@ void EarlierFactor::End(bool converged) {
 
 // Whether the factor there is, and a promise by it, are of the graph as it moves now.
 bool EarlierFactor::KnowsGraph() const {
-  return frame_solve_.HasDampingOfNow() &&
+  return frame_step_.HasDampingOfNow() &&
          context_.system.schur().structure().num_landmarks() == 0 &&
          !context_.system.bounds().any();
-}
-
-bool EarlierFactor::SeesLittle(double remaining) {
-  return context_.IsLittleLeft(remaining, 0.0);
 }
 
 // A step that kept its promise, on a pose graph, has hardly changed S in the direction that counts:
@@ -42,12 +40,15 @@ EarlierFactor::Verdict EarlierFactor::Ask() {
   if (!(before > 0.0) || context_.mostly_new || !KnowsGraph()) {
     return Verdict::kSaysNothing;
   }
-  frame_solve_.Refresh();
-  if (!frame_solve_.SeesLeft(0.0)) {
+  {
+    const StageTimer timer(&context_.summary->solve_seconds);
+    frame_step_.Refresh();
+  }
+  if (!frame_step_.SeesLeft(0.0)) {
     return Verdict::kSaysNothing;
   }
   const double left = context_.summary->remaining_decrease;
-  if (SeesLittle(tuning.caution * left)) {
+  if (context_.IsLittleLeft(tuning.caution * left, 0.0)) {
     context_.control.Sees(left);
     return Verdict::kLittleLeft;
   }
@@ -76,7 +77,7 @@ double EarlierFactor::MostLeft() const {
 // For the reason that MostLeft gives.
 bool EarlierFactor::LittleHasCome() {
   const double left = std::exchange(left_at_most_, HUGE_VAL);
-  if (!std::isfinite(left) || context_.mostly_new || !SeesLittle(left)) {
+  if (!std::isfinite(left) || context_.mostly_new || !context_.IsLittleLeft(left, 0.0)) {
     return false;
   }
   context_.summary->remaining_decrease = left;

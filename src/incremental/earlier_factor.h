@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "incremental/frame_solve.h"
+#include "incremental/frame_step.h"
 #include "incremental/update_context.h"
 
 namespace inceres::internal {
@@ -15,8 +15,8 @@ class EarlierFactor {
   // Says nothing: S is to be factored; little is left; or a step by it does.
   enum class Verdict { kSaysNothing, kLittleLeft, kStep };
 
-  EarlierFactor(UpdateContext* context, FrameSolve* frame_solve)
-      : context_(*context), frame_solve_(*frame_solve) {}
+  EarlierFactor(UpdateContext* context, FrameStep* frame_step)
+      : context_(*context), frame_step_(*frame_step) {}
 
   /// An Update begins, with all that has come linearized; `alone`: nobody has stepped in it before.
   void Begin(bool alone);
@@ -31,13 +31,12 @@ class EarlierFactor {
   void NoteStep(double gain_ratio, bool shortened);
 
  private:
-  bool SeesLittle(double remaining);
   bool LeavesMuch(double promised, double error) const;
   bool KnowsGraph() const;
   double MostLeft() const;
 
   UpdateContext& context_;
-  FrameSolve& frame_solve_;
+  FrameStep& frame_step_;
   double left_at_most_ = HUGE_VAL;  // before the first step, as far as the last Update tells
   // By the model, of a step that kept its promise and may have left little; else 0.
   double left_before_step_ = 0.0;

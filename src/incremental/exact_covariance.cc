@@ -41,7 +41,7 @@ ExactCovariance::ExactCovariance(const FactorGraph& graph, const IncrementalSyst
                                  const LiveFactor& factor)
     : graph_(graph),
       system_(system),
-      preconditioner_(system, factor),
+      factor_(factor),
       layout_(graph, /*eliminate_landmarks=*/false),
       evaluator_(graph, layout_, system.executor()) {
   evaluator_.points().SetCurrent(StateOf(graph, system));
@@ -100,7 +100,7 @@ ExactCovariance::Vector ExactCovariance::Product(const Vector& v) const {
 // the caller uses.
 Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, Vector* x) {
   Vector z = Vector::Zero(r->size());
-  Status status = preconditioner_.Apply(r->data(), z.data());
+  Status status = SolveDamped(system_, factor_, r->data(), z.data());
   Vector p = z;
   double rz = r->dot(z), energy = 0.0;
   x->setZero(r->size());
@@ -128,7 +128,7 @@ Status ExactCovariance::Solve(double tolerance, int max_iterations, Vector* r, V
     energy += alpha * rz;
     ++num_iterations_;
     z.setZero();
-    status = preconditioner_.Apply(r->data(), z.data());
+    status = SolveDamped(system_, factor_, r->data(), z.data());
     const double next = r->dot(z);
     // The direction of steepest descent in the norm of M, made conjugate to the ones before.
     p = z + next / rz * p;

@@ -34,7 +34,7 @@ class ExactCovariance {
 
   const FactorGraph& graph_;
   const IncrementalSystem& system_;
-  LivePreconditioner preconditioner_;
+  const LiveFactor& factor_;
   Layout layout_;
   Evaluator evaluator_;
   std::vector<std::int32_t> quad_of_;  // of the system's vectors, per quad of the layout's

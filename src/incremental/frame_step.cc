@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/stopwatch.h"
 #include "linear/not_positive_definite.h"
 #include "linear/select_solver.h"
 
@@ -32,80 +33,102 @@ int CountOf(int rows, const IncrementalSchur& schur) {
 
 // A solver that can tell ½ bᵀA⁻¹b before the backward substitution is asked for that first; others
 // are not HalfSolves.
-FrameStep::FrameStep(const IncrementalOptions& options, const Executor& executor)
-    : solver_(MakeResumingSolver(options.reduced_solver, options.reduced_solver_factory,
-                                 PcgOptions(), executor)),
+FrameStep::FrameStep(UpdateContext* context)
+    : context_(*context),
+      solver_(MakeResumingSolver(context->options.reduced_solver,
+                                 context->options.reduced_solver_factory, PcgOptions(),
+                                 context->system.executor())),
       half_solves_(dynamic_cast<HalfSolves*>(solver_.get())) {
 }
 
-// S and b as they are now, factored with this damping. Counts go to the summary, also after a
+// A share of T for all frames together, so that what the substitution leaves stays below it.
+double FrameStep::Wildfire() const {
+  return context_.tuning.truncate.wildfire_share * context_.Tolerance() /
+         std::max(1, context_.system.schur().structure().num_frames());
+}
+
+// S and b as they are now, factored with the damping of now. Counts go to the summary, also after a
 // failure.
-Status FrameStep::Factorize(DampingForm form, double mu, IncrementalSchur* schur,
-                            UpdateTrace* trace) {
+Status FrameStep::Factorize() {
+  UpdateSummary& summary = *context_.summary;
+  const StageTimer timer(&summary.solve_seconds);
+  // An earlier factor is asked only as long as μ is still that of the factor.
+  mu_of_update_ = context_.control.mu();
   if (solver_ == nullptr) {
     return Status::Error(StatusCode::kInvalidArgument,
                          "IncrementalOptions::reduced_solver_factory returned null");
   }
+  IncrementalSchur& schur = context_.system.schur();
   // Follows b, weights and damping; the rows of S that the factor has not seen are another list.
-  Refresh(form, mu, schur);
+  Refresh();
   // Rows at the end begin with a step of zero.
-  values_.resize(schur->size(), 0.0);
-  schur->changes().TakeUnfactored(&changed_rows_);
+  values_.resize(schur.size(), 0.0);
+  schur.changes().TakeUnfactored(&changed_rows_);
   work_ = ReducedSolver::Work();
-  trace->row().linear_solver_iterations = 1;
-  if (schur->size() == 0) {
+  context_.row().linear_solver_iterations = 1;
+  if (schur.size() == 0) {
     all_changed_ = true;  // the solver has not seen them go
     return Status::Ok();
   }
-  const Status factored = AnalyzeAndFactorize(*schur);
+  const Status factored = AnalyzeAndFactorize();
   work_ = solver_->work();
-  trace->summary().num_factored_rows += CountOf(work_.factored_rows, *schur);
-  trace->summary().num_reorderings += work_.reorderings;
+  summary.num_factored_rows += CountOf(work_.factored_rows, schur);
+  summary.num_reorderings += work_.reorderings;
   return factored;
 }
 
-// y = L⁻¹b gives ½ ‖y‖²; the changes of b are taken up by that, so Solve is told of later ones
-// only.
-bool FrameStep::FindGain(IncrementalSchur* schur, double* gain) {
-  if (half_solves_ == nullptr || schur->size() == 0) {
-    return false;
+// What the model promises for the whole step is known from the forward substitution alone, where
+// the solver can say so: R = ½ yᵀy with y = L⁻¹b, and the landmarks' part. The changes of b are
+// taken up by that, so Solve is told of later ones only.
+bool FrameStep::SeesLeft(double landmark_gain) {
+  const StageTimer timer(&context_.summary->solve_seconds);
+  IncrementalSchur& schur = context_.system.schur();
+  double gain = 0.0;
+  bool sees = false;
+  if (half_solves_ != nullptr && schur.size() > 0) {
+    schur.changes().TakeUnsolved(&changed_rows_);
+    const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
+    sees = half_solves_->SolveForGain(reduced_.b().data(), changed_b, &gain).ok();
   }
-  schur->changes().TakeUnsolved(&changed_rows_);
-  const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
-  return half_solves_->SolveForGain(reduced_.b().data(), changed_b, gain).ok();
+  context_.summary->remaining_decrease = landmark_gain + gain;
+  return sees;
 }
 
-Status FrameStep::Solve(double wildfire, IncrementalSchur* schur, UpdateTrace* trace) {
-  if (schur->size() == 0) {
+Status FrameStep::Solve() {
+  UpdateSummary& summary = *context_.summary;
+  const StageTimer timer(&summary.solve_seconds);
+  IncrementalSchur& schur = context_.system.schur();
+  if (schur.size() == 0) {
     return Status::Ok();
   }
-  UpdateSummary& summary = trace->summary();
-  schur->changes().TakeUnsolved(&changed_rows_);
-  const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, *schur), &changed_rows_};
+  schur.changes().TakeUnsolved(&changed_rows_);
+  const ReducedSolver::Rows changed_b{FirstOf(changed_rows_, schur), &changed_rows_};
   // values_ goes in as the last solution less what was applied, comes out as the new one; a row
-  // whose change Σ C_kk Δ_k² is no more than `wildfire` is not passed on.
+  // whose change Σ C_kk Δ_k² is no more than Wildfire is not passed on.
   const Status solved = solver_->Solve(reduced_.b().data(), changed_b,
-                                       {reduced_.weights().data(), wildfire}, values_.data());
+                                       {reduced_.weights().data(), Wildfire()}, values_.data());
   work_ = solver_->work();
-  summary.num_solved_rows += CountOf(work_.solved_rows, *schur);
+  summary.num_solved_rows += CountOf(work_.solved_rows, schur);
   summary.num_pcg_iterations += work_.iterations;
-  trace->row().linear_solver_iterations = std::max(1, work_.iterations);
+  context_.row().linear_solver_iterations = std::max(1, work_.iterations);
   return solved;
 }
 
 // Nothing of a step is asked for.
-Status FrameStep::FactorizeOnly(DampingForm form, double mu, IncrementalSchur* schur) {
-  if (solver_ == nullptr || schur->size() == 0) {
+Status FrameStep::FactorizeWith(double mu) {
+  IncrementalSchur& schur = context_.system.schur();
+  if (solver_ == nullptr || schur.size() == 0) {
     return Status::Ok();
   }
-  Refresh(form, mu, schur);
-  values_.resize(schur->size(), 0.0);
-  schur->changes().TakeUnfactored(&changed_rows_);
-  return AnalyzeAndFactorize(*schur);
+  Follow(mu);
+  values_.resize(schur.size(), 0.0);
+  schur.changes().TakeUnfactored(&changed_rows_);
+  return AnalyzeAndFactorize();
 }
 
-// A factor that failed is none, whatever was there before: HasFactorOf must not offer it.
-Status FrameStep::AnalyzeAndFactorize(const IncrementalSchur& schur) {
+// A factor that failed is none, whatever was there before: HasFactor must not offer it.
+Status FrameStep::AnalyzeAndFactorize() {
+  const IncrementalSchur& schur = context_.system.schur();
   has_factor_ = false;
   const ReducedMatrix A(schur.S(), reduced_.damping().data(), reduced_.constant().data());
   if (analyzed_version_ != schur.S().version()) {
@@ -150,10 +173,10 @@ double FrameStep::Norm() const {
 }
 
 // ReducedSolver::Solve asks for that: a row whose part of x was applied counts as changed.
-void FrameStep::TakeOff(const std::vector<std::int32_t>& frames, IncrementalSystem* system) {
-  IncrementalSchur& schur = system->schur();
+void FrameStep::TakeOff(const std::vector<std::int32_t>& frames) {
+  IncrementalSchur& schur = context_.system.schur();
   for (const std::int32_t frame : frames) {
-    const double* applied = system->step().Frame(frame);
+    const double* applied = context_.system.step().Frame(frame);
     double* step = values_.data() + schur.FrameOffset(frame);
     for (int k = 0; k < schur.frames()[frame].size; ++k) {
       step[k] -= applied[k];

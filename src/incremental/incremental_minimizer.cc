@@ -77,7 +77,7 @@ bool IncrementalMinimizer::Run() {
     }
     // No step was solved for there: what the summary has as left is of before the last one, or of
     // none at all, and the next Update must not build on it.
-    if (tolerances_.Judge() != UpdateTolerances::Verdict::kGoOn) {
+    if (tolerances_.EndUpdate()) {
       return false;
     }
     const Verdict verdict = Iterate();
@@ -155,7 +155,7 @@ bool IncrementalMinimizer::Begin() {
 
 Status IncrementalMinimizer::FactorizeAnew() {
   const Status linearized = LinearizeAnew();
-  return linearized.ok() ? frame_solve_.FactorizeAnew() : linearized;
+  return linearized.ok() ? frame_step_.FactorizeWith(context_.options.min_damping) : linearized;
 }
 
 // A claim of convergence is made as early as possible: from what is known without a factorization,
@@ -210,8 +210,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
   bool sees_left = earlier == EarlierFactor::Verdict::kStep;
   Status solved;
   if (!sees_left) {
-    solved = frame_solve_.Factorize();
-    sees_left = solved.ok() && frame_solve_.SeesLeft(landmark_gain);
+    solved = frame_step_.Factorize();
+    sees_left = solved.ok() && frame_step_.SeesLeft(landmark_gain);
   }
   double& remaining = context_.summary->remaining_decrease;
   // Not by the factor of before, which was asked, and saw more than it may leave.
@@ -222,7 +222,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     }
   }
   // With kStep the factor of before gives the step, and `solved` is still OK.
-  solved = solved.ok() ? frame_solve_.Solve() : solved;
+  solved = solved.ok() ? frame_step_.Solve() : solved;
   if (solved.code == StatusCode::kSingular) {
     return Verdict::kStuck;
   }
@@ -231,9 +231,9 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::FindStep(EarlierFactor::Verd
     return Verdict::kFailed;
   }
   if (!sees_left) {
-    remaining = frame_solve_.step().AddGain(landmark_gain);
+    remaining = frame_step_.AddGain(landmark_gain);
     // Of a system that was not solved to the end all there is to gain is not known.
-    const bool is_known = frame_solve_.step().work().converged;
+    const bool is_known = frame_step_.work().converged;
     if (is_known) {
       context_.control.Sees(remaining);
     }
@@ -261,7 +261,7 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
   // at all, there is nothing to be had by more damping. A step that could not be evaluated tells
   // nothing.
   const bool in_vain =
-      !refreshed && !context_.control.IsDampedHard() && frame_solve_.step().work().converged &&
+      !refreshed && !context_.control.IsDampedHard() && frame_step_.work().converged &&
       !step.is_cut_off() && IsEvaluated(context_.row()) &&
       context_.stop.IsVain(remaining, context_.row().cost_change, context_.system.cost());
   // The same trust rule as for a claim: aged Jacobians may be why nothing is promised.
@@ -330,10 +330,10 @@ double IncrementalMinimizer::LeftBeyondRounding() const {
 
 // The whole step that a claim speaks of, of which nothing is taken.
 void IncrementalMinimizer::LookAtStep() {
-  if (!frame_solve_.Solve().ok()) {
+  if (!frame_step_.Solve().ok()) {
     return;
   }
-  const FrameStep& step = frame_solve_.step();
+  const FrameStep& step = frame_step_;
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
                          {-1.0, Negligible(), context_.summary->remaining_decrease},
                          &context_.system);
@@ -359,7 +359,7 @@ void IncrementalMinimizer::NoteDampedSquares() {
 // What a row that was not solved anew may leave: after a look all rows were, for a step that was
 // not taken.
 double IncrementalMinimizer::Negligible() const {
-  return has_looked_ ? 0.0 : frame_solve_.Wildfire();
+  return has_looked_ ? 0.0 : frame_step_.Wildfire();
 }
 
 // What moves. A problem that is new for the most part is far from its minimum, where half a step
@@ -375,7 +375,7 @@ void IncrementalMinimizer::SelectActive(double remaining) {
   // to nothing: that much may be left anyway. A negative budget moves all.
   const double budget =
       all ? -1.0 : std::max(truncation * remaining, context_.tuning.truncate.floor * allowed);
-  const FrameStep& step = frame_solve_.step();
+  const FrameStep& step = frame_step_;
   context_.active.Select(step.values(), step.reduced(), step.work().solved,
                          {budget, Negligible(), remaining - landmarks_.Gain()}, &context_.system);
   summary.num_moved_frames += static_cast<int>(context_.active.frames().size());
@@ -390,8 +390,8 @@ void IncrementalMinimizer::NoteStep(double gain_ratio) {
   const bool shortened = context_.row().shortened || context_.system.step().is_cut_off();
   // The norm of the rest is a pass over all frames.
   if (context_.options.parameter_tolerance > 0.0) {
-    tolerances_.NoteStep(
-        shortened ? -1.0 : std::hypot(context_.row().step_norm, frame_solve_.step().Norm()));
+    tolerances_.NoteStep(shortened ? -1.0
+                                   : std::hypot(context_.row().step_norm, frame_step_.Norm()));
   }
   context_.stop.StepTaken(shortened ? 0.0 : context_.summary->remaining_decrease,
                           context_.row().cost_change, gain_ratio);

@@ -6,7 +6,7 @@
 #include "inceres/solver/incremental_options.h"
 #include "incremental/claim_in_words.h"
 #include "incremental/earlier_factor.h"
-#include "incremental/frame_solve.h"
+#include "incremental/frame_step.h"
 #include "incremental/landmark_passes.h"
 #include "incremental/new_frame_steps.h"
 #include "incremental/step_attempts.h"
@@ -28,7 +28,7 @@ class IncrementalMinimizer {
   IncrementalMinimizer& operator=(const IncrementalMinimizer&) = delete;
 
   std::int64_t Bytes() const {
-    return frame_solve_.step().Bytes() +
+    return frame_step_.Bytes() +
            static_cast<std::int64_t>(context_.active.Bytes() + new_frames_.Bytes());
   }
   /// For the next Minimize; who solves the reduced system stays.
@@ -50,7 +50,7 @@ class IncrementalMinimizer {
   Status LinearizeAnew() { return linearization_.LinearizeAnew(); }
   /// And factors S, with that of frames.
   Status FactorizeAnew();
-  FrameStep& frame_step() { return frame_solve_.step(); }
+  FrameStep& frame_step() { return frame_step_; }
 
  private:
   enum class Verdict { kGoOn, kConverged, kStuck, kFailed };
@@ -73,10 +73,10 @@ class IncrementalMinimizer {
   UpdateContext context_;
   UpdateLinearization linearization_{&context_};
   LandmarkPasses landmarks_{&context_, &linearization_};
-  FrameSolve frame_solve_{&context_};
-  StepAttempts attempts_{&context_, &frame_solve_.step()};
-  EarlierFactor earlier_factor_{&context_, &frame_solve_};
-  NewFrameSteps new_frames_{&context_, &linearization_, &frame_solve_.step(), &attempts_};
+  FrameStep frame_step_{&context_};
+  StepAttempts attempts_{&context_, &frame_step_};
+  EarlierFactor earlier_factor_{&context_, &frame_step_};
+  NewFrameSteps new_frames_{&context_, &linearization_, &frame_step_, &attempts_};
   UpdateTolerances tolerances_{&context_, &linearization_};
   bool has_looked_ = false;  // at a step since one was taken
   ClaimInWords words_;  // what a claim of convergence rests on, if not what the model sees left

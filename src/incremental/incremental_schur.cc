@@ -95,11 +95,11 @@ void IncrementalSchur::Connect(FactorRef ref, const std::int32_t* frames, std::i
     // Its separator may have another frame: the blocks of Y will be placed anew.
     blocks_.Displace(landmark);
   }
-  factors_.Connect(ref);
+  sums_.ConnectFactor(ref);
 }
 
 void IncrementalSchur::Disconnect(FactorRef ref) {
-  factors_.Disconnect(ref);
+  sums_.DisconnectFactor(ref);
   structure_.Disconnect(ref);
   if (structure_.LandmarkOfFactor(ref) >= 0) {
     blocks_.Displace(structure_.LandmarkOfFactor(ref));
@@ -110,7 +110,7 @@ void IncrementalSchur::Disconnect(FactorRef ref) {
 void IncrementalSchur::TakeOut(std::int32_t landmark) {
   if (IsInS(landmark)) {
     if (!rebuilding_) {
-      contributions_.Add(landmark, 1.0);
+      sums_.AddLandmark(landmark, 1.0);
     }
     num_pairs_ -= blocks_.NumPairs(landmark);
     blocks_.SetState(landmark, LandmarkState::kOutside);
@@ -127,11 +127,9 @@ bool IncrementalSchur::Invert(std::int32_t landmark, double lambda) {
     // one are nobody's.
     sums_.vectors().DropChange(l.quad, l.size);
     blocks_.Sum(landmark, sums_.vectors().rhs(l.quad));
-    if (bounds_ != nullptr) {
-      // With η just summed. A coordinate that is held leaves U_inv, so this comes before it is
-      // inverted.
-      bounds_->Hold(l.id, l.quad, sums_.vectors().rhs(l.quad));
-    }
+    // With η just summed. A coordinate that is held leaves U_inv, so this comes before it is
+    // inverted.
+    bounds_.Hold(l.id, l.quad, sums_.vectors().rhs(l.quad));
   }
   return blocks_.Invert(landmark, lambda, HeldAtBounds(l.quad));
 }
@@ -161,10 +159,10 @@ void IncrementalSchur::PutIn(std::int32_t landmark, double lambda) {
   // It is there already, with blocks to exchange: one pass over S instead of two. Without frames
   // there is nothing to exchange, and adding adds nothing.
   if (IsInS(landmark) && blocks_.SizeOfY(landmark) > 0) {
-    contributions_.EliminateAnew(landmark, eta(landmark));
+    sums_.EliminateAnew(landmark, eta(landmark));
   } else {
     Eliminate(landmark);
-    contributions_.Add(landmark, -1.0);
+    sums_.AddLandmark(landmark, -1.0);
     num_pairs_ += IsInS(landmark) ? 0 : blocks_.NumPairs(landmark);
     blocks_.SetState(landmark, LandmarkState::kInS);
   }
@@ -178,14 +176,14 @@ void IncrementalSchur::PutIntoRows(std::int32_t landmark, double lambda, const I
     return LeaveOutside(landmark);
   }
   Eliminate(landmark);
-  contributions_.AddWithin(landmark, -1.0, rows);
+  sums_.AddLandmarkWithin(landmark, -1.0, rows);
   blocks_.SetState(landmark, LandmarkState::kInRows);
 }
 
 // Those that were held or undetermined have never been put in.
 void IncrementalSchur::TakeOutOfRows(std::int32_t landmark, const IndexSet& rows) {
   if (blocks_.state(landmark) == LandmarkState::kInRows) {
-    contributions_.AddWithin(landmark, 1.0, rows);
+    sums_.AddLandmarkWithin(landmark, 1.0, rows);
     blocks_.SetState(landmark, LandmarkState::kOutside);
   }
 }
@@ -241,14 +239,14 @@ void IncrementalSchur::ResumFrame(std::int32_t frame) {
   sums_.ZeroRow(frame, f.quad, f.size);
   const auto add_factor = [this, frame](const FactorRef& ref) {
     if (families_[ref.family].weighed().linearized(ref.factor)) {
-      factors_.AddToRow(ref, frame);
+      sums_.AddFactorToRow(ref, frame);
     }
   };
   std::for_each(f.factors.begin(), f.factors.end(), add_factor);
   for (const std::int32_t landmark : f.landmarks) {
     structure_.ForEachFactorBetween(landmark, frame, add_factor);
     if (IsInS(landmark)) {
-      contributions_.AddAcross(landmark, -1.0, frame);
+      sums_.AddLandmarkAcross(landmark, -1.0, frame);
     }
   }
   sums_.changes().Touch(frame);
@@ -269,13 +267,13 @@ void IncrementalSchur::Rebuild() {
   for (const IncrementalFamily& family : families_) {
     for (std::int32_t i = 0; i < family.num_places(); ++i) {
       if (family.weighed().linearized(i)) {
-        factors_.Sum({family.id(), i}, 1.0);  // all rows are touched above
+        sums_.SumFactor({family.id(), i}, 1.0);  // all rows are touched above
       }
     }
   }
   for (std::int32_t l = 0; l < static_cast<std::int32_t>(landmarks().size()); ++l) {
     if (IsInS(l)) {
-      contributions_.Add(l, -1.0);
+      sums_.AddLandmark(l, -1.0);
     }
   }
   // Sums that are new have not drifted; the next look begins with the cost of then.
@@ -319,9 +317,7 @@ void IncrementalSchur::RhsNorms(double* max_norm, double* norm) const {
 }
 
 std::int64_t IncrementalSchur::Bytes() const {
-  const std::size_t bytes =
-      structure_.Bytes() + blocks_.Bytes() + factors_.Bytes() + contributions_.Bytes();
-  return static_cast<std::int64_t>(bytes) + sums_.Bytes();
+  return static_cast<std::int64_t>(structure_.Bytes() + blocks_.Bytes()) + sums_.Bytes();
 }
 
 }  // namespace inceres::internal

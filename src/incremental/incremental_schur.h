@@ -4,11 +4,9 @@
 #include <vector>
 
 #include "incremental/active_bounds.h"
-#include "incremental/factor_contributions.h"
 #include "incremental/incremental_structure.h"
 #include "incremental/index_set.h"
 #include "incremental/landmark_blocks.h"
-#include "incremental/landmark_contributions.h"
 #include "incremental/landmark_gains.h"
 #include "incremental/schur_sums.h"
 #include "linearize/incremental_family.h"
@@ -34,15 +32,12 @@ class IncrementalSchur {
   using Frame = IncrementalStructure::Frame;
   using Landmark = IncrementalStructure::Landmark;
 
-  /// `bounds` may be null: there are none.
-  explicit IncrementalSchur(std::vector<IncrementalFamily>* families,
-                            ActiveBounds* bounds = nullptr)
+  IncrementalSchur(std::vector<IncrementalFamily>* families, ActiveBounds* bounds)
       : families_(*families),
-        bounds_(bounds),
+        bounds_(*bounds),
         structure_(families),
         blocks_(families, &structure_),
-        factors_(families, &structure_, &sums_),
-        contributions_(&structure_, &blocks_, &sums_) {}
+        sums_(families, &structure_, &blocks_) {}
   IncrementalSchur(const IncrementalSchur&) = delete;
   IncrementalSchur& operator=(const IncrementalSchur&) = delete;
 
@@ -66,12 +61,12 @@ class IncrementalSchur {
 
   /// Frame part of a factor's share of S and b, with the Jacobians cached now: sign +1 adds, -1
   /// takes out.
-  void AddFactor(FactorRef ref, double sign) { factors_.Add(ref, sign); }
+  void AddFactor(FactorRef ref, double sign) { sums_.AddFactor(ref, sign); }
   /// The same with Jacobians about to change: KeepFactor before, ReplaceFactor after, with what it
   /// gave. DropKept ends the lot.
-  std::ptrdiff_t KeepFactor(FactorRef ref) { return factors_.Keep(ref); }
-  void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept) { factors_.Replace(ref, kept); }
-  void DropKept() { factors_.DropKept(); }
+  std::ptrdiff_t KeepFactor(FactorRef ref) { return sums_.KeepFactor(ref); }
+  void ReplaceFactor(FactorRef ref, std::ptrdiff_t kept) { sums_.ReplaceFactor(ref, kept); }
+  void DropKept() { sums_.DropKept(); }
   /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected
   /// or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
@@ -124,9 +119,7 @@ class IncrementalSchur {
   const std::vector<Landmark>& landmarks() const { return structure_.landmarks(); }
   const LandmarkBlocks& blocks() const { return blocks_; }
   /// ActiveBounds::held of the variable with this quad.
-  const char* HeldAtBounds(std::int32_t quad) const {
-    return bounds_ != nullptr ? bounds_->held(quad) : nullptr;
-  }
+  const char* HeldAtBounds(std::int32_t quad) const { return bounds_.held(quad); }
   /// ½ ηᵀ(P + λD)⁻¹η; 0 outside S.
   const LandmarkGains& gains() const { return gains_; }
   LandmarkGains& gains() { return gains_; }
@@ -136,7 +129,6 @@ class IncrementalSchur {
 
   /// What has changed of S and b, held frames included, for those who follow them.
   RowChanges& changes() { return sums_.changes(); }
-  const RowChanges& changes() const { return sums_.changes(); }
   /// Block products of all landmark contributions in S.
   std::int64_t NumPairs() const { return num_pairs_; }
   std::int64_t Bytes() const;
@@ -150,13 +142,11 @@ class IncrementalSchur {
   void RenewGain(std::int32_t landmark);
 
   std::vector<IncrementalFamily>& families_;
-  ActiveBounds* bounds_;
+  ActiveBounds& bounds_;
   IncrementalStructure structure_;
   LandmarkBlocks blocks_;
   LandmarkGains gains_;
   SchurSums sums_;
-  FactorContributions factors_;
-  LandmarkContributions contributions_;
   std::vector<int> offsets_{0};
   std::int64_t num_pairs_ = 0;
   bool rebuilding_ = false;

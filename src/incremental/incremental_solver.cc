@@ -9,9 +9,8 @@
 #include "incremental/batch_phase.h"
 #include "incremental/cached_rows.h"
 #include "incremental/incremental_solver_impl.h"
-#include "incremental/shares.h"
 #include "incremental/tuning.h"
-#include "incremental/update_listeners.h"
+#include "incremental/update_context.h"
 #include "marginal/marginalize.h"
 
 namespace inceres {
@@ -33,6 +32,37 @@ using internal::IncrementalSystem;
 using internal::UpdateTrace;
 
 namespace {
+
+// All who look on while an Update works, as one observer: first the table of progress, then the
+// user's observer, then the callback of the options. Who ends the Update is the last to be asked.
+class UpdateListeners final : public UpdateObserver {
+ public:
+  // Borrows both for the length of an Update; `observer` may be null.
+  UpdateListeners(const IncrementalOptions& options, UpdateObserver* observer)
+      : options_(options), observer_(observer) {}
+
+  // What the trace is to ask: null if nobody looks on.
+  UpdateObserver* AsObserver() {
+    return observer_ != nullptr || options_.progress || options_.callback ? this : nullptr;
+  }
+
+  ObserverAction EndOfIteration(const UpdateIteration& iteration) override {
+    if (options_.progress) {
+      if (iteration.iteration == 0) {
+        options_.progress(UpdateProgressHeading());
+      }
+      options_.progress(ProgressRow(iteration));
+    }
+    const ObserverAction action =
+        observer_ != nullptr ? observer_->EndOfIteration(iteration) : ObserverAction::kContinue;
+    return action == ObserverAction::kContinue && options_.callback ? options_.callback(iteration)
+                                                                    : action;
+  }
+
+ private:
+  const IncrementalOptions& options_;
+  UpdateObserver* const observer_;
+};
 
 // As if newly made, but for the memory it holds.
 // Strings and rows keep their capacity, so that a steady stream of Updates does not allocate.
@@ -197,8 +227,11 @@ MarginalizationSummary IncrementalSolver::Impl::Marginalize(const Marginalizatio
 // after.
 bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
   TakeValues();
+  // Holds nothing for a next call: what is kept from one Update to the next is the living system.
+  Solver solver(/*max_bytes=*/0);
   const internal::BatchOutcome outcome =
-      internal::RunBatchPhase(options_, tuning_.batch, stop, &graph, &shown_state_, trace);
+      internal::RunPart({&options_, tuning_.batch, internal::BatchEnd::kHandsOver, stop, &solver,
+                         &graph, &shown_state_, trace});
   trace->summary().termination = outcome.termination;
   held_back_ = outcome.held_back;
   if (outcome.termination != Termination::kFailure) {
@@ -222,7 +255,7 @@ bool IncrementalSolver::Impl::SolveInBatch(UpdateTrace* trace) {
 
 void IncrementalSolver::Impl::Update(UpdateSummary* summary, UpdateObserver* observer) {
   Clear(summary);
-  internal::UpdateListeners listeners(options_, observer);
+  UpdateListeners listeners(options_, observer);
   UpdateTrace trace(listeners.AsObserver(), summary);
   if (!valid_.ok()) {
     summary->message = valid_.message;

@@ -82,14 +82,14 @@ Status IncrementalSolver::Impl::Covariance(const std::vector<VariableId>& ids,
   }
   // The undamped S has a factor of its own.
   const bool damped = options.accuracy != CovarianceAccuracy::kUndamped;
-  const bool is_ready = live != nullptr && (minimizer_->frame_step().HasFactorOf(live->schur()) ||
-                                            (!damped && live->IsUpToDate()));
+  const bool is_ready =
+      live != nullptr && (minimizer_->frame_step().HasFactor() || (!damped && live->IsUpToDate()));
   if (status.ok() && !is_ready) {
     status = PrepareAnew(damped);
   } else if (status.ok() && damped && live->schur().changes().num_unfactored() > 0) {
     // An Update may have ended by what the factor from before told.
     internal::FrameStep& frames = minimizer_->frame_step();
-    status = frames.FactorizeOnly(options_.damping, frames.factored_mu(), &live->schur());
+    status = frames.FactorizeWith(frames.factored_mu());
   }
   if (!status.ok()) {
     return status;
@@ -116,7 +116,7 @@ ReducedStructure IncrementalSolver::Impl::Structure() {
   const internal::IncrementalSchur& schur = live->schur();
   ReducedStructure structure = PatternOf(schur);
   const internal::FrameStep& frames = minimizer_->frame_step();
-  if (frames.solver() != nullptr && frames.HasFactorOf(schur)) {
+  if (frames.solver() != nullptr && frames.HasFactor()) {
     for (const int row : internal::EliminationOrderOf(*frames.solver(), schur.S())) {
       structure.elimination_order.push_back(schur.frames()[row].id);
     }

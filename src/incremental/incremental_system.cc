@@ -142,12 +142,12 @@ Status IncrementalSystem::LinearizeDirty(RelinearizeWork* work) {
   return linearized;
 }
 
-Status IncrementalSystem::Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work) {
+Status IncrementalSystem::Relinearize(double lambda, RebuildPolicy policy, RelinearizeWork* work) {
   *work = RelinearizeWork();
   Reweigh();
   dirty_.Begin(work);
-  work->rebuilt = rule == RebuildRule::kAlways || (rule == RebuildRule::kWhenCheaper &&
-                                                   work->num_factors > 0 && RebuildIsCheaper());
+  work->rebuilt = policy == RebuildPolicy::kAlways || (policy == RebuildPolicy::kWhenCheaper &&
+                                                       work->num_factors > 0 && RebuildIsCheaper());
   if (work->rebuilt) {
     schur_.BeginRebuild();
   }

@@ -8,6 +8,7 @@
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
+#include "inceres/solver/incremental_options.h"
 #include "incremental/active_bounds.h"
 #include "incremental/cost_rounding.h"
 #include "incremental/dirty_subgraph.h"
@@ -21,10 +22,6 @@
 #include "linearize/variable_store.h"
 
 namespace inceres::internal {
-
-/// When S and b are summed anew instead of following by difference. The result is the same up to
-/// rounding.
-enum class RebuildRule { kWhenCheaper, kAlways, kNever };
 
 /// A living problem with everything that was ever computed for it: values, cached linearizations, S
 /// and b. What an incremental strategy drives:
@@ -98,7 +95,7 @@ class IncrementalSystem {
   /// Algorithm 3: takes the old contributions of the dirty subgraph out of S and b, linearizes its
   /// factors at the current values and puts the new ones in; its landmarks are damped by lambda ·
   /// diag(P). On failure names the factor or variable; S and b are then incomplete.
-  Status Relinearize(double lambda, RebuildRule rule, RelinearizeWork* work);
+  Status Relinearize(double lambda, RebuildPolicy policy, RelinearizeWork* work);
 
   /// The first half of it, by difference: what is dirty is linearized, and its landmarks wait to be
   /// eliminated anew.

@@ -38,8 +38,6 @@ class IndexSet {
     word &= ~Bit(index);
   }
   bool Has(std::int32_t index) const { return (words_[Word(index)] & Bit(index)) != 0; }
-  /// Whether there is room for the index.
-  bool Reaches(std::int32_t index) const { return Word(index) < words_.size(); }
   bool empty() const { return count_ == 0; }
   int count() const { return count_; }
 

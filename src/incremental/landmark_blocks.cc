@@ -138,21 +138,22 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   // In this order: a P of zeros has no factor, and a factor may exist thanks to rounding alone.
   const bool inverted = largest > 0.0 &&
                         InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
-                        HasInformation(l);
-  if (inverted && IsHeldByDamping(l)) {
+                        !HasPivotBelow(l, kNoInformation);
+  // Of a pivot that is small against λ P_kk nearly all is damping, and with less of it the landmark
+  // would go further.
+  if (inverted && HasPivotBelow(l, kHeld * lambda)) {
     held_by_damping_.Add(l);
   }
   return inverted;
 }
 
-// By the same pivots as HasInformation, against λ P_kk: nearly all of such a pivot is damping, and
-// with less of it the landmark would go further.
-bool LandmarkBlocks::IsHeldByDamping(std::int32_t l) const {
+// 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry. It is looked at
+// relative to that, which has the units of the coordinate: the test does not depend on them.
+bool LandmarkBlocks::HasPivotBelow(std::int32_t l, double share) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
     // Zero of a coordinate that is held at a bound.
     const double inverse_root = UInv(l)[k * kQuad + k];
-    if (inverse_root > 0.0 &&
-        1.0 / (inverse_root * inverse_root) < kHeld * lambda_[l] * P(l)[k * kQuad + k]) {
+    if (inverse_root > 0.0 && 1.0 / (inverse_root * inverse_root) < share * P(l)[k * kQuad + k]) {
       return true;
     }
   }
@@ -180,20 +181,6 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
     hidden += 0.5 * (freely[k] * freely[k] - now[k] * now[k]);
   }
   return hidden;
-}
-
-// 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry.
-bool LandmarkBlocks::HasInformation(std::int32_t l) const {
-  for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
-    const double inverse_root = UInv(l)[k * kQuad + k];
-    // Relative to the diagonal entry, which has the units of the coordinate: the test does not
-    // depend on them.
-    if (inverse_root > 0.0 &&
-        1.0 / (inverse_root * inverse_root) < kNoInformation * P(l)[k * kQuad + k]) {
-      return false;
-    }
-  }
-  return true;
 }
 
 // The run of Y goes to the list of its length, the places in S are forgotten.

@@ -104,8 +104,7 @@ class LandmarkBlocks {
   static constexpr std::ptrdiff_t kBlock = 4 * kQuad;
 
   double* UInv(std::int32_t l) { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
-  bool HasInformation(std::int32_t l) const;
-  bool IsHeldByDamping(std::int32_t l) const;
+  bool HasPivotBelow(std::int32_t l, double share) const;
   void PlaceY(std::int32_t l);
   void PointFactors(std::int32_t l);
   void Release(std::int32_t l);

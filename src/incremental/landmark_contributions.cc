@@ -1,7 +1,9 @@
-#include "incremental/landmark_contributions.h"
+// The contributions of landmarks to S and b.
 
 #include <algorithm>
 #include <cstddef>
+
+#include "incremental/schur_sums.h"
 
 namespace inceres::internal {
 
@@ -10,12 +12,12 @@ namespace inceres::internal {
 // just those numbers before blocks_ gets others. A new Y changes all blocks between the frames of
 // a separator, so replacing takes one pass over S where taking out and adding would take two.
 
-void LandmarkContributions::Add(std::int32_t landmark, double sign) {
+void SchurSums::AddLandmark(std::int32_t landmark, double sign) {
   // Rows in the order of the separator, which is sorted by row, as the targets are.
-  const Contribution contribution = blocks_.Rows(landmark, &rows_);
-  sums_.AddProducts(contribution, sign, blocks_.Targets(landmark).data());
-  sums_.AddToB(contribution, blocks_.z(landmark), nullptr, sign);
-  sums_.Touch(FramesOf(landmark));
+  const Contribution contribution = blocks_.Rows(landmark, &landmark_rows_);
+  AddProducts(contribution, sign, blocks_.Targets(landmark).data());
+  AddToB(contribution, blocks_.z(landmark), nullptr, sign);
+  Touch(FramesOf(landmark));
 }
 
 // A landmark eliminated anew takes the place of what it was in one pass over its blocks of S:
@@ -23,7 +25,7 @@ void LandmarkContributions::Add(std::int32_t landmark, double sign) {
 //     S := S + Y_out Y_outᵀ − Y Yᵀ,   b := b + Y_out z_out − Y z.
 //
 // Y and z are written over by the elimination, so what is in S is copied before.
-void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* eta) {
+void SchurSums::EliminateAnew(std::int32_t landmark, const double* eta) {
   const std::ptrdiff_t size = blocks_.SizeOfY(landmark);
   if (size > static_cast<std::ptrdiff_t>(Y_out_.size())) {
     Y_out_.resize(static_cast<std::size_t>(2 * size));
@@ -34,43 +36,42 @@ void LandmarkContributions::EliminateAnew(std::int32_t landmark, const double* e
   std::copy_n(blocks_.z(landmark), kQuad, z_out);
   blocks_.Eliminate(landmark, eta);
 
-  Contribution contribution = blocks_.Rows(landmark, &rows_);
+  Contribution contribution = blocks_.Rows(landmark, &landmark_rows_);
   const double* Y = blocks_.Y(landmark);
   for (int r = 0; r < contribution.count; ++r) {
     // The same layout, so the same distance from the beginning.
-    rows_[r].out = Y_out_.data() + (rows_[r].A - Y);
+    landmark_rows_[r].out = Y_out_.data() + (landmark_rows_[r].A - Y);
   }
   contribution.replaces = true;
-  sums_.AddProducts(contribution, -1.0, blocks_.Targets(landmark).data());
-  sums_.AddToB(contribution, blocks_.z(landmark), z_out, -1.0);
-  sums_.Touch(FramesOf(landmark));
+  AddProducts(contribution, -1.0, blocks_.Targets(landmark).data());
+  AddToB(contribution, blocks_.z(landmark), z_out, -1.0);
+  Touch(FramesOf(landmark));
 }
 
 // For the blocks and entries for which part(row)(column) and part(row)(row) hold.
 template <typename Part>
-void LandmarkContributions::AddPart(std::int32_t landmark, double sign, const Part& part) {
-  const Contribution contribution = blocks_.Rows(landmark, &rows_);
+void SchurSums::AddPart(std::int32_t landmark, double sign, const Part& part) {
+  const Contribution contribution = blocks_.Rows(landmark, &landmark_rows_);
   const std::vector<std::int32_t>& frames = FramesOf(landmark);
-  targets_ = blocks_.Targets(landmark);
+  landmark_targets_ = blocks_.Targets(landmark);
   std::size_t at = 0;
   for (int r = 0; r < contribution.count; ++r) {
     // Whether a block belongs to the part is a question about both its rows; the outer one is
     // answered once a row.
     const auto is_in = part(frames[r]);
     for (int c = 0; c <= r; ++c, ++at) {
-      targets_[at] = is_in(frames[c]) ? targets_[at] : -1;
+      landmark_targets_[at] = is_in(frames[c]) ? landmark_targets_[at] : -1;
     }
     if (is_in(frames[r])) {
-      sums_.AddToB({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark), nullptr,
-                   sign);
-      sums_.changes().Touch(frames[r]);
+      AddToB({contribution.rows + r, 1, contribution.depth}, blocks_.z(landmark), nullptr, sign);
+      changes_.Touch(frames[r]);
     }
   }
-  sums_.AddProducts(contribution, sign, targets_.data());
+  AddProducts(contribution, sign, landmark_targets_.data());
 }
 
 // Both rows inside: of a new frame's own system, whatever else the landmark sees is held.
-void LandmarkContributions::AddWithin(std::int32_t landmark, double sign, const IndexSet& rows) {
+void SchurSums::AddLandmarkWithin(std::int32_t landmark, double sign, const IndexSet& rows) {
   AddPart(landmark, sign, [&rows](std::int32_t r) {
     return [&rows, in = rows.Has(r)](std::int32_t c) { return in && rows.Has(c); };
   });
@@ -78,11 +79,11 @@ void LandmarkContributions::AddWithin(std::int32_t landmark, double sign, const 
 
 // Either row: the whole row and its column. Of b only that row's entries, but all rows have
 // another block.
-void LandmarkContributions::AddAcross(std::int32_t landmark, double sign, std::int32_t row) {
+void SchurSums::AddLandmarkAcross(std::int32_t landmark, double sign, std::int32_t row) {
   AddPart(landmark, sign, [row](std::int32_t r) {
     return [row, in = r == row](std::int32_t c) { return in || c == row; };
   });
-  sums_.Touch(FramesOf(landmark));
+  Touch(FramesOf(landmark));
 }
 
 }  // namespace inceres::internal

@@ -242,27 +242,29 @@ void SolveLandmarks(const IncrementalSchur& schur, const double* r, double* x) {
 }  // namespace
 
 // x_c = (S + μD)⁻¹ (r_c − Y U_inv r_l), x_l = U_invᵀ (U_inv r_l − Yᵀ x_c).
-Status LivePreconditioner::Apply(const double* r, double* x) const {
-  const IncrementalSchur& schur = system_.schur();
+Status SolveDamped(const IncrementalSystem& system, const LiveFactor& factor, const double* r,
+                   double* x) {
+  const IncrementalSchur& schur = system.schur();
+  const std::vector<int>& offsets = schur.offsets();
   // b is formed in a copy of r, padded as r is; only frames' entries of it change.
-  std::vector<double> padded(r, r + std::ptrdiff_t{system_.variables().num_quads()} * kQuad);
+  std::vector<double> padded(r, r + std::ptrdiff_t{system.variables().num_quads()} * kQuad);
   EliminateLandmarks(schur, r, padded.data());
   // Packed as S is; a row that is free has no scalars there.
-  std::vector<double> b(offsets_.back(), 0.0), solution(offsets_.back(), 0.0);
+  std::vector<double> b(offsets.back(), 0.0), solution(offsets.back(), 0.0);
   // Held frames get b = 0 and a unit row, and their step is left at what the caller zeroed.
   for (std::size_t f = 0; f < schur.frames().size(); ++f) {
     const auto& frame = schur.frames()[f];
     if (frame.id >= 0 && !frame.held) {
       std::copy_n(padded.begin() + std::ptrdiff_t{frame.quad} * kQuad, frame.size,
-                  b.begin() + offsets_[f]);
+                  b.begin() + offsets[f]);
     }
   }
   const Status solved =
-      offsets_.back() > 0 ? factor_.Solve(offsets_, b.data(), solution.data()) : Status::Ok();
+      offsets.back() > 0 ? factor.Solve(offsets, b.data(), solution.data()) : Status::Ok();
   for (std::size_t f = 0; f < schur.frames().size(); ++f) {
     const auto& frame = schur.frames()[f];
     if (frame.id >= 0) {
-      std::copy_n(solution.begin() + offsets_[f], frame.held ? 0 : frame.size,
+      std::copy_n(solution.begin() + offsets[f], frame.held ? 0 : frame.size,
                   x + std::ptrdiff_t{frame.quad} * kQuad);
     }
   }

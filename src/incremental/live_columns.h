@@ -45,19 +45,9 @@ void AddLandmarkDamping(const IncrementalSchur& schur, std::int32_t landmark,
                         const Eigen::VectorXd& x, std::vector<BlockRow>* rows,
                         Eigen::VectorXd* product);
 
-/// M⁻¹r and M = H + Λ of all variables of the system, by its elimination and a factor of S + μD:
-/// the damped system as it was linearized. r and x by quads of the system's padded vectors.
-class LivePreconditioner {
- public:
-  LivePreconditioner(const IncrementalSystem& system, const LiveFactor& factor)
-      : system_(system), factor_(factor), offsets_(system.schur().offsets()) {}
-
-  Status Apply(const double* r, double* x) const;
-
- private:
-  const IncrementalSystem& system_;
-  const LiveFactor& factor_;
-  std::vector<int> offsets_;
-};
+/// x = M⁻¹r with M = H + Λ of all variables of the system, by its elimination and a factor of S +
+/// μD: the damped system as it was linearized. r and x by quads of the system's padded vectors.
+Status SolveDamped(const IncrementalSystem& system, const LiveFactor& factor, const double* r,
+                   double* x);
 
 }  // namespace inceres::internal

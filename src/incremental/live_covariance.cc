@@ -50,12 +50,8 @@ constexpr double kOpen = 1e-4;
 // The same without damping, in units of diag(C), as CovarianceOptions::max_inflation has it.
 constexpr double kNoCurvature = 1e-12;
 
-Status Singular(const std::string& message) {
-  return Status::Error(StatusCode::kSingular, message);
-}
-
 Status NotDetermined(VariableId id, const char* why) {
-  return Singular(VariableName(id) + " has no covariance: " + why);
+  return Status::Error(StatusCode::kSingular, VariableName(id) + " has no covariance: " + why);
 }
 
 constexpr const char* kFree =

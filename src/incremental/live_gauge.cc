@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 
+#include "base/sort_unique.h"
 #include "incremental/live_columns.h"
 
 namespace inceres::internal {
@@ -159,8 +160,7 @@ std::vector<std::int32_t> LandmarksOf(const IncrementalSchur& schur, const std::
     const auto& seen = schur.frames()[row].landmarks;
     landmarks.insert(landmarks.end(), seen.begin(), seen.end());
   }
-  std::sort(landmarks.begin(), landmarks.end());
-  landmarks.erase(std::unique(landmarks.begin(), landmarks.end()), landmarks.end());
+  SortUnique(&landmarks);
   return landmarks;
 }
 

@@ -48,7 +48,7 @@ bool NewFrameSteps::FindStep() {
   const double damping = linearization_.LandmarkDamping();
   landmarks_.ForEach([&](std::int32_t landmark) { schur.PutIntoRows(landmark, damping, frames_); });
   // Only vectors: S keeps its old factor.
-  frame_step_.Refresh(context_.options.damping, context_.control.mu(), &schur);
+  frame_step_.Refresh();
   const bool solved = partial_step_.Solve(schur, frame_step_.reduced(), frames_);
   for (int k = 0; solved && k < partial_step_.num_frames(); ++k) {
     context_.system.step().SetFrame(partial_step_.frame(k), partial_step_.step(k));

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/stopwatch.h"
-#include "incremental/batch_part.h"
+#include "incremental/batch_phase.h"
 
 namespace inceres::internal {
 
@@ -24,22 +24,20 @@ namespace {
 // A solve from beginning to end. What the user's strategy does not bring to an end within a while,
 // or ends with its trust region shrunk by refusals, where its last steps prove nothing, is gone on
 // with by Marquardt's rule.
-BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch& tuning,
-                         const std::atomic<bool>& stop, Solver* solver, FactorGraph* graph,
-                         const double** shown_state, UpdateTrace* trace) {
-  UpdateSummary* summary = &trace->summary();
+BatchOutcome RunToTheEnd(const BatchCall& call) {
+  const IncrementalOptions& options = *call.options;
+  UpdateSummary* summary = &call.trace->summary();
   // With batch_share 0 the iterates are Ceres's to the end.
   const bool in_parts =
       options.batch_share > 0.0 && options.batch_strategy != TrustRegionStrategyKind::kMarquardt;
-  const BatchOutcome first =
-      RunPart(options, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  const BatchOutcome first = RunPart(call);
   // Ended by the observer, or by the user's limit: that one is looked at below.
   const bool out_of_patience = first.termination == Termination::kNoConvergence &&
-                               summary->num_iterations >= tuning.patience;
+                               summary->num_iterations >= call.tuning.patience;
   // The second part has what is left of the time and of the iterations.
   IncrementalOptions part = options;
   const double seconds_left =
-      options.max_solver_time_in_seconds - (NowInSeconds() - trace->start_seconds());
+      options.max_solver_time_in_seconds - (NowInSeconds() - call.trace->start_seconds());
   part.max_num_iterations = options.max_num_iterations - summary->num_iterations;
   // What ended by the observer's rule has its proof. Ceres's rule looks at one step and needs a
   // model that promises nothing either.
@@ -57,12 +55,13 @@ BatchOutcome RunToTheEnd(const IncrementalOptions& options, const Tuning::Batch&
   }
   part.batch_strategy = TrustRegionStrategyKind::kMarquardt;
   // A copy: the batch solver works on the graph's state.
-  const std::vector<double> reached = graph->state();
+  const std::vector<double> reached = call.graph->state();
   const UpdateSummary before = *summary;
-  BatchOutcome second =
-      RunPart(part, tuning, BatchEnd::kToTheEnd, stop, solver, graph, shown_state, trace);
+  BatchCall next = call;
+  next.options = &part;
+  const BatchOutcome second = RunPart(next);
   if (second.termination == Termination::kFailure) {  // what the first part has reached stays
-    graph->mutable_state() = reached;
+    call.graph->mutable_state() = reached;
     summary->message = before.message;
     summary->final_cost = before.final_cost;
     summary->remaining_decrease = before.remaining_decrease;
@@ -91,9 +90,9 @@ void SolveOnce(const IncrementalOptions& options, Solver* solver, FactorGraph* g
     const double** shown = best_state != nullptr ? best_state : &unseen;
     // Only an observer can ask for it back.
     const std::vector<double> start = observer != nullptr ? graph->state() : std::vector<double>();
-    summary->termination =
-        RunToTheEnd(options, TuningOfNewSolvers().batch, stop, solver, graph, shown, &trace)
-            .termination;
+    summary->termination = RunToTheEnd({&options, TuningOfNewSolvers().batch, BatchEnd::kToTheEnd,
+                                        stop, solver, graph, shown, &trace})
+                               .termination;
     if (summary->termination == Termination::kUserFailure) {
       graph->mutable_state() = start;  // the first part of two may have moved it
     }

@@ -190,12 +190,8 @@ void PartialStep::BackSubstitute() {
 // Anew from b for every neighbor, and not from the last rest: x_A has changed in all of A.
 void PartialStep::TakeOutOfRest(const IncrementalSchur& schur, const ReducedVectors& reduced) {
   const SymmetricBlockRows& S = schur.S();
-  const auto begin_anew = [&](std::int32_t other) { BeginRest(schur, reduced, other); };
   for (const int i : order_.rows()) {
-    for (const SymmetricBlockRows::Entry& entry : S.row(i)) {
-      begin_anew(entry.column);
-    }
-    std::for_each(S.below(i).begin(), S.below(i).end(), begin_anew);
+    S.ForEachCoupled(i, [&](int other) { BeginRest(schur, reduced, other); });
   }
   // The lower triangle has a block of two rows once: as an entry of i's own row, or of the row
   // below it.

@@ -44,31 +44,50 @@ Relinearization::ErrorLimits Relinearization::LimitsOf(double share, double tole
   return {share * 2.0 * tolerance / count, gradient * gradient / count};
 }
 
-// After the residuals of the step were accepted, and before the step ends: it names the factors.
-void Relinearization::MarkStale(double tolerance) {
-  const ErrorLimits stale = LimitsOf(share_, tolerance);
-  const ErrorLimits aged = AgedLimits(kAhead * tolerance);
-  // A step with a larger T remembers less: from here on the memory is complete for those limits
-  // only.
-  all_are_in_.RaiseTo(aged);
+void Relinearization::MakeRoom() {
   aged_.resize(system_.families().size());
   for (const IncrementalFamily& family : system_.families()) {
     aged_[family.id()].Grow(family.num_places());
+  }
+}
+
+// The limits of what is remembered. With a larger T that is less: from here on the memory is
+// complete for those limits only.
+Relinearization::ErrorLimits Relinearization::BeginLooking(double tolerance) {
+  const ErrorLimits aged = AgedLimits(kAhead * tolerance);
+  all_are_in_.RaiseTo(aged);
+  MakeRoom();
+  return aged;
+}
+
+void Relinearization::Judge(const IncrementalFamily& family, int factor, bool is_stale,
+                            const ErrorLimits& aged) {
+  if (is_stale) {
+    // It will be renewed before the next claim.
+    aged_[family.id()].Remove(factor);
+    system_.MarkDirty({family.id(), factor});
+  } else if (aged.ExceededBy(family, factor)) {
+    aged_[family.id()].Add(factor);
+    worst_.RaiseTo(ErrorLimits::Of(family, factor));
+  }
+}
+
+// After the residuals of the step were accepted, and before the step ends: it names the factors.
+void Relinearization::MarkStale(double tolerance) {
+  const ErrorLimits stale = LimitsOf(share_, tolerance);
+  const ErrorLimits aged = BeginLooking(tolerance);
+  for (const IncrementalFamily& family : system_.families()) {
     for (const std::int32_t i : system_.step().Touched(family.id())) {
       // Steps do not age a constant Jacobian, however long they are; its error is zero by
       // definition, so that the other rule says what it should.
       const bool errs = rule_ == RelinearizationRule::kStepSize && !family.constant_jacobian()
                             ? system_.step().Largest({family.id(), i}) >= step_
                             : stale.ExceededBy(family, i);
-      if (errs || family.weighed().WeightIsOff(i, family.weighed().IsCorrected(i)
-                                                      ? tuning_.corrected_weight_change
-                                                      : tuning_.weight_change)) {
-        // It will be renewed before the next claim.
-        aged_[family.id()].Remove(i);
-        system_.MarkDirty({family.id(), i});
-      } else if (aged.ExceededBy(family, i)) {
-        NoteAged(family, i);
-      }
+      Judge(family, i,
+            errs || family.weighed().WeightIsOff(i, family.weighed().IsCorrected(i)
+                                                        ? tuning_.corrected_weight_change
+                                                        : tuning_.weight_change),
+            aged);
     }
   }
 }
@@ -77,26 +96,17 @@ void Relinearization::MarkStale(double tolerance) {
 // rule.
 void Relinearization::LookAt(const std::vector<FactorRef>& factors, double tolerance) {
   const ErrorLimits stale = LimitsOf(share_, tolerance);
-  const ErrorLimits aged = AgedLimits(kAhead * tolerance);
-  all_are_in_.RaiseTo(aged);
-  aged_.resize(system_.families().size());
+  const ErrorLimits aged = BeginLooking(tolerance);
   for (const FactorRef& ref : factors) {
     const IncrementalFamily& family = system_.families()[ref.family];
-    aged_[ref.family].Grow(family.num_places());
-    if (stale.ExceededBy(family, ref.factor)) {
-      aged_[ref.family].Remove(ref.factor);
-      system_.MarkDirty(ref);
-    } else if (aged.ExceededBy(family, ref.factor)) {
-      NoteAged(family, ref.factor);
-    }
+    Judge(family, ref.factor, stale.ExceededBy(family, ref.factor), aged);
   }
 }
 
 // Every factor, into the set of those that may be too old: how old they are is seen there.
 void Relinearization::FindAged() {
-  aged_.resize(system_.families().size());
+  MakeRoom();
   for (const IncrementalFamily& family : system_.families()) {
-    aged_[family.id()].Grow(family.num_places());
     for (int i = 0; i < family.num_places(); ++i) {
       if (family.weighed().linearized(i)) {
         aged_[family.id()].Add(i);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cstddef>
 #include <vector>
 
 #include "inceres/solver/incremental_options.h"
@@ -61,11 +60,10 @@ class Relinearization {
   ErrorLimits AgedLimits(double tolerance) const {
     return LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
   }
+  ErrorLimits BeginLooking(double tolerance);
+  void Judge(const IncrementalFamily& family, int factor, bool is_stale, const ErrorLimits& aged);
+  void MakeRoom();
   void FindAged();
-  void NoteAged(const IncrementalFamily& family, int factor) {
-    aged_[static_cast<std::size_t>(family.id())].Add(factor);
-    worst_.RaiseTo(ErrorLimits::Of(family, factor));
-  }
 
   const Tuning::Relinearize tuning_;
   IncrementalSystem& system_;

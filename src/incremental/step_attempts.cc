@@ -88,7 +88,7 @@ void StepAttempts::Accept() {
   context_.summary->num_updated_landmarks += context_.system.AcceptValues();
   context_.relinearization.MarkStale(context_.Tolerance());
   // What was applied is no longer part of the step still to take; the rest stays for the next one.
-  frame_step_.TakeOff(context_.active.frames(), &context_.system);
+  frame_step_.TakeOff(context_.active.frames());
   context_.system.step().End();
 }
 

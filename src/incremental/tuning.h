@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 namespace inceres::internal {
 
 /// What steers the steps and the end of an Update, and is no option: thresholds that were found by
@@ -207,14 +204,6 @@ struct Tuning {
   Rebuild rebuild;
   Batch batch;
 };
-
-/// A threshold by its name, "group.field"; one of the pointers is null.
-struct NamedThreshold {
-  std::string name;
-  double* real;
-  int* count;
-};
-std::vector<NamedThreshold> NamedThresholds(Tuning* tuning);
 
 /// What solvers made from now on are steered by: the defaults, unless a test has changed them, or
 /// the library was configured with INCERES_TUNING_FROM_ENVIRONMENT, for the ablation, and

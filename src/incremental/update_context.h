@@ -6,13 +6,29 @@
 #include "incremental/active_set.h"
 #include "incremental/incremental_system.h"
 #include "incremental/relinearization.h"
-#include "incremental/shares.h"
 #include "incremental/step_control.h"
 #include "incremental/stopping_rule.h"
 #include "incremental/tuning.h"
 #include "incremental/update_trace.h"
 
 namespace inceres::internal {
+
+/// The shares of IncrementalOptions, with IncrementalOptions::kByGraph resolved. Under
+/// RelinearizationRule::kStepSize the first only says on what convergence may rest, whatever the
+/// graph.
+struct Shares {
+  double relinearization = 0.0;
+  double truncation = 0.0;
+};
+
+inline Shares SharesOf(const IncrementalOptions& options, int num_landmarks) {
+  const auto resolve = [](double share, double by_graph) {
+    return share == IncrementalOptions::kByGraph ? by_graph : share;
+  };
+  const bool by_error = options.relinearization == RelinearizationRule::kResidualError;
+  return {resolve(options.relinearization_share, num_landmarks > 0 || !by_error ? 0.1 : 0.003),
+          resolve(options.truncation_share, num_landmarks > 0 ? 0.03 : 0.0)};
+}
 
 /// What the parts of an incremental Update share: the system, the rules they go by, and where they
 /// write what they did. It outlives Updates, as the damping in it does; between two of them there

@@ -6,15 +6,6 @@
 #include "base/stopwatch.h"
 
 namespace inceres::internal {
-namespace {
-
-RebuildRule RuleOf(RebuildPolicy policy) {
-  return policy == RebuildPolicy::kAlways  ? RebuildRule::kAlways
-         : policy == RebuildPolicy::kNever ? RebuildRule::kNever
-                                           : RebuildRule::kWhenCheaper;
-}
-
-}  // namespace
 
 // λ = max(μ, λ_min): a far point must not run off along its ray while the frames are hardly damped.
 // Where it had to be allowed to, for a claim, it is μ until a step is taken: were landmarks damped
@@ -32,7 +23,7 @@ bool UpdateLinearization::Relinearize() {
   context_.system.RedampAbove(context_.tuning.landmarks.outdated_damping * LandmarkDamping());
   RelinearizeWork work;
   const Status status =
-      context_.system.Relinearize(LandmarkDamping(), RuleOf(context_.options.rebuild), &work);
+      context_.system.Relinearize(LandmarkDamping(), context_.options.rebuild, &work);
   return Count(status, work);
 }
 
@@ -94,7 +85,7 @@ UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks(bool all) {
   context_.row().refreshed = true;
   RelinearizeWork work;
   const Status status =
-      context_.system.Relinearize(context_.control.mu(), RuleOf(context_.options.rebuild), &work);
+      context_.system.Relinearize(context_.control.mu(), context_.options.rebuild, &work);
   return Count(status, work) ? Freed::kSome : Freed::kFailed;
 }
 
@@ -104,7 +95,7 @@ Status UpdateLinearization::LinearizeAnew() {
                              ? 0.0
                              : context_.tuning.landmarks.min_damping;
   RelinearizeWork work;
-  return context_.system.Relinearize(damping, RuleOf(context_.options.rebuild), &work);
+  return context_.system.Relinearize(damping, context_.options.rebuild, &work);
 }
 
 }  // namespace inceres::internal

@@ -19,9 +19,10 @@ namespace inceres::internal {
 
 namespace {
 
-// max |x − (x ⊞ −g)| of one variable, in its ambient space, clamped to its bounds.
-// Ceres's projected gradient: a gradient that points out of a bound counts for nothing.
-double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x, const double* g) {
+// max |x − (x ⊞ −g)| of one variable, in its ambient space, clamped to its bounds; `downhill` is
+// −g. Ceres's projected gradient: a gradient that points out of a bound counts for nothing.
+double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x,
+                        const double* downhill) {
   const int tangent = graph.TangentSize(id), ambient = graph.AmbientSize(id);
   double largest = 0.0;
   const Manifold* manifold = graph.manifold(id);
@@ -29,14 +30,13 @@ double ProjectedMaxNorm(const FactorGraph& graph, VariableId id, const double* x
   // x − (x − g) without its rounding.
   if (manifold == nullptr && bounds == nullptr) {
     for (int k = 0; k < tangent; ++k) {
-      largest = LargerOf(largest, std::fabs(g[k]));
+      largest = LargerOf(largest, std::fabs(downhill[k]));
     }
     return largest;
   }
-  std::vector<double> downhill(tangent), moved(ambient);
-  std::transform(g, g + tangent, downhill.begin(), [](double entry) { return -entry; });
+  std::vector<double> moved(ambient);
   // Where ⊞ fails nothing is known of the gradient, and no tolerance is met.
-  if (!MoveVariable(graph, id, x, downhill.data(), moved.data())) {
+  if (!MoveVariable(graph, id, x, downhill, moved.data())) {
     return HUGE_VAL;
   }
   for (int k = 0; k < ambient; ++k) {
@@ -66,20 +66,20 @@ void ForEachMoving(const IncrementalSystem& system, const Visit& visit) {
 
 }  // namespace
 
-UpdateTolerances::Verdict UpdateTolerances::Judge() {
-  // The step first: it costs norms only.
-  const bool is_short = context_.options.parameter_tolerance > 0.0 && IsLastStepShort();
-  const Verdict verdict = is_short                                    ? Verdict::kConverged
-                          : context_.options.gradient_tolerance > 0.0 ? JudgeGradient()
-                                                                      : Verdict::kGoOn;
-  if (verdict == Verdict::kConverged) {
-    // No system was solved here: what the summary has is of before the last step, or of none.
-    context_.summary->remaining_decrease = -1.0;
-  }
-  return verdict;
+// The step first: it costs norms only.
+bool UpdateTolerances::EndUpdate() {
+  return (context_.options.parameter_tolerance > 0.0 && EndByStep()) ||
+         (context_.options.gradient_tolerance > 0.0 && EndByGradient());
 }
 
-bool UpdateTolerances::IsLastStepShort() {
+// No system was solved here: what the summary has is of before the last step, or of none.
+bool UpdateTolerances::Converged(const std::string& message) {
+  context_.summary->remaining_decrease = -1.0;
+  context_.Finish(Termination::kConvergence, message.c_str());
+  return true;
+}
+
+bool UpdateTolerances::EndByStep() {
   // No step yet, or it was shortened: short for another reason.
   if (whole_step_ < 0.0) {
     return false;
@@ -94,38 +94,28 @@ bool UpdateTolerances::IsLastStepShort() {
   // The tolerance is added to ‖x‖ so that an x of zero divides.
   const double relative = whole_step_ / (std::sqrt(squared) + tolerance);
   // Written so that a NaN is no convergence.
-  if (!(relative <= tolerance)) {
-    return false;
-  }
-  context_.Finish(
-      Termination::kConvergence,
-      Formatted("Parameter tolerance reached. Relative step_norm: %e <= %e.", relative, tolerance)
-          .c_str());
-  return true;
+  return relative <= tolerance &&
+         Converged(Formatted("Parameter tolerance reached. Relative step_norm: %e <= %e.", relative,
+                             tolerance));
 }
 
 // b and η are what is known of the gradient for nothing: with the landmarks at their minimum, and
 // by Jacobians that may be old. Only where they are small it is worth while to look closer.
-UpdateTolerances::Verdict UpdateTolerances::JudgeGradient() {
+bool UpdateTolerances::EndByGradient() {
   double largest = 0.0, norm = 0.0;
   context_.system.schur().RhsNorms(&largest, &norm);
   // Written so that a NaN is no convergence.
   if (!(largest <= context_.options.gradient_tolerance)) {
-    return Verdict::kGoOn;
+    return false;
   }
   // Any error at all, which the rules of relinearization would allow.
   if (MarkOld() && !linearization_.Relinearize()) {
-    return Verdict::kFailed;
+    return true;
   }
   largest = GradientMaxNorm();
-  if (!(largest <= context_.options.gradient_tolerance)) {
-    return Verdict::kGoOn;
-  }
-  context_.Finish(Termination::kConvergence,
-                  Formatted("Gradient tolerance reached. Gradient max norm: %e <= %e", largest,
-                            context_.options.gradient_tolerance)
-                      .c_str());
-  return Verdict::kConverged;
+  return largest <= context_.options.gradient_tolerance &&
+         Converged(Formatted("Gradient tolerance reached. Gradient max norm: %e <= %e", largest,
+                             context_.options.gradient_tolerance));
 }
 
 // Marks every factor whose Jacobian is of other values. True if there are any.
@@ -157,12 +147,10 @@ double UpdateTolerances::GradientMaxNorm() const {
   }
   double largest = 0.0;
   ForEachMoving(context_.system, [&](VariableId id, std::int32_t quad) {
-    double* g = minus_gradient.data() + std::ptrdiff_t{quad} * kQuad;
-    // SubtractGradient leaves η, and ProjectedMaxNorm wants g.
-    std::transform(g, g + context_.system.graph().TangentSize(id), g,
-                   [](double entry) { return -entry; });
-    largest = LargerOf(largest, ProjectedMaxNorm(context_.system.graph(), id,
-                                                 context_.system.variables().current(id), g));
+    largest =
+        LargerOf(largest, ProjectedMaxNorm(context_.system.graph(), id,
+                                           context_.system.variables().current(id),
+                                           minus_gradient.data() + std::ptrdiff_t{quad} * kQuad));
   });
   return largest;
 }

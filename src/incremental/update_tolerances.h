@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "incremental/update_context.h"
 #include "incremental/update_linearization.h"
 
@@ -9,21 +11,21 @@ namespace inceres::internal {
 /// for them, by default not at all.
 class UpdateTolerances {
  public:
-  enum class Verdict { kGoOn, kConverged, kFailed };
-
   UpdateTolerances(UpdateContext* context, UpdateLinearization* linearization)
       : context_(*context), linearization_(*linearization) {}
 
-  /// Whether the gradient or the last step is as small as the options ask for; the Update has then
-  /// ended, with the reason in its summary.
-  Verdict Judge();
+  /// Whether the gradient or the last step is as small as the options ask for, or Jacobians that
+  /// were renewed to see that have failed; the Update has then ended, with the reason in its
+  /// summary.
+  bool EndUpdate();
   /// The norm of the last step and of what it left out; negative: there was none, or it does not
   /// count.
   void NoteStep(double norm) { whole_step_ = norm; }
 
  private:
-  Verdict JudgeGradient();
-  bool IsLastStepShort();
+  bool EndByStep();
+  bool EndByGradient();
+  bool Converged(const std::string& message);
   bool MarkOld();
   double GradientMaxNorm() const;
 

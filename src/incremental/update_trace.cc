@@ -1,7 +1,7 @@
 #include "incremental/update_trace.h"
 
 #include "base/stopwatch.h"
-#include "trust_region/observer_verdict.h"
+#include "trust_region/loop_ends.h"
 
 namespace inceres::internal {
 

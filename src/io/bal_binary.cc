@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "base/text.h"
-#include "io/byte_sink.h"
-#include "io/byte_source.h"
+#include "io/byte_stream.h"
 
 // The binary form of a BAL problem (docs/file_formats.md, "BAL, binary"): head, index, then three
 // arrays of records of fixed size, each array in blocks of 4096 records. Every offset follows from

@@ -8,9 +8,25 @@
 #include "inceres/export.h"
 #include "inceres/io/bal.h"
 #include "inceres/status.h"
-#include "io/bal_share.h"
 
 namespace inceres::internal {
+
+/// How much a BAL file says it has.
+struct BalCounts {
+  std::int64_t num_cameras = 0;
+  std::int64_t num_points = 0;
+  std::int64_t num_observations = 0;
+};
+
+/// A stretch of each of the three parts of a BAL file.
+struct BalShare {
+  std::int64_t first_observation = 0;
+  std::vector<BalObservation> observations;
+  std::int64_t first_camera = 0;
+  std::vector<double> cameras;  ///< nine a camera
+  std::int64_t first_point = 0;
+  std::vector<double> points;  ///< three a point
+};
 
 /// Whether a file of this name is one.
 INCERES_EXPORT bool IsBalBinary(const std::string& path);

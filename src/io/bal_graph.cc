@@ -31,7 +31,7 @@ BalGraph AddBal(const BalProblem& bal, const std::shared_ptr<const Loss>& loss,
   std::vector<char> observed(static_cast<std::size_t>(graph->num_variables()), 0);
   // Both slots Euclidean: nine and three coordinates.
   ids.reprojections = graph->AddFamily(std::make_shared<BalReprojectionFamily>());
-  ids.reprojections->Reserve(static_cast<int>(bal.observations.size()));
+  ids.reprojections->Reserve(bal.observations.size());
   for (const BalObservation& observation : bal.observations) {
     const VariableId variables[] = {ids.cameras[static_cast<std::size_t>(observation.camera)],
                                     ids.points[static_cast<std::size_t>(observation.point)]};

@@ -1,14 +1,10 @@
 #include <algorithm>
 #include <climits>
-#include <memory>
 #include <string>
-#include <utility>
 
 #include "inceres/io/bal.h"
 #include "io/bal_binary.h"
-#include "io/byte_source.h"
-#include "io/read_file.h"
-#include "io/text_scanner.h"
+#include "io/record_reader.h"
 
 // The text form of BAL (docs/file_formats.md, "BAL"): one stream of numbers in which line ends mean
 // nothing, read in one pass by a scanner that knows the line it is in. What a message calls a
@@ -30,65 +26,49 @@ constexpr const char* kPointFields[] = {"x", "y", "z"};
 
 // Reads into a problem of its caller (ReadFile), who throws it away after a failure: what is half
 // filled is never seen.
-class BalReader {
+class BalReader : private RecordReader {
  public:
-  BalReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : scanner_(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   // The sections in the order of the file; what is wrong in one ends the read there, since
   // everything behind it would be shifted.
   Status Read(BalProblem* problem) {
-    if (Status status = ReadHeader(problem); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadObservations(problem); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadBlocks("camera", problem->num_cameras, kCameraFields,
-                                   BalProblem::kCameraSize, &problem->cameras);
-        !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadBlocks("point", problem->num_points, kPointFields,
-                                   BalProblem::kPointSize, &problem->points);
-        !status.ok()) {
-      return status;
-    }
     // Surplus data is an error: too small a count in the header would otherwise go unnoticed, and
     // make points of what are cameras.
-    return scanner_.AtEnd()
-               ? Status::Ok()
-               : scanner_.Failure("after the last point (are the counts of the header right?)");
+    if (ReadHeader(problem) && ReadObservations(problem) &&
+        ReadBlocks("camera", problem->num_cameras, kCameraFields, BalProblem::kCameraSize,
+                   &problem->cameras) &&
+        ReadBlocks("point", problem->num_points, kPointFields, BalProblem::kPointSize,
+                   &problem->points) &&
+        !scanner_.AtEnd()) {
+      Missing("after the last point (are the counts of the header right?)");
+    }
+    return status_;
   }
 
  private:
   // The order of the file: cameras, points, observations.
-  Status ReadHeader(BalProblem* problem) {
-    if (Status status = ReadCount("number of cameras", &problem->num_cameras); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadCount("number of points", &problem->num_points); !status.ok()) {
-      return status;
-    }
-    return ReadCount("number of observations", &num_observations_);
+  bool ReadHeader(BalProblem* problem) {
+    return ReadCount("number of cameras", &problem->num_cameras) &&
+           ReadCount("number of points", &problem->num_points) &&
+           ReadCount("number of observations", &num_observations_);
   }
 
-  Status ReadCount(const char* field, int* count) {
+  bool ReadCount(const char* field, int* count) {
     std::int64_t value = 0;
     if (!scanner_.ScanInteger(&value)) {
-      return scanner_.Failure(field);
+      return Missing(field);
     }
     if (value < 1 || value > INT_MAX) {
-      return scanner_.FailureAt(scanner_.line(), std::string(field) + ": " + std::to_string(value) +
-                                                     " is not between 1 and " +
-                                                     std::to_string(INT_MAX));
+      return Fail(field,
+                  std::to_string(value) + " is not between 1 and " + std::to_string(INT_MAX));
     }
     *count = static_cast<int>(value);
-    return Status::Ok();
+    return true;
   }
 
   // Four numbers each. Indices are checked as they come, so that the message names the line.
-  Status ReadObservations(BalProblem* problem) {
+  bool ReadObservations(BalProblem* problem) {
     // At most 2^20 records ahead: a header of a few bytes may ask for billions.
     problem->observations.reserve(
         static_cast<std::size_t>(std::min<std::int64_t>(num_observations_, kMaxReserved)));
@@ -101,14 +81,14 @@ class BalReader {
         return IndexFailure(i, "point", problem->num_points);
       }
       if (!scanner_.ScanDouble(&observation.x)) {
-        return scanner_.Failure(Entry("observation", i, "x"));
+        return Missing(Entry("observation", i, "x"));
       }
       if (!scanner_.ScanDouble(&observation.y)) {
-        return scanner_.Failure(Entry("observation", i, "y"));
+        return Missing(Entry("observation", i, "y"));
       }
       problem->observations.push_back(observation);
     }
-    return Status::Ok();
+    return true;
   }
 
   // False for what is no integer and for what is out of range; IndexFailure, which is called right
@@ -120,32 +100,31 @@ class BalReader {
     return index_scanned_ && last_index_ >= 0 && last_index_ < size;
   }
 
-  Status IndexFailure(int observation, const char* field, int size) const {
+  bool IndexFailure(int observation, const char* field, int size) {
     const std::string entry = Entry("observation", observation, field);
     if (!index_scanned_) {
-      return scanner_.Failure(entry);
+      return Missing(entry);
     }
     // The token scanned well, so the message has the number rather than the text.
-    return scanner_.FailureAt(scanner_.line(), entry + ": index " + std::to_string(last_index_) +
-                                                   " is not between 0 and " +
-                                                   std::to_string(size - 1));
+    return Fail(entry, "index " + std::to_string(last_index_) + " is not between 0 and " +
+                           std::to_string(size - 1));
   }
 
   // `count` records of `size` numbers, whose names are `fields`: cameras, then points.
-  Status ReadBlocks(const char* what, int count, const char* const* fields, int size,
-                    std::vector<double>* values) {
+  bool ReadBlocks(const char* what, int count, const char* const* fields, int size,
+                  std::vector<double>* values) {
     values->reserve(
         static_cast<std::size_t>(std::min<std::int64_t>(std::int64_t{count} * size, kMaxReserved)));
     for (int i = 0; i < count; ++i) {
       for (int k = 0; k < size; ++k) {
         double value = 0.0;
         if (!scanner_.ScanDouble(&value)) {
-          return scanner_.Failure(Entry(what, i, fields[k]));
+          return Missing(Entry(what, i, fields[k]));
         }
         values->push_back(value);
       }
     }
-    return Status::Ok();
+    return true;
   }
 
   // "camera 17: k1".
@@ -153,7 +132,6 @@ class BalReader {
     return std::string(what) + " " + std::to_string(index) + ": " + field;
   }
 
-  TextScanner scanner_;
   int num_observations_ = 0;
   // Of the last call of ReadIndex.
   std::int64_t last_index_ = 0;

@@ -5,7 +5,7 @@
 
 #include "inceres/io/bal.h"
 #include "io/bal_binary.h"
-#include "io/byte_sink.h"
+#include "io/byte_stream.h"
 #include "io/text_writer.h"
 
 // Checks and writes BAL problems. Validate is the one place that says what a well-formed problem
@@ -18,7 +18,7 @@ namespace internal {
 namespace {
 
 // "BalProblem: …": the argument at fault is a struct, and no file has a part in it yet.
-Status Invalid(const std::string& what) {
+Status InvalidProblem(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "BalProblem: " + what);
 }
 
@@ -26,20 +26,20 @@ Status CheckIndex(std::size_t observation, const char* field, int index, int siz
   if (index >= 0 && index < size) {
     return Status::Ok();
   }
-  return Invalid("observations[" + std::to_string(observation) + "]." + field + " is " +
-                 std::to_string(index) + ", not between 0 and " + std::to_string(size - 1));
+  return InvalidProblem("observations[" + std::to_string(observation) + "]." + field + " is " +
+                        std::to_string(index) + ", not between 0 and " + std::to_string(size - 1));
 }
 
 // The size first: the loop runs over what is expected.
 Status CheckValues(const char* field, const std::vector<double>& values, int count, int size) {
   const std::size_t expected = static_cast<std::size_t>(count) * static_cast<std::size_t>(size);
   if (values.size() != expected) {
-    return Invalid(std::string(field) + " has " + std::to_string(values.size()) +
-                   " values instead of " + std::to_string(expected));
+    return InvalidProblem(std::string(field) + " has " + std::to_string(values.size()) +
+                          " values instead of " + std::to_string(expected));
   }
   for (std::size_t i = 0; i < expected; ++i) {
     if (!std::isfinite(values[i])) {
-      return Invalid(std::string(field) + "[" + std::to_string(i) + "] is not finite");
+      return InvalidProblem(std::string(field) + "[" + std::to_string(i) + "] is not finite");
     }
   }
   return Status::Ok();
@@ -53,12 +53,13 @@ Status CheckValues(const char* field, const std::vector<double>& values, int cou
 // are numbered by ints.
 Status BalProblem::Validate() const {
   if (num_cameras < 1 || num_points < 1) {
-    return internal::Invalid("needs at least one camera and one point, has " +
-                             std::to_string(num_cameras) + " and " + std::to_string(num_points));
+    return internal::InvalidProblem("needs at least one camera and one point, has " +
+                                    std::to_string(num_cameras) + " and " +
+                                    std::to_string(num_points));
   }
   if (observations.empty() || observations.size() > INT_MAX) {
-    return internal::Invalid("has " + std::to_string(observations.size()) +
-                             " observations, not between 1 and " + std::to_string(INT_MAX));
+    return internal::InvalidProblem("has " + std::to_string(observations.size()) +
+                                    " observations, not between 1 and " + std::to_string(INT_MAX));
   }
   // One pass over the observations, cheap beside any use that is made of them.
   for (std::size_t i = 0; i < observations.size(); ++i) {
@@ -72,7 +73,7 @@ Status BalProblem::Validate() const {
       return status;
     }
     if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
-      return internal::Invalid("observations[" + std::to_string(i) + "] is not finite");
+      return internal::InvalidProblem("observations[" + std::to_string(i) + "] is not finite");
     }
   }
   if (Status status = internal::CheckValues("cameras", cameras, num_cameras, kCameraSize);

@@ -1,10 +1,10 @@
-#include "inceres/io/chordal_bound.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <string>
 #include <vector>
+
+#include "inceres/io/g2o.h"
 
 #ifdef INCERES_HAVE_SPECTRA
 
@@ -17,7 +17,7 @@
 #include "inceres/io/pose_graph_start.h"
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
-#include "io/check_pose_graph.h"
+#include "io/pose_graph.h"
 
 // A lower bound of a pose graph's chordal cost, by Lagrangian duality as in SE-Sync (Rosen,
 // Carlone, Bandeira & Leonard, IJRR 2019; docs/pose_graphs.md, "How good can it be"). With X = [p_1
@@ -97,24 +97,19 @@ Status MakeEdges(const PoseGraph& graph, std::vector<ChordalEdge>* edges) {
 }
 
 // Planar poses as spatial ones in the plane z = 0, where chords are sines of half angles.
-// A turn about z by θ has the quaternion (0, 0, sin θ/2, cos θ/2).
-PoseGraph InSpace(const PoseGraph& graph) {
+PoseGraph AllInSpace(const PoseGraph& graph) {
   PoseGraph spatial = graph;
   if (graph.dimension == 3) {
     return spatial;
   }
   spatial.dimension = 3;
   spatial.poses.clear();
-  const auto lift = [](const double* pose) {
-    return std::array<double, 7>{
-        pose[0], pose[1], 0.0, 0.0, 0.0, std::sin(0.5 * pose[2]), std::cos(0.5 * pose[2])};
-  };
   for (int i = 0; i < graph.NumVertices(); ++i) {
-    const std::array<double, 7> pose = lift(graph.PoseData(i));
+    const std::array<double, 7> pose = internal::InSpace(graph.PoseData(i));
     spatial.poses.insert(spatial.poses.end(), pose.begin(), pose.end());
   }
   for (PoseGraphEdge& edge : spatial.edges) {
-    edge.measurement = lift(edge.measurement.data());
+    edge.measurement = internal::InSpace(edge.measurement.data());
   }
   return spatial;
 }
@@ -125,7 +120,7 @@ PoseGraph InSpace(const PoseGraph& graph) {
 // the position's weight does not care in which axes its error stands.
 Status MinimizeChordal(const PoseGraph& graph, const std::vector<ChordalEdge>& edges,
                        PoseGraph* minimum) {
-  *minimum = InSpace(graph);
+  *minimum = AllInSpace(graph);
   for (std::size_t k = 0; k < edges.size(); ++k) {
     minimum->edges[k].information.fill(0.0);
     for (std::size_t r = 0; r < 6; ++r) {

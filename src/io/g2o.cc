@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
-#include <utility>
 
 #include "base/sort_unique.h"
-#include "io/byte_source.h"
-#include "io/g2o_start.h"
-#include "io/read_file.h"
+#include "io/pose_graph.h"
 #include "io/record_reader.h"
-#include "io/text_scanner.h"
 
 // The reader of pose graphs in g2o's text format (docs/file_formats.md, "g2o"). Lines may come in
 // any order, and edges and FIX lines may name vertices that follow: so edges are kept with their
@@ -34,29 +29,16 @@ constexpr const char* kPoseFields3d[] = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
 class G2oReader : private RecordReader {
  public:
-  G2oReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : RecordReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   Status Read(PoseGraph* graph) {
     // ForEachTaggedLine reads the tags, skips comments and refuses what a record leaves unread in
     // its line.
     graph_ = graph;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
-        !status.ok()) {
-      return status;
+    if (ForEachTaggedLine([this] { return ReadRecord(); })) {
+      Resolve();
     }
-    // FIX lines alone make no graph.
-    if (graph_->ids.empty() && pending_edges_.empty()) {
-      return scanner_.FailureAt(scanner_.line(), "the file has no vertices");
-    }
-    // Some data sets have measurements only: vertices are then those that edges name, and get start
-    // values along the edges, for which indices have to be resolved first.
-    const bool edges_only = graph_->ids.empty();
-    if (edges_only) {
-      NameVerticesOfEdges();
-    }
-    Status status = ResolveIds();
-    return status.ok() && edges_only ? PlaceVertices() : status;
+    return status_;
   }
 
  private:
@@ -68,8 +50,22 @@ class G2oReader : private RecordReader {
     std::int64_t id, line;
   };
 
+  bool Resolve() {
+    // FIX lines alone make no graph.
+    if (graph_->ids.empty() && pending_edges_.empty()) {
+      return FailAt(scanner_.line(), "the file has no vertices");
+    }
+    // Some data sets have measurements only: vertices are then those that edges name, and get start
+    // values along the edges, for which indices have to be resolved first.
+    const bool edges_only = graph_->ids.empty();
+    if (edges_only) {
+      NameVerticesOfEdges();
+    }
+    return ResolveIds() && (!edges_only || PlaceVertices());
+  }
+
   // The rest of a line whose tag has been read.
-  Status ReadRecord() {
+  bool ReadRecord() {
     if (tag_ == "FIX") {
       return ReadFix();
     }
@@ -92,22 +88,22 @@ class G2oReader : private RecordReader {
   }
 
   // One id or several in a line.
-  Status ReadFix() {
+  bool ReadFix() {
     // AtEnd tells the end of the line here, since the scanner stays in it.
     do {
       std::int64_t id = 0;
-      if (Status status = ReadId("id", &id); !status.ok()) {
-        return status;
+      if (!ReadId("id", &id)) {
+        return false;
       }
       fixed_.push_back({id, scanner_.line()});
     } while (!scanner_.AtEnd());
-    return Status::Ok();
+    return true;
   }
 
-  Status ReadVertex() {
+  bool ReadVertex() {
     std::int64_t id = 0;
-    if (Status status = ReadId("id", &id); !status.ok()) {
-      return status;
+    if (!ReadId("id", &id)) {
+      return false;
     }
     // The index it will have; ids need not be dense, nor in order.
     if (!index_of_id_.emplace(id, graph_->NumVertices()).second) {
@@ -115,78 +111,65 @@ class G2oReader : private RecordReader {
     }
     // Room for either kind; the graph takes PoseSize() of it.
     std::array<double, 7> pose{};
-    if (Status status = ReadPose(&pose); !status.ok()) {
-      return status;
+    if (!ReadPose(&pose)) {
+      return false;
     }
     graph_->ids.push_back(id);
     graph_->poses.insert(graph_->poses.end(), pose.begin(), pose.begin() + graph_->PoseSize());
-    return Status::Ok();
+    return true;
   }
 
   // ids in PendingEdge, the rest in the graph: both lists have edge i at i.
-  Status ReadEdge() {
+  bool ReadEdge() {
     PendingEdge pending{0, 0, scanner_.line()};
-    if (Status status = ReadId("from", &pending.from); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadId("to", &pending.to); !status.ok()) {
-      return status;
+    if (!ReadId("from", &pending.from) || !ReadId("to", &pending.to)) {
+      return false;
     }
     // Such an edge would have one variable in both of its slots, which no factor may.
     if (pending.from == pending.to) {
       return Fail("to", "an edge from vertex " + std::to_string(pending.to) + " to itself");
     }
     PoseGraphEdge edge;
-    if (Status status = ReadPose(&edge.measurement); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadInformation(&edge.information); !status.ok()) {
-      return status;
+    if (!ReadPose(&edge.measurement) || !ReadInformation(&edge.information)) {
+      return false;
     }
     graph_->edges.push_back(edge);
     pending_edges_.push_back(pending);
-    return Status::Ok();
-  }
-
-  Status ReadId(const char* field, std::int64_t* id) {
-    if (!scanner_.ScanInteger(id)) {
-      return scanner_.Failure(tag_ + ": " + field);
-    }
-    return *id >= 0 ? Status::Ok() : Fail(field, std::to_string(*id) + " is negative");
+    return true;
   }
 
   // For vertices and for measurements, which look the same.
-  Status ReadPose(std::array<double, 7>* pose) {
+  bool ReadPose(std::array<double, 7>* pose) {
     const char* const* fields = graph_->dimension == 2 ? kPoseFields2d : kPoseFields3d;
     for (int k = 0; k < graph_->PoseSize(); ++k) {
       if (!scanner_.ScanDouble(&(*pose)[static_cast<std::size_t>(k)])) {
-        return scanner_.Failure(tag_ + ": " + fields[k]);
+        return Missing(fields[k]);
       }
     }
-    return graph_->dimension == 2 ? Status::Ok() : NormalizeQuaternion(pose->data() + 3);
+    return graph_->dimension == 2 || NormalizeQuaternion(pose->data() + 3);
   }
 
   // Files print a few digits, and factors take quaternions for unit ones. Written so that a NaN is
   // refused too.
-  Status NormalizeQuaternion(double* q) {
+  bool NormalizeQuaternion(double* q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(norm > 1e-12) || !std::isfinite(norm)) {
       return Fail("quaternion", "its length is " + std::to_string(norm));
     }
     std::for_each(q, q + 4, [norm](double& value) { value /= norm; });
-    return Status::Ok();
+    return true;
   }
 
   // The upper triangle, row by row, mirrored into the full matrix. That it is positive definite is
   // checked where it becomes a factor, where the caller can have it projected instead; a negative
   // diagonal is a broken file.
-  Status ReadInformation(std::array<double, 36>* information) {
+  bool ReadInformation(std::array<double, 36>* information) {
     const std::size_t size = static_cast<std::size_t>(graph_->TangentSize());
     for (std::size_t row = 0; row < size; ++row) {
       for (std::size_t column = row; column < size; ++column) {
         double value = 0.0;
         if (!scanner_.ScanDouble(&value)) {
-          return scanner_.Failure(tag_ + ": " + Cell(row, column));
+          return Missing(Cell(row, column));
         }
         // 0 is let through: an edge may say nothing of one coordinate, for those who project.
         if (row == column && value < 0.0) {
@@ -196,7 +179,7 @@ class G2oReader : private RecordReader {
         (*information)[column * size + row] = value;
       }
     }
-    return Status::Ok();
+    return true;
   }
 
   // In the order of the ids, which is that of the odometry: PlaceAlongEdges relies on it.
@@ -211,18 +194,13 @@ class G2oReader : private RecordReader {
   }
 
   // `lost` is the first vertex that no edges lead to from the first one.
-  Status PlaceVertices() {
+  bool PlaceVertices() {
     const int lost = PlaceAlongEdges(graph_);
-    return lost == graph_->NumVertices()
-               ? Status::Ok()
-               : scanner_.FailureAt(
-                     scanner_.line(),
-                     "the file has no VERTEX lines, and no edges lead from vertex " +
-                         std::to_string(graph_->ids.front()) + " to vertex " +
-                         std::to_string(graph_->ids[static_cast<std::size_t>(lost)]));
+    return lost == graph_->NumVertices() ||
+           FailAt(scanner_.line(), "the file has no VERTEX lines, and " + NoWay(*graph_, lost));
   }
 
-  Status ResolveIds() {
+  bool ResolveIds() {
     for (std::size_t i = 0; i < pending_edges_.size(); ++i) {
       const PendingEdge& pending = pending_edges_[i];
       // The line has long been left; its tag follows from the dimension.
@@ -245,7 +223,7 @@ class G2oReader : private RecordReader {
         graph_->fixed.push_back(index);
       }
     }
-    return Status::Ok();
+    return true;
   }
 
   // False for an id that no vertex of the file has.
@@ -258,8 +236,8 @@ class G2oReader : private RecordReader {
     return true;
   }
 
-  Status UnknownVertex(std::int64_t line, const std::string& field, std::int64_t id) const {
-    return scanner_.FailureAt(line, field + ": the file has no vertex " + std::to_string(id));
+  bool UnknownVertex(std::int64_t line, const std::string& field, std::int64_t id) {
+    return FailAt(line, field + ": the file has no vertex " + std::to_string(id));
   }
 
   static std::string Cell(std::size_t row, std::size_t column) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <numeric>
+#include <type_traits>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
@@ -12,7 +13,7 @@
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
-#include "io/check_pose_graph.h"
+#include "io/pose_graph.h"
 
 // Pose graphs as factor graphs. What an information matrix means depends on how the program that
 // wrote it writes the error of an edge (docs/pose_graphs.md, "Conventions"): the order of its
@@ -30,10 +31,16 @@ namespace {
 constexpr double kLeastEigenvalue = 1e-9;
 
 // The edges as measurements; all or, with the culprit's message, none.
-template <typename Family, typename Make>
-Status ConvertEdges(const PoseGraph& poses, const PoseGraphOptions& options, const Make& make,
-                    Family* family) {
-  family->Reserve(static_cast<int>(poses.edges.size()));
+template <typename Family>
+Status ConvertEdges(const PoseGraph& poses, const PoseGraphOptions& options, Family* family) {
+  const auto make = [&options](const PoseGraphEdge& edge, auto* measurement) {
+    if constexpr (std::is_same_v<Family, PlanarRelativePoseFamily>) {
+      return ToMeasurement(edge, options.convention, measurement);
+    } else {
+      return ToMeasurement(edge, measurement);
+    }
+  };
+  family->Reserve(poses.edges.size());
   for (std::size_t i = 0; i < poses.edges.size(); ++i) {
     // A copy: projecting changes its information, and the caller's graph stays as it is.
     PoseGraphEdge edge = poses.edges[i];
@@ -63,21 +70,6 @@ bool IsInMeasuredAxes(PoseErrorConvention convention) {
   return convention == PoseErrorConvention::kG2o || convention == PoseErrorConvention::kGtsam;
 }
 
-// The factors of the edges, in slots from, to or the other way around.
-template <typename Family>
-FamilyHandle<Family> ConnectEdges(const PoseGraph& poses, const PoseGraphOptions& options,
-                                  const std::vector<VariableId>& variables, bool from_first,
-                                  const std::shared_ptr<Family>& family, FactorGraph* graph) {
-  const FamilyHandle<Family> handle = graph->AddFamily(family);
-  for (const PoseGraphEdge& edge : poses.edges) {
-    const VariableId from = variables[static_cast<std::size_t>(edge.from)];
-    const VariableId to = variables[static_cast<std::size_t>(edge.to)];
-    const VariableId ends[] = {from_first ? from : to, from_first ? to : from};
-    graph->Connect(handle.id, ends, options.loss);
-  }
-  return handle;
-}
-
 // Planar poses are three Euclidean coordinates, the angle among them: PlanarRelativePoseFamily is
 // what takes angles modulo 2π. Spatial ones share one manifold.
 std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) {
@@ -94,18 +86,25 @@ std::vector<VariableId> AddVertices(const PoseGraph& poses, FactorGraph* graph) 
   return variables;
 }
 
-// A family of the edges' measurements, all or none, then its factors.
-// The graph is touched only when every edge has been converted: an error leaves it as it was.
-template <typename Family, typename Make>
+// A family of the edges' measurements, all or none, then its factors, in slots from, to or the
+// other way around. The graph is touched only when every edge has been converted: an error leaves
+// it as it was.
+template <typename Family>
 Status AddEdges(const PoseGraph& poses, const PoseGraphOptions& options, bool from_first,
-                const std::shared_ptr<Family>& family, const Make& make, FactorGraph* graph,
+                const std::shared_ptr<Family>& family, FactorGraph* graph,
                 std::vector<VariableId>* variables, FamilyHandle<Family>* handle) {
-  Status status = ConvertEdges(poses, options, make, family.get());
-  if (status.ok()) {
-    *variables = AddVertices(poses, graph);
-    *handle = ConnectEdges(poses, options, *variables, from_first, family, graph);
+  if (Status status = ConvertEdges(poses, options, family.get()); !status.ok()) {
+    return status;
   }
-  return status;
+  *variables = AddVertices(poses, graph);
+  *handle = graph->AddFamily(family);
+  for (const PoseGraphEdge& edge : poses.edges) {
+    const VariableId from = (*variables)[static_cast<std::size_t>(edge.from)];
+    const VariableId to = (*variables)[static_cast<std::size_t>(edge.to)];
+    const VariableId ends[] = {from_first ? from : to, from_first ? to : from};
+    graph->Connect(handle->id, ends, options.loss);
+  }
+  return Status::Ok();
 }
 
 }  // namespace
@@ -229,23 +228,14 @@ Status AddPoseGraph(const PoseGraph& poses, const PoseGraphOptions& options, Fac
     return status;
   }
   if (poses.dimension == 2) {
-    const auto make = [&options](const PoseGraphEdge& edge, auto* measurement) {
-      return ToMeasurement(edge, options.convention, measurement);
-    };
-    status = AddEdges(poses, options, true, std::make_shared<PlanarRelativePoseFamily>(), make,
-                      graph, &added.poses, &added.planar);
+    status = AddEdges(poses, options, true, std::make_shared<PlanarRelativePoseFamily>(), graph,
+                      &added.poses, &added.planar);
   } else if (options.convention == PoseErrorConvention::kGeodesic) {
-    const auto make = [](const PoseGraphEdge& edge, auto* measurement) {
-      return ToMeasurement(edge, measurement);
-    };
-    status = AddEdges(poses, options, false, std::make_shared<RelativePoseFamily>(), make, graph,
+    status = AddEdges(poses, options, false, std::make_shared<RelativePoseFamily>(), graph,
                       &added.poses, &added.spatial);
   } else {
-    const auto make = [](const PoseGraphEdge& edge, auto* measurement) {
-      return ToMeasurement(edge, measurement);
-    };
     status = AddEdges(poses, options, true, std::make_shared<PoseEdgeFamily>(options.convention),
-                      make, graph, &added.poses, &added.edges);
+                      graph, &added.poses, &added.edges);
   }
   if (status.ok() && ids != nullptr) {
     *ids = std::move(added);

@@ -1,14 +1,12 @@
-#include <algorithm>
-#include <cmath>
+#include <array>
 #include <cstddef>
 #include <memory>
-#include <numeric>
 #include <string>
-#include <vector>
 
 #include "inceres/io/g2o.h"
-#include "io/byte_sink.h"
-#include "io/check_pose_graph.h"
+#include "inceres/io/g2o_graph.h"
+#include "io/byte_stream.h"
+#include "io/pose_graph.h"
 #include "io/text_writer.h"
 
 // Writes pose graphs in g2o's format, which ReadG2o reads, and as trajectories of the TUM RGB-D
@@ -65,24 +63,10 @@ void PutG2o(const PoseGraph& graph, TextWriter* writer) {
 
 // A trajectory is in the order of time, for which ids stand.
 void PutTum(const PoseGraph& graph, TextWriter* writer) {
-  std::vector<int> order(graph.ids.size());
-  std::iota(order.begin(), order.end(), 0);
-  // Of the indices: the graph is const, and in the order of its file.
-  std::sort(order.begin(), order.end(), [&graph](int a, int b) {
-    return graph.ids[static_cast<std::size_t>(a)] < graph.ids[static_cast<std::size_t>(b)];
-  });
-  for (const int i : order) {
+  for (const int i : VerticesById(graph)) {
     const double* pose = graph.PoseData(i);
     writer->Put(graph.ids[static_cast<std::size_t>(i)], ' ');
-    if (graph.dimension == 3) {
-      PutValues(pose, 7, writer);
-    } else {
-      // A planar pose in the plane z = 0: a turn about z by θ has the quaternion (0, 0, sin θ/2,
-      // cos θ/2).
-      const double line[7] = {
-          pose[0], pose[1], 0.0, 0.0, 0.0, std::sin(0.5 * pose[2]), std::cos(0.5 * pose[2])};
-      PutValues(line, 7, writer);
-    }
+    PutValues(graph.dimension == 3 ? pose : InSpace(pose).data(), 7, writer);
   }
 }
 

@@ -9,10 +9,11 @@
 
 #include "inceres/factors/pose_prior.h"
 #include "inceres/problem/manifolds.h"
+#include "problem/find_fault.h"
 
 // A keyframe sequence as a factor graph: poses are frames, inverse depths of features are landmarks
 // of one value, and an observation ties a landmark to the pose of its anchor and to that of the
-// keyframe that sees it (factors/inverse_depth_reprojection.h).
+// keyframe that sees it (InverseDepthReprojectionFamily).
 //
 // It happens in two steps, since a matrix that is not positive definite is found only when it is
 // factored: MeasureAll makes the measurements of observations and relative poses, and may fail;
@@ -21,10 +22,6 @@
 
 namespace inceres {
 namespace {
-
-Status Invalid(const std::string& message) {
-  return Status::Error(StatusCode::kInvalidArgument, message);
-}
 
 template <typename Entries>
 bool IsAmong(int index, const Entries& entries) {
@@ -57,7 +54,7 @@ class KeyframeAdder {
 Status KeyframeAdder::CheckNumbers() const {
   for (std::size_t k = 0; k < sequence_.features.size(); ++k) {
     if (!IsAmong(sequence_.features[k].anchor, sequence_.keyframes)) {
-      return Invalid("features[" + std::to_string(k) + "]: its anchor is no keyframe");
+      return internal::Invalid("features[" + std::to_string(k) + "]: its anchor is no keyframe");
     }
   }
   Status status;
@@ -80,17 +77,18 @@ Status KeyframeAdder::CheckNumbers(std::size_t keyframe) const {
   };
   const std::string name = "keyframe " + std::to_string(keyframe);
   if (!all(arriving.observations, is_feature) || !all(arriving.depth_guesses, is_feature)) {
-    return Invalid(name + " sees, or guesses the depth of, a feature that is not there");
+    return internal::Invalid(name + " sees, or guesses the depth of, a feature that is not there");
   }
   return all(arriving.betweens, are_keyframes)
              ? Status::Ok()
-             : Invalid(name + " has a relative pose of a keyframe that is not there");
+             : internal::Invalid(name + " has a relative pose of a keyframe that is not there");
 }
 
 Status KeyframeAdder::MeasureAll() {
   // Any finite inverse depth is a start, 0 too: the residual is smooth at a point at infinity.
   if (!(options_.depth_sigma > 0.0) || !std::isfinite(options_.unknown_inverse_depth)) {
-    return Invalid("KeyframeGraphOptions::depth_sigma must be > 0, unknown_inverse_depth finite");
+    return internal::Invalid(
+        "KeyframeGraphOptions::depth_sigma must be > 0, unknown_inverse_depth finite");
   }
   if (Status status = CheckNumbers(); !status.ok()) {
     return status;
@@ -104,18 +102,18 @@ Status KeyframeAdder::MeasureAll() {
       InverseDepthReprojectionFamily::Measurement seen;
       if (!ToMeasurement(sequence_.features[static_cast<std::size_t>(observation.feature)],
                          observation, &seen)) {
-        return Invalid("keyframe " + std::to_string(i) + ", observation of feature " +
-                       std::to_string(observation.feature) +
-                       ": the information matrix is not positive definite");
+        return internal::Invalid("keyframe " + std::to_string(i) + ", observation of feature " +
+                                 std::to_string(observation.feature) +
+                                 ": the information matrix is not positive definite");
       }
       ids_.reprojections->Add(seen);
     }
     for (const KeyframeBetween& between : sequence_.keyframes[i].betweens) {
       RelativePoseFamily::Measurement measured;
       if (!ToMeasurement(between, &measured)) {
-        return Invalid("relative pose of keyframes " + std::to_string(between.a) + " and " +
-                       std::to_string(between.b) +
-                       ": the information matrix is not positive definite");
+        return internal::Invalid("relative pose of keyframes " + std::to_string(between.a) +
+                                 " and " + std::to_string(between.b) +
+                                 ": the information matrix is not positive definite");
       }
       ids_.betweens->Add(measured);
     }

@@ -9,8 +9,7 @@
 
 #include "base/sort_unique.h"
 #include "inceres/factors/pose_prior.h"
-#include "io/g2o_start.h"
-#include "io/read_file.h"
+#include "io/pose_graph.h"
 #include "io/record_reader.h"
 
 namespace inceres {
@@ -48,50 +47,24 @@ bool InvertCovariance(const double* covariance, double* information) {
   return inverse.allFinite();
 }
 
-// Numbers of the file as dense indices, ascending.
-// Add any, then Close, then look up: a sorted list, without duplicates, searched by bisection.
-class DenseIds {
- public:
-  void Add(std::int64_t id) { ids_.push_back(id); }
-  void Close() { SortUnique(&ids_); }
-  const std::vector<std::int64_t>& ids() const { return ids_; }
-  bool Has(std::int64_t id) const { return std::binary_search(ids_.begin(), ids_.end(), id); }
-  int IndexOf(std::int64_t id) const {
-    return static_cast<int>(std::lower_bound(ids_.begin(), ids_.end(), id) - ids_.begin());
-  }
+// Among numbers of the file, ascending and each once.
+int IndexOf(std::int64_t id, const std::vector<std::int64_t>& ids) {
+  return static_cast<int>(std::lower_bound(ids.begin(), ids.end(), id) - ids.begin());
+}
 
- private:
-  std::vector<std::int64_t> ids_;
-};
-
-// Calls follow each other in one direction: Read, ReadRecord for each line, NumberAll,
+// Calls follow each other in one direction: Read, ReadRecord for each line, NumberAll, PlacePoses,
 // PlaceLandmarks. A failure ends all of it; ReadFile hands over the map only if there was none.
 class PlanarMapReader : RecordReader {
  public:
-  PlanarMapReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : RecordReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   Status Read(PlanarMap* map) {
     map_ = map;
     map_->poses.dimension = 2;
-    Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
-    if (status.ok() && lines_.empty()) {
-      status = scanner_.FailureAt(scanner_.line(), "the file has no measurements");
+    if (ForEachTaggedLine([this] { return ReadRecord(); }) && NumberAll() && PlacePoses()) {
+      PlaceLandmarks();
     }
-    status = status.ok() ? NumberAll() : status;
-    if (!status.ok()) {
-      return status;
-    }
-    // All poses hang on the first one by odometry, or the map has no common frame of reference.
-    const int lost = PlaceAlongEdges(&map_->poses);
-    if (lost < map_->poses.NumVertices()) {
-      return scanner_.FailureAt(
-          scanner_.line(), "no odometry leads from pose " + std::to_string(poses_.ids().front()) +
-                               " to pose " +
-                               std::to_string(poses_.ids()[static_cast<std::size_t>(lost)]));
-    }
-    PlaceLandmarks();
-    return Status::Ok();
+    return status_;
   }
 
  private:
@@ -102,107 +75,116 @@ class PlanarMapReader : RecordReader {
   };
 
   // The kind of the line decides what the second number is and which fields follow.
-  Status ReadRecord() {
+  bool ReadRecord() {
     Line line{0, 0, scanner_.line(), tag_ == "ODOMETRY"};
     if (!line.is_odometry && tag_ != "LANDMARK" && tag_ != "BR") {
       return Fail("tag", "not known; known are ODOMETRY, LANDMARK and BR");
     }
     int pose = 0, other = 0;
-    Status status = ReadIndex(line.is_odometry ? "from" : "pose", &pose);
-    status = status.ok() ? ReadIndex(line.is_odometry ? "to" : "landmark", &other) : status;
-    if (status.ok() && line.is_odometry && pose == other) {
-      status = Fail("to", "odometry from pose " + std::to_string(pose) + " to itself");
+    if (!ReadIndex(line.is_odometry ? "from" : "pose", &pose) ||
+        !ReadIndex(line.is_odometry ? "to" : "landmark", &other)) {
+      return false;
+    }
+    if (line.is_odometry && pose == other) {
+      return Fail("to", "odometry from pose " + std::to_string(pose) + " to itself");
     }
     line.pose = pose;
     line.other = other;
-    if (status.ok()) {
-      lines_.push_back(line);
-      poses_.Add(pose);
-      // The first number is a pose in all three; one that is seen from but that odometry does not
-      // reach is found by PlaceAlongEdges.
-      (line.is_odometry ? poses_ : landmarks_).Add(other);
-      status = line.is_odometry ? ReadOdometry() : tag_ == "BR" ? ReadBearing() : ReadPlace();
-    }
-    return status;
+    lines_.push_back(line);
+    poses_.push_back(pose);
+    // The first number is a pose in all three; one that is seen from but that odometry does not
+    // reach is found by PlaceAlongEdges.
+    (line.is_odometry ? poses_ : landmarks_).push_back(other);
+    return line.is_odometry ? ReadOdometry() : tag_ == "BR" ? ReadBearing() : ReadPlace();
   }
 
-  Status ReadOdometry() {
-    PoseGraphEdge edge;
-    double upper[6] = {};
-    Status status = ReadFields({{"motion", 3, edge.measurement.data()}, {"covariance", 6, upper}});
-    // The upper triangle row by row, as the file has it.
-    const double covariance[9] = {upper[0], upper[1], upper[2], upper[1], upper[3],
-                                  upper[4], upper[2], upper[4], upper[5]};
-    if (status.ok() && !InvertCovariance<3>(covariance, edge.information.data())) {
-      status = Fail("covariance", "not positive definite");
+  bool ReadOdometry() {
+    PoseGraphEdge& edge = map_->poses.edges.emplace_back();
+    double u[6];
+    if (!ReadFields({{"motion", 3, edge.measurement.data()}, {"covariance", 6, u}})) {
+      return false;
     }
-    map_->poses.edges.push_back(edge);
-    return status;
+    // The upper triangle row by row, as the file has it.
+    const double covariance[9] = {u[0], u[1], u[2], u[1], u[3], u[4], u[2], u[4], u[5]};
+    return InvertCovariance<3>(covariance, edge.information.data()) ||
+           Fail("covariance", "not positive definite");
   }
 
   // A position in the pose's axes.
-  Status ReadPlace() {
-    PlanarMapSighting sighting;
-    double upper[3] = {};
-    Status status = ReadFields({{"position", 2, sighting.z}, {"covariance", 3, upper}});
-    const double covariance[4] = {upper[0], upper[1], upper[1], upper[2]};
+  bool ReadPlace() {
+    PlanarMapSighting& sighting = map_->sightings.emplace_back();
+    double u[3];
+    if (!ReadFields({{"position", 2, sighting.z}, {"covariance", 3, u}})) {
+      return false;
+    }
+    const double covariance[4] = {u[0], u[1], u[1], u[2]};
     std::copy_n(covariance, 4, sighting.covariance);
     double information[4];
-    if (status.ok() && !InvertCovariance<2>(covariance, information)) {
-      status = Fail("covariance", "not positive definite");
-    }
-    map_->sightings.push_back(sighting);
-    return status;
+    return InvertCovariance<2>(covariance, information) ||
+           Fail("covariance", "not positive definite");
   }
 
   // z is distance, angle, as the factor has it; the file has the angle first, with standard
   // deviations that are taken to be independent.
-  Status ReadBearing() {
-    PlanarMapSighting sighting;
+  bool ReadBearing() {
+    PlanarMapSighting& sighting = map_->sightings.emplace_back();
     sighting.kind = PlanarSighting::kRangeBearing;
-    double deviations[2] = {};
-    Status status = ReadFields({{"bearing", 1, sighting.z + 1},
-                                {"range", 1, sighting.z},
-                                {"bearing_std", 1, deviations + 1},
-                                {"range_std", 1, deviations}});
+    double deviations[2];
+    if (!ReadFields({{"bearing", 1, sighting.z + 1},
+                     {"range", 1, sighting.z},
+                     {"bearing_std", 1, deviations + 1},
+                     {"range_std", 1, deviations}})) {
+      return false;
+    }
     // At distance 0 the angle means nothing, and its derivative is infinite.
-    if (status.ok() && !(sighting.z[0] > 0.0)) {
-      status = Fail("range", "not positive");
+    if (!(sighting.z[0] > 0.0)) {
+      return Fail("range", "not positive");
     }
     const char* const names[] = {"range_std", "bearing_std"};
-    for (int k = 0; k < 2 && status.ok(); ++k) {
+    for (int k = 0; k < 2; ++k) {
       // Entries 0 and 3 are the diagonal of 2 × 2. The square of a deviation may underflow or
       // overflow where the deviation itself does not.
       sighting.covariance[3 * k] = deviations[k] * deviations[k];
       if (!(deviations[k] > 0.0 && std::isnormal(sighting.covariance[3 * k]))) {
-        status = Fail(names[k], "not positive");
+        return Fail(names[k], "not positive");
       }
     }
-    map_->sightings.push_back(sighting);
-    return status;
+    return true;
   }
 
-  Status NumberAll() {
-    poses_.Close();
-    landmarks_.Close();
+  bool NumberAll() {
+    if (lines_.empty()) {
+      return FailAt(scanner_.line(), "the file has no measurements");
+    }
+    SortUnique(&poses_);
+    SortUnique(&landmarks_);
     std::size_t edge = 0, sighting = 0;
     for (const Line& line : lines_) {
       if (line.is_odometry) {
-        map_->poses.edges[edge].from = poses_.IndexOf(line.pose);
-        map_->poses.edges[edge++].to = poses_.IndexOf(line.other);
+        map_->poses.edges[edge].from = IndexOf(line.pose, poses_);
+        map_->poses.edges[edge++].to = IndexOf(line.other, poses_);
         continue;
       }
       // Poses and landmarks share their numbers, so one cannot be both.
-      if (poses_.Has(line.other)) {
-        return scanner_.FailureAt(
-            line.line, "landmark: " + std::to_string(line.other) + " is a pose on another line");
+      if (std::binary_search(poses_.begin(), poses_.end(), line.other)) {
+        return FailAt(line.line,
+                      "landmark: " + std::to_string(line.other) + " is a pose on another line");
       }
-      map_->sightings[sighting].pose = poses_.IndexOf(line.pose);
-      map_->sightings[sighting++].landmark = landmarks_.IndexOf(line.other);
+      map_->sightings[sighting].pose = IndexOf(line.pose, poses_);
+      map_->sightings[sighting++].landmark = IndexOf(line.other, landmarks_);
     }
-    map_->poses.ids = poses_.ids();
-    map_->landmark_ids = landmarks_.ids();
-    return Status::Ok();
+    map_->poses.ids = poses_;
+    map_->landmark_ids = landmarks_;
+    return true;
+  }
+
+  // All poses hang on the first one by odometry, or the map has no common frame of reference.
+  bool PlacePoses() {
+    const int lost = PlaceAlongEdges(&map_->poses);
+    return lost == map_->poses.NumVertices() ||
+           FailAt(scanner_.line(), "no odometry leads from pose " + std::to_string(poses_.front()) +
+                                       " to pose " +
+                                       std::to_string(poses_[static_cast<std::size_t>(lost)]));
   }
 
   // p + R(θ) z of the first sighting in the order of the file; later ones do not move it.
@@ -227,8 +209,9 @@ class PlanarMapReader : RecordReader {
 
   PlanarMap* map_ = nullptr;
   std::vector<Line> lines_;
-  DenseIds poses_;
-  DenseIds landmarks_;
+  // Numbers of the file: in the order of the lines, then, at their indices, each once.
+  std::vector<std::int64_t> poses_;
+  std::vector<std::int64_t> landmarks_;
 };
 
 // A position as a distance and an angle: the covariance is J C Jᵀ.

@@ -9,13 +9,11 @@
 #include <Eigen/Dense>
 
 #include "inceres/factors/pose_prior.h"
+#include "inceres/problem/ambient_family.h"
 #include "inceres/problem/factor_graph.h"
-#include "inceres/problem/pose_composition.h"
 #include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
-#include "io/check_pose_graph.h"
-#include "io/g2o_start.h"
-#include "io/linear_difference.h"
+#include "io/pose_graph.h"
 
 // The chordal start (Martinec & Pajdla 2007; Carlone et al. 2015; docs/pose_graphs.md, "Start
 // values"). A pose graph's cost has many minima because of the constraint RᵀR = I; without it, the
@@ -37,12 +35,66 @@
 namespace inceres {
 namespace {
 
-using internal::LinearDifferenceFamily;
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 6, 6>;
 using Matrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 // Of the edges: with more of them at weight zero, leaving their blocks out of H pays.
 constexpr double kSparseShare = 0.05;
+
+struct LinearDifference {
+  double U[9] = {};  // row-major, size × size, as A
+  double A[9] = {};
+  double t[3] = {};
+};
+
+// U (x_j − A x_i − t) of two vectors of `size` values, 2 or 3, in slots i and j: linear.
+class LinearDifferenceFamily final
+    : public MeasuredFamily<LinearDifference, AmbientFamily<LinearDifferenceFamily>> {
+ public:
+  explicit LinearDifferenceFamily(int size)
+      : MeasuredFamily(size, {{size, size}, {size, size}}), size_(size) {}
+
+  const char* Name() const override { return "linear difference"; }
+  bool HasConstantJacobian() const override { return true; }
+
+  bool EvaluateOne(int i, const double* const* x, double* residuals, double** jacobians) const {
+    const LinearDifference& m = measurement(i);
+    double e[3];
+    for (int r = 0; r < size_; ++r) {
+      e[r] = x[1][r] - m.t[r];
+      for (int c = 0; c < size_; ++c) {
+        e[r] -= m.A[size_ * r + c] * x[0][c];
+      }
+    }
+    for (int r = 0; r < size_; ++r) {
+      residuals[r] = 0.0;
+      for (int k = 0; k < size_; ++k) {
+        residuals[r] += m.U[size_ * r + k] * e[k];
+      }
+    }
+    for (int s = 0; jacobians != nullptr && s < 2; ++s) {
+      if (jacobians[s] != nullptr) {
+        Differentiate(m, s, jacobians[s]);
+      }
+    }
+    return true;
+  }
+
+ private:
+  void Differentiate(const LinearDifference& m, int slot, double* J) const {
+    for (int r = 0; r < size_; ++r) {
+      for (int c = 0; c < size_; ++c) {
+        double sum = slot == 1 ? m.U[size_ * r + c] : 0.0;
+        for (int k = 0; slot == 0 && k < size_; ++k) {
+          sum -= m.U[size_ * r + k] * m.A[size_ * k + c];
+        }
+        J[size_ * r + c] = sum;
+      }
+    }
+  }
+
+  int size_;
+};
 
 // min Σ ‖U (x_j − A x_i − t)‖² over vectors of one size, the first of which stays at its value.
 class LinearChain {
@@ -63,15 +115,17 @@ class LinearChain {
       graph_.SetConstant(0, true);
     }
     const FamilyId id = graph_.AddFamily(family_).id;
-    family_->Resize(static_cast<int>(poses.edges.size()));
     for (const PoseGraphEdge& edge : poses.edges) {
+      family_->Add({});
       const VariableId variables[] = {edge.from, edge.to};
       graph_.Connect(id, variables);
     }
   }
 
-  // A, t and U of an edge, to be set before Solve.
-  LinearDifferenceFamily::Measurement& at(int edge) { return family_->at(edge); }
+  // To be set of each edge before Solve.
+  void Place(std::size_t edge, const LinearDifference& measurement) {
+    family_->Place(static_cast<int>(edge), measurement);
+  }
 
   // False if the system has no solution. The values are then x(i).
   // From zeros each time, so that a result depends on its input alone and not on the calls before.
@@ -177,10 +231,7 @@ Status ChordalStart::Impl::Check(const std::vector<double>& weights) const {
     }
   }
   const int lost = internal::PlaceAlongEdges(&counted);
-  return lost == graph_.NumVertices()
-             ? Status::Ok()
-             : Refuse("no edges lead from vertex " + std::to_string(graph_.ids.front()) +
-                      " to vertex " + std::to_string(graph_.ids[static_cast<std::size_t>(lost)]));
+  return lost == graph_.NumVertices() ? Status::Ok() : Refuse(internal::NoWay(graph_, lost));
 }
 
 // An isotropic κ in place of the information of the rotation: what the trace of its covariance says
@@ -218,7 +269,7 @@ void ChordalStart::Impl::MeasureRotations() {
     // The weight of GNC and κ are both weights of the squared error.
     const double root = std::sqrt(Weight(i) * RotationWeight(edge));
     const Matrix3d R = Measured(edge);
-    LinearDifferenceFamily::Measurement& m = rotations_.at(static_cast<int>(i));
+    LinearDifference m;
     for (int r = 0; r < d_; ++r) {
       for (int c = 0; c < d_; ++c) {
         // U = √(w κ) I, since κ is isotropic.
@@ -226,6 +277,7 @@ void ChordalStart::Impl::MeasureRotations() {
         m.U[d_ * r + c] = r == c ? root : 0.0;
       }
     }
+    rotations_.Place(i, m);
   }
 }
 
@@ -278,7 +330,7 @@ void ChordalStart::Impl::MeasurePositions() {
     const SmallMatrix R = R_[static_cast<std::size_t>(edge.from)].topLeftCorner(d_, d_);
     const Eigen::VectorXd t = R * Eigen::Map<const Eigen::VectorXd>(edge.measurement.data(), d_);
     const SmallMatrix whiten = std::sqrt(Weight(i)) * U * R.transpose();
-    LinearDifferenceFamily::Measurement& m = positions_.at(static_cast<int>(i));
+    LinearDifference m;
     for (int r = 0; r < d_; ++r) {
       m.t[r] = t[r];
       for (int c = 0; c < d_; ++c) {
@@ -286,6 +338,7 @@ void ChordalStart::Impl::MeasurePositions() {
         m.U[d_ * r + c] = whiten(r, c);
       }
     }
+    positions_.Place(i, m);
   }
 }
 
@@ -409,32 +462,6 @@ GncStart ChordalGncStart(const PoseGraph& poses, const G2oGraph& ids,
     }
     return status;
   };
-}
-
-// Places a copy from the origin, then moves all of it as one: that the first vertex stays does not
-// change the others' places relative to it.
-Status StartAlongSpanningTree(PoseGraph* graph) {
-  if (Status status = internal::CheckPoseGraph(*graph); !status.ok()) {
-    return status;
-  }
-  if (graph->ids.empty()) {
-    return Status::Error(StatusCode::kInvalidArgument, "spanning tree: the graph has no vertices");
-  }
-  PoseGraph placed = *graph;
-  const int lost = internal::PlaceAlongEdges(&placed);
-  if (lost < graph->NumVertices()) {
-    return Status::Error(StatusCode::kInvalidArgument,
-                         "spanning tree: no edges lead from vertex " +
-                             std::to_string(graph->ids.front()) + " to vertex " +
-                             std::to_string(graph->ids[static_cast<std::size_t>(lost)]));
-  }
-  // From the origin to where the first vertex is.
-  const std::vector<double> first(graph->PoseData(0), graph->PoseData(0) + graph->PoseSize());
-  for (int i = 0; i < graph->NumVertices(); ++i) {
-    (graph->dimension == 2 ? ComposePlanarPoses : ComposePoses)(first.data(), placed.PoseData(i),
-                                                                graph->PoseData(i));
-  }
-  return Status::Ok();
 }
 
 }  // namespace inceres

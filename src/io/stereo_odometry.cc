@@ -1,17 +1,14 @@
 #include "inceres/io/stereo_odometry.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <memory>
 #include <set>
+#include <string>
 #include <system_error>
 #include <unordered_map>
 #include <utility>
 
-#include "inceres/problem/rotation.h"
-#include "io/byte_source.h"
-#include "io/text_scanner.h"
+#include "io/record_reader.h"
 
 // The reader of stereo odometries (docs/file_formats.md, "Stereo odometry"): a folder with a
 // calibration, poses and sightings. The files have no tags, so each has a reader of its own, and
@@ -26,77 +23,33 @@ namespace {
 constexpr char kCalibration[] = "VO_calibration";
 constexpr char kSuffix[] = ".txt";
 
-// What readers of records without a tag have in common: messages `file:line: field: what is wrong`.
-class PlainReader {
- protected:
-  PlainReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : scanner_(path, std::move(source)) {}
-
-  // Calls read_fields() on every line that is not blank; anything behind its fields is an error.
-  template <typename ReadFields>
-  Status ForEachLine(ReadFields&& read_fields) {
-    while (!scanner_.AtEnd()) {
-      // From here to LeaveLine a missing field is an error of this line, and does not take the next
-      // line's first number.
-      scanner_.StayInLine();
-      Status status = read_fields();
-      if (status.ok() && !scanner_.AtEnd()) {
-        status = scanner_.Failure("after the last field");
-      }
-      if (!status.ok()) {
-        return status;
-      }
-      scanner_.LeaveLine();
-    }
-    return Status::Ok();
-  }
-
-  // 64-bit integers from 0 on: the ids of points need not be dense.
-  Status ReadId(const char* field, std::int64_t* id) {
-    if (!scanner_.ScanInteger(id)) {
-      return scanner_.Failure(field);
-    }
-    return *id >= 0 ? Status::Ok() : Fail(field, std::to_string(*id) + " is negative");
-  }
-
-  Status ReadNumber(const std::string& field, double* value) {
-    return scanner_.ScanDouble(value) ? Status::Ok() : scanner_.Failure(field);
-  }
-
-  // For a token that scanned well and is not acceptable.
-  Status Fail(const std::string& field, const std::string& what) const {
-    return scanner_.FailureAt(scanner_.line(), field + ": " + what);
-  }
-
-  TextScanner scanner_;
-};
-
-class CalibrationReader : private PlainReader {
+class CalibrationReader : private RecordReader {
  public:
-  CalibrationReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : PlainReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   Status Read(StereoCamera* camera) {
     // Counted before it is read: a second line is refused whatever it says.
     int count = 0;
-    Status status = ForEachLine(
-        [&] { return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera); });
-    return status.ok() && count == 0
-               ? scanner_.FailureAt(scanner_.line(), "the file has no calibration")
-               : status;
+    const auto read = [&] {
+      return ++count > 1 ? Fail("f_x", "a second calibration") : ReadCamera(camera);
+    };
+    if (ForEachLine(read) && count == 0) {
+      FailAt(scanner_.line(), "the file has no calibration");
+    }
+    return status_;
   }
 
  private:
   // In the order of the line. A focal length or baseline that is not positive has no meaning.
-  Status ReadCamera(StereoCamera* camera) {
+  bool ReadCamera(StereoCamera* camera) {
     // Not kept: it has to be 0.
     double skew = 0.0;
     const std::pair<const char*, double*> fields[] = {
         {"f_x", &camera->f_x}, {"f_y", &camera->f_y}, {"skew", &skew},
         {"c_x", &camera->c_x}, {"c_y", &camera->c_y}, {"baseline", &camera->baseline}};
     for (const auto& [name, value] : fields) {
-      if (Status status = ReadNumber(name, value); !status.ok()) {
-        return status;
+      if (!ReadNumbers(name, 1, value)) {
+        return false;
       }
       // By address: the table has no column for it. The principal point may be anywhere.
       const bool positive =
@@ -106,29 +59,28 @@ class CalibrationReader : private PlainReader {
       }
     }
     // The model of StereoCamera has none.
-    return skew == 0.0 ? Status::Ok() : Fail("skew", "not 0: the images must be rectified");
+    return skew == 0.0 || Fail("skew", "not 0: the images must be rectified");
   }
 };
 
-class PosesReader : private PlainReader {
+class PosesReader : private RecordReader {
  public:
-  PosesReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : PlainReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   Status Read(std::vector<std::array<double, 7>>* poses) {
-    Status status = ForEachLine([&] { return ReadPose(poses); });
-    return status.ok() && poses->empty()
-               ? scanner_.FailureAt(scanner_.line(), "the file has no poses")
-               : status;
+    if (ForEachLine([&] { return ReadPose(poses); }) && poses->empty()) {
+      FailAt(scanner_.line(), "the file has no poses");
+    }
+    return status_;
   }
 
  private:
   // 4 × 4, row-major, world_from_camera, which is how PoseManifold stores poses too: the last
   // column is the camera's center.
-  Status ReadPose(std::vector<std::array<double, 7>>* poses) {
+  bool ReadPose(std::vector<std::array<double, 7>>* poses) {
     std::int64_t number = 0;
-    if (Status status = ReadId("i", &number); !status.ok()) {
-      return status;
+    if (!ReadId("i", &number)) {
+      return false;
     }
     // The number is the index: without gaps, and in order.
     if (number != static_cast<std::int64_t>(poses->size())) {
@@ -137,64 +89,56 @@ class PosesReader : private PlainReader {
     }
     double T[16];
     for (int k = 0; k < 16; ++k) {
-      if (Status status =
-              ReadNumber("T(" + std::to_string(k / 4) + ", " + std::to_string(k % 4) + ")", T + k);
-          !status.ok()) {
-        return status;
+      const std::string name = "T(" + std::to_string(k / 4) + ", " + std::to_string(k % 4) + ")";
+      if (!ReadNumbers(name, 1, T + k)) {
+        return false;
       }
     }
     // Rotation by rows; the quaternion is filled in below.
     std::array<double, 7> pose{T[3], T[7], T[11], 0.0, 0.0, 0.0, 1.0};
     const double R[9] = {T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10]};
-    double nearest[9];
-    MatrixToQuaternion(R, pose.data() + 3);
-    QuaternionToMatrix(pose.data() + 3, nearest);
-    // Back and forth through the quaternion, as in keyframes.cc: a matrix that is no rotation does
-    // not come back. NaN compares false and is refused.
-    const bool rotation = std::equal(R, R + 9, nearest, [](double given, double nearest_to_it) {
-      return std::fabs(given - nearest_to_it) < 1e-4;
-    });
+    const bool rotation = QuaternionOf(R, pose.data() + 3);
     // The last row is compared exactly: 0 and 1 lose nothing when they are printed.
     if (!rotation || T[12] != 0.0 || T[13] != 0.0 || T[14] != 0.0 || T[15] != 1.0) {
       return Fail("T", rotation ? "the last row is not 0 0 0 1" : "not a rotation matrix");
     }
     poses->push_back(pose);
-    return Status::Ok();
+    return true;
   }
 };
 
-class SightingsReader : private PlainReader {
+class SightingsReader : private RecordReader {
  public:
-  SightingsReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : PlainReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   // Into an odometry that has its poses.
   Status Read(StereoOdometry* odometry) {
-    if (Status status = ForEachLine([&] { return ReadSighting(odometry); }); !status.ok()) {
-      return status;
+    if (!ForEachLine([&] { return ReadSighting(odometry); })) {
+      return status_;
+    }
+    if (odometry->sightings.empty()) {
+      FailAt(scanner_.line(), "the file has no sightings");
     }
     // A file may be ordered by point; a back-end that is fed pose by pose wants all of one pose
     // together. Stable: those of one pose stay in the order of the file.
     std::stable_sort(
         odometry->sightings.begin(), odometry->sightings.end(),
         [](const StereoSighting& a, const StereoSighting& b) { return a.pose < b.pose; });
-    return odometry->sightings.empty()
-               ? scanner_.FailureAt(scanner_.line(), "the file has no sightings")
-               : Status::Ok();
+    return status_;
   }
 
  private:
-  Status ReadSighting(StereoOdometry* odometry) {
+  bool ReadSighting(StereoOdometry* odometry) {
     // Pose and point, before anything is stored.
     std::int64_t pose = 0, id = 0;
-    if (Status status = ReadId("i", &pose); !status.ok()) {
-      return status;
+    if (!ReadId("i", &pose)) {
+      return false;
     }
     if (pose >= static_cast<std::int64_t>(odometry->poses.size())) {
       return Fail("i", "there is no pose " + std::to_string(pose));
     }
-    if (Status status = ReadId("p", &id); !status.ok()) {
-      return status;
+    if (!ReadId("p", &id)) {
+      return false;
     }
     // Two sightings of one point from one pose would be two factors on the same two variables, one
     // of which is most likely a mistake.
@@ -208,8 +152,8 @@ class SightingsReader : private PlainReader {
         {"u_l", sighting.left},    {"u_r", &sighting.right_u},    {"v", sighting.left + 1},
         {"X", sighting.in_camera}, {"Y", sighting.in_camera + 1}, {"Z", sighting.in_camera + 2}};
     for (const auto& [name, value] : fields) {
-      if (Status status = ReadNumber(name, value); !status.ok()) {
-        return status;
+      if (!ReadNumbers(name, 1, value)) {
+        return false;
       }
     }
     if (!(sighting.in_camera[2] > 0.0)) {
@@ -225,7 +169,7 @@ class SightingsReader : private PlainReader {
     sighting.pose = static_cast<int>(pose);
     sighting.point = point->second;
     odometry->sightings.push_back(sighting);
-    return Status::Ok();
+    return true;
   }
 
   // An entry for each sighting, as long as the file is read.
@@ -261,18 +205,8 @@ Status FindVariant(const std::string& folder, std::string* variant) {
                                  " calibration files, VO_calibration*.txt, where one is wanted");
 }
 
-// A file of the folder with its reader. Names end in .txt: nothing is decoded.
-template <typename Reader, typename Part>
-Status ReadPart(const std::string& path, Part* part) {
-  std::unique_ptr<ByteSource> source;
-  if (Status status = OpenByteSource(path, &source); !status.ok()) {
-    return status;
-  }
-  return Reader(path, std::move(source)).Read(part);
-}
-
 // The variant is found first and put into all three names; a file that is missing is told by its
-// own full name.
+// own full name. Names end in .txt: nothing is decoded.
 Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
   std::string variant;
   if (Status status = FindVariant(folder, &variant); !status.ok()) {
@@ -281,9 +215,9 @@ Status ReadAll(const std::string& folder, StereoOdometry* odometry) {
   const auto path = [&](const char* name) {
     return (std::filesystem::path(folder) / (name + variant + kSuffix)).string();
   };
-  Status status = ReadPart<CalibrationReader>(path(kCalibration), &odometry->camera);
-  status = status.ok() ? ReadPart<PosesReader>(path("VO_camera_poses"), &odometry->poses) : status;
-  return status.ok() ? ReadPart<SightingsReader>(path("VO_stereo_factors"), odometry) : status;
+  Status status = ReadInto<CalibrationReader>(path(kCalibration), &odometry->camera);
+  status = status.ok() ? ReadInto<PosesReader>(path("VO_camera_poses"), &odometry->poses) : status;
+  return status.ok() ? ReadInto<SightingsReader>(path("VO_stereo_factors"), odometry) : status;
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "inceres/status.h"
-#include "io/byte_source.h"
+#include "io/byte_stream.h"
 
 namespace inceres::internal {
 
@@ -80,34 +80,5 @@ class TextScanner {
 
 /// A word of a file as messages show it: its first 40 characters, '?' for what cannot be printed.
 std::string Shown(std::string_view word);
-
-/// Reads a file of tagged records, one a line: for each line that is not empty and no comment (#)
-/// sets *tag to its first word, as it is shown (which changes no tag that a format knows), and
-/// calls read_fields(), which reads the rest; anything behind that is an error. Stops at the first
-/// failure.
-template <typename ReadFields>
-Status ForEachTaggedLine(TextScanner* scanner, std::string* tag, ReadFields&& read_fields) {
-  while (!scanner->AtEnd()) {
-    std::string_view word;
-    if (!scanner->ScanWord(&word)) {
-      return scanner->Failure("tag");
-    }
-    if (word.front() == '#') {
-      scanner->SkipLine();
-      continue;
-    }
-    *tag = Shown(word);
-    scanner->StayInLine();
-    Status status = read_fields();
-    if (status.ok() && !scanner->AtEnd()) {
-      status = scanner->Failure(*tag + ": after the last field");
-    }
-    if (!status.ok()) {
-      return status;
-    }
-    scanner->LeaveLine();
-  }
-  return Status::Ok();
-}
 
 }  // namespace inceres::internal

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "inceres/status.h"
-#include "io/byte_sink.h"
+#include "io/byte_stream.h"
 
 namespace inceres::internal {
 

@@ -18,23 +18,9 @@ bool AllFinite(const Values& values) {
                      [](double value) { return std::isfinite(value); });
 }
 
-inline bool IsFinite(const ImuSample& sample) {
-  return std::isfinite(sample.time) && AllFinite(sample.gyr) && AllFinite(sample.acc);
-}
-
-inline bool IsSame(const ImuSample& a, const ImuSample& b) {
-  return a.time == b.time && std::equal(a.gyr, a.gyr + 3, b.gyr) &&
-         std::equal(a.acc, a.acc + 3, b.acc);
-}
-
 /// Whether x, y, z, w is of length 1, up to what nine printed digits leave.
 inline bool IsUnitQuaternion(const double* q) {
   return std::fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) < 1e-8;
-}
-
-inline bool IsGood(const VioState& state) {
-  return AllFinite(state.pose) && AllFinite(state.velocity) && AllFinite(state.gyr_bias) &&
-         AllFinite(state.acc_bias) && IsUnitQuaternion(state.pose.data() + 3);
 }
 
 /// "field: what is wrong", or empty. Exported for the simulator, which checks the same.

@@ -1,10 +1,7 @@
-#include <memory>
 #include <string>
 #include <utility>
 
 #include "inceres/io/vio_sequence.h"
-#include "io/byte_source.h"
-#include "io/read_file.h"
 #include "io/record_reader.h"
 #include "io/vio_checks.h"
 
@@ -23,26 +20,23 @@ namespace {
 
 class VioReader : private RecordReader {
  public:
-  VioReader(const std::string& path, std::unique_ptr<ByteSource> source)
-      : RecordReader(path, std::move(source)) {}
+  using RecordReader::RecordReader;
 
   Status Read(VioSequence* sequence) {
     sequence_ = sequence;
-    if (Status status = ForEachTaggedLine(&scanner_, &tag_, [this] { return ReadRecord(); });
-        !status.ok()) {
-      return status;
+    if (ForEachTaggedLine([this] { return ReadRecord(); })) {
+      // One is left from the last frame; more than that belong to a frame that never comes.
+      if (sequence_->frames.empty()) {
+        FailAt(scanner_.line(), "the file has no frames");
+      } else if (samples_.size() > 1) {
+        FailAt(scanner_.line(), "IMU samples after the last frame");
+      }
     }
-    if (sequence_->frames.empty()) {
-      return scanner_.FailureAt(scanner_.line(), "the file has no frames");
-    }
-    // One is left from the last frame; more than that belong to a frame that never comes.
-    return samples_.size() > 1
-               ? scanner_.FailureAt(scanner_.line(), "IMU samples after the last frame")
-               : Status::Ok();
+    return status_;
   }
 
  private:
-  Status ReadRecord() {
+  bool ReadRecord() {
     // Before anything else: the records of another version may mean something else.
     if (!versioned_) {
       return ReadVersion();
@@ -51,7 +45,7 @@ class VioReader : private RecordReader {
     const struct {
       const char* tag;
       // A member function, which reads the fields behind the tag.
-      Status (VioReader::*read)();
+      bool (VioReader::*read)();
       bool* seen;  // of what stands in the header, once
     } kinds[] = {{"CAMERA", &VioReader::ReadCamera, &has_camera_},
                  {"NOISE", &VioReader::ReadNoise, &has_noise_},
@@ -73,60 +67,54 @@ class VioReader : private RecordReader {
     return Fail("tag", "not known; known are CAMERA, NOISE, GRAVITY, POINT, IMU, FRAME and OBS");
   }
 
-  Status ReadVersion() {
+  bool ReadVersion() {
     if (tag_ != "VIO") {
       return Fail("tag", "where the file should begin with VIO 1");
     }
     int version = 0;
-    if (Status status = ReadIndex("version", &version); !status.ok()) {
-      return status;
+    if (!ReadIndex("version", &version)) {
+      return false;
     }
     versioned_ = true;
-    return version == 1 ? Status::Ok()
-                        : Fail("version", std::to_string(version) + " is not known, only 1");
+    return version == 1 || Fail("version", std::to_string(version) + " is not known, only 1");
   }
 
   // Into the sequence at once, then checked: after a failure nobody sees it.
-  Status ReadCamera() {
+  bool ReadCamera() {
     VioCamera& camera = sequence_->camera;
-    if (Status status = ReadIndex("width", &camera.width); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadIndex("height", &camera.height); !status.ok()) {
-      return status;
-    }
-    Status status = ReadFields({{"intrinsics", 4, camera.intrinsics.data()},
-                                {"distortion", 4, camera.distortion.data()},
-                                {"p_bc", 3, camera.imu_from_camera.data()},
-                                {"q_bc", 4, camera.imu_from_camera.data() + 3}});
-    return status.ok() ? FailIf(FaultOf(camera)) : status;
+    return ReadIndex("width", &camera.width) && ReadIndex("height", &camera.height) &&
+           ReadFields({{"intrinsics", 4, camera.intrinsics.data()},
+                       {"distortion", 4, camera.distortion.data()},
+                       {"p_bc", 3, camera.imu_from_camera.data()},
+                       {"q_bc", 4, camera.imu_from_camera.data() + 3}}) &&
+           IsNone(FaultOf(camera));
   }
 
   // The deviation of pixels, then the four densities of ImuNoise.
-  Status ReadNoise() {
+  bool ReadNoise() {
     ImuNoise& noise = sequence_->imu_noise;
-    Status status = ReadFields({{"pixel", 1, &sequence_->pixel_noise},
-                                {"gyr", 1, &noise.gyr},
-                                {"acc", 1, &noise.acc},
-                                {"gyr_bias_walk", 1, &noise.gyr_bias_walk},
-                                {"acc_bias_walk", 1, &noise.acc_bias_walk}});
-    return status.ok() ? FailIf(FaultOf(sequence_->pixel_noise, noise)) : status;
+    return ReadFields({{"pixel", 1, &sequence_->pixel_noise},
+                       {"gyr", 1, &noise.gyr},
+                       {"acc", 1, &noise.acc},
+                       {"gyr_bias_walk", 1, &noise.gyr_bias_walk},
+                       {"acc_bias_walk", 1, &noise.acc_bias_walk}}) &&
+           IsNone(FaultOf(sequence_->pixel_noise, noise));
   }
 
   // Any finite vector: zero is a world without weight.
-  Status ReadGravity() { return ReadNumbers("g", 3, sequence_->gravity.data()); }
+  bool ReadGravity() { return ReadNumbers("g", 3, sequence_->gravity.data()); }
 
   // Anywhere in the file, before the first observation of it.
-  Status ReadPoint() {
-    if (Status status = ReadNumber("k", sequence_->points.size()); !status.ok()) {
-      return status;
+  bool ReadPoint() {
+    if (!ReadNumber("k", sequence_->points.size())) {
+      return false;
     }
     // Start and truth stand side by side: an estimator takes the one, whoever judges it the other.
     VioPoint& point = sequence_->points.emplace_back();
     return ReadFields({{"start", 3, point.start.data()}, {"truth", 3, point.truth.data()}});
   }
 
-  Status ReadSample() {
+  bool ReadSample() {
     // Camera, noise and gravity have to stand before the samples, so whoever reads along knows them
     // from the first measurement on.
     if (!has_camera_ || !has_noise_ || !has_gravity_) {
@@ -136,8 +124,8 @@ class VioReader : private RecordReader {
     }
     // t, then rates and forces, each three. After a failure nobody sees the sample.
     ImuSample sample;
-    if (Status status = ReadNumbers("t", 1, &sample.time); !status.ok()) {
-      return status;
+    if (!ReadNumbers("t", 1, &sample.time)) {
+      return false;
     }
     // The last frame's sample is among samples_: times increase through the whole file, and never
     // by zero.
@@ -145,18 +133,15 @@ class VioReader : private RecordReader {
       return Fail("t", std::to_string(sample.time) + " is not after the sample's before, " +
                            std::to_string(samples_.back().time));
     }
-    Status status = ReadFields({{"gyr", 3, sample.gyr}, {"acc", 3, sample.acc}});
+    const bool read = ReadFields({{"gyr", 3, sample.gyr}, {"acc", 3, sample.acc}});
     samples_.push_back(sample);
-    return status;
+    return read;
   }
 
-  Status ReadFrame() {
-    if (Status status = ReadNumber("i", sequence_->frames.size()); !status.ok()) {
-      return status;
-    }
+  bool ReadFrame() {
     VioFrame frame;
-    if (Status status = ReadNumbers("t", 1, &frame.time); !status.ok()) {
-      return status;
+    if (!ReadNumber("i", sequence_->frames.size()) || !ReadNumbers("t", 1, &frame.time)) {
+      return false;
     }
     // At least one sample after the last frame's: a stretch of one sample has no duration.
     const bool stands_still = !sequence_->frames.empty() && samples_.size() < 2;
@@ -166,44 +151,39 @@ class VioReader : private RecordReader {
                            std::to_string(frame.time));
     }
     // Values are the same 16 numbers twice, told apart in messages by the word before.
-    if (Status status = ReadState("start", &frame.start); !status.ok()) {
-      return status;
-    }
-    if (Status status = ReadState("truth", &frame.truth); !status.ok()) {
-      return status;
+    if (!ReadState("start", &frame.start) || !ReadState("truth", &frame.truth)) {
+      return false;
     }
     // The argument is made before the exchange: the next stretch begins with this one's last
     // sample.
     frame.imu = std::exchange(samples_, {samples_.back()});
     sequence_->frames.push_back(std::move(frame));
-    return Status::Ok();
+    return true;
   }
 
   // 16 numbers, "start" or "truth".
-  Status ReadState(const std::string& name, VioState* state) {
-    if (Status status = ReadFields({{name + " p", 3, state->pose.data()},
-                                    {name + " q", 4, state->pose.data() + 3},
-                                    {name + " v", 3, state->velocity.data()},
-                                    {name + " b_g", 3, state->gyr_bias.data()},
-                                    {name + " b_a", 3, state->acc_bias.data()}});
-        !status.ok()) {
-      return status;
+  bool ReadState(const std::string& name, VioState* state) {
+    if (!ReadFields({{name + " p", 3, state->pose.data()},
+                     {name + " q", 4, state->pose.data() + 3},
+                     {name + " v", 3, state->velocity.data()},
+                     {name + " b_g", 3, state->gyr_bias.data()},
+                     {name + " b_a", 3, state->acc_bias.data()}})) {
+      return false;
     }
     // Refused, where the reader of g2o files normalizes: this format prints all digits, and what is
     // read is what was written, to the bit.
-    return IsUnitQuaternion(state->pose.data() + 3) ? Status::Ok()
-                                                    : Fail(name + " q", "not a unit quaternion");
+    return IsUnitQuaternion(state->pose.data() + 3) || Fail(name + " q", "not a unit quaternion");
   }
 
-  Status ReadObservation() {
+  bool ReadObservation() {
     if (sequence_->frames.empty()) {
       return Fail("tag", "before the first FRAME");
     }
     // Those of the frame above, whose observations end where the next FRAME begins.
     std::vector<VioObservation>& observations = sequence_->frames.back().observations;
     VioObservation observation;
-    if (Status status = ReadIndex("k", &observation.point); !status.ok()) {
-      return status;
+    if (!ReadIndex("k", &observation.point)) {
+      return false;
     }
     // Not an index into what will be: the POINT has to stand above.
     if (observation.point >= static_cast<int>(sequence_->points.size())) {
@@ -215,15 +195,12 @@ class VioReader : private RecordReader {
                            std::to_string(observations.back().point) +
                            "; a frame sees points once, in ascending order");
     }
-    // Pixels, which may lie outside of the image: only the estimator knows whether to mind.
-    if (Status status = ReadFields({{"x", 1, &observation.x}, {"y", 1, &observation.y}});
-        !status.ok()) {
-      return status;
-    }
-    // What the simulator knows and no estimator is told.
+    // Pixels, which may lie outside of the image: only the estimator knows whether to mind. Then
+    // what the simulator knows and no estimator is told.
     int outlier = 0;
-    if (Status status = ReadIndex("outlier", &outlier); !status.ok()) {
-      return status;
+    if (!ReadFields({{"x", 1, &observation.x}, {"y", 1, &observation.y}}) ||
+        !ReadIndex("outlier", &outlier)) {
+      return false;
     }
     // ReadIndex has refused what is negative.
     if (outlier > 1) {
@@ -231,24 +208,20 @@ class VioReader : private RecordReader {
     }
     observation.outlier = outlier == 1;
     observations.push_back(observation);
-    return Status::Ok();
+    return true;
   }
 
   // The number of a record that is counted from 0.
-  Status ReadNumber(const char* field, std::size_t next) {
+  bool ReadNumber(const char* field, std::size_t next) {
     int number = 0;
-    if (Status status = ReadIndex(field, &number); !status.ok()) {
-      return status;
-    }
-    return static_cast<std::size_t>(number) == next
-               ? Status::Ok()
-               : Fail(field,
-                      std::to_string(number) + " where " + std::to_string(next) + " comes next");
+    return ReadIndex(field, &number) &&
+           (static_cast<std::size_t>(number) == next ||
+            Fail(field, std::to_string(number) + " where " + std::to_string(next) + " comes next"));
   }
 
   // Fault: "field: what", or empty.
-  Status FailIf(const std::string& fault) const {
-    return fault.empty() ? Status::Ok() : scanner_.FailureAt(scanner_.line(), tag_ + ": " + fault);
+  bool IsNone(const std::string& fault) {
+    return fault.empty() || FailAt(scanner_.line(), Named(fault));
   }
 
   VioSequence* sequence_ = nullptr;

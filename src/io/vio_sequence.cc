@@ -12,10 +12,68 @@
 // multiply-adds (src/io/CMakeLists.txt), so that a seed gives the same bits on every platform.
 
 namespace inceres {
+namespace internal {
+
+// What a camera and the noise of a sequence must fulfill, said once for the reader, for
+// VioSequence::Validate and for the simulator. Each puts its own words in front of "field: what is
+// wrong"; comparisons are written so that a NaN fails.
+
+// Sizes first, then that all is finite, then the focal lengths: an image of no size needs no
+// further look. Distortion may be anything finite.
+std::string FaultOf(const VioCamera& camera) {
+  if (camera.width < 1 || camera.height < 1) {
+    return std::string(camera.width < 1 ? "width" : "height") + ": not positive";
+  }
+  if (!AllFinite(camera.intrinsics) || !AllFinite(camera.distortion) ||
+      !AllFinite(camera.imu_from_camera)) {
+    return "intrinsics, distortion or imu_from_camera: not finite";
+  }
+  if (!(camera.intrinsics[0] > 0.0 && camera.intrinsics[1] > 0.0)) {
+    return std::string(camera.intrinsics[0] > 0.0 ? "f_y" : "f_x") + ": not positive";
+  }
+  return IsUnitQuaternion(camera.imu_from_camera.data() + 3) ? "" : "q_bc: not a unit quaternion";
+}
+
+// An information is the inverse of a variance: no deviation may be 0.
+std::string FaultOf(double pixel_noise, const ImuNoise& noise) {
+  const struct {
+    const char* name;
+    double value;
+  } fields[] = {{"pixel", pixel_noise},
+                {"gyr", noise.gyr},
+                {"acc", noise.acc},
+                {"gyr_bias_walk", noise.gyr_bias_walk},
+                {"acc_bias_walk", noise.acc_bias_walk}};
+  for (const auto& field : fields) {
+    if (!(field.value > 0.0 && std::isfinite(field.value))) {
+      return std::string(field.name) + ": not positive";
+    }
+  }
+  return "";
+}
+
+}  // namespace internal
+
 namespace {
 
 Status Invalid(const std::string& what) {
   return Status::Error(StatusCode::kInvalidArgument, "VioSequence: " + what);
+}
+
+bool IsFinite(const ImuSample& sample) {
+  return std::isfinite(sample.time) && internal::AllFinite(sample.gyr) &&
+         internal::AllFinite(sample.acc);
+}
+
+bool IsSame(const ImuSample& a, const ImuSample& b) {
+  return a.time == b.time && std::equal(a.gyr, a.gyr + 3, b.gyr) &&
+         std::equal(a.acc, a.acc + 3, b.acc);
+}
+
+bool IsGood(const VioState& state) {
+  return internal::AllFinite(state.pose) && internal::AllFinite(state.velocity) &&
+         internal::AllFinite(state.gyr_bias) && internal::AllFinite(state.acc_bias) &&
+         internal::IsUnitQuaternion(state.pose.data() + 3);
 }
 
 Status CheckHeader(const VioSequence& sequence) {
@@ -40,7 +98,7 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
   }
   for (std::size_t k = 0; k < frame.imu.size(); ++k) {
     const ImuSample& sample = frame.imu[k];
-    if (!internal::IsFinite(sample)) {
+    if (!IsFinite(sample)) {
       return Invalid(name + "[" + std::to_string(k) + "] is not finite");
     }
     // Finite already, so that the comparison means what it says.
@@ -50,8 +108,8 @@ Status CheckImu(const VioSequence& sequence, std::size_t i) {
   }
   // All seven numbers of the shared sample and not its time alone: written to a file it stands
   // there once. Requires that frame i − 1 has been checked, and so has a sample.
-  if (i > 0 && !(frame.imu.size() > 1 &&
-                 internal::IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
+  if (i > 0 &&
+      !(frame.imu.size() > 1 && IsSame(frame.imu.front(), sequence.frames[i - 1].imu.back()))) {
     return Invalid(name + " does not go on from the last sample of the frame before");
   }
   return Status::Ok();
@@ -61,7 +119,7 @@ Status CheckFrame(const VioSequence& sequence, std::size_t i) {
   const VioFrame& frame = sequence.frames[i];
   const std::string name = "frames[" + std::to_string(i) + "]";
   for (const VioState* state : {&frame.start, &frame.truth}) {
-    if (!internal::IsGood(*state)) {
+    if (!IsGood(*state)) {
       return Invalid(name + (state == &frame.start ? ".start" : ".truth") +
                      " is not finite, or its q no unit quaternion");
     }

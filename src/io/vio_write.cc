@@ -1,7 +1,7 @@
 #include <memory>
 
 #include "inceres/io/vio_sequence.h"
-#include "io/byte_sink.h"
+#include "io/byte_stream.h"
 #include "io/text_writer.h"
 
 // Writes visual-inertial sequences, in the order of arrival: header, then for each frame the

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
+#include <utility>
 #include <vector>
 
 namespace inceres::internal {
@@ -29,5 +31,23 @@ struct Aggregates {
 /// SIAM J. Sci. Comput. 20(1), 1998 (heavy-edge matching).
 Aggregates AggregateByMatching(const WeightedGraph& graph, int first_round,
                                const std::function<bool(const WeightedGraph&)>& is_small_enough);
+
+/// A partition of the block rows of S (frames), and which pairs of its parts count as neighbors:
+/// what a preconditioner keeps of S.
+struct FrameClusters {
+  std::vector<int> cluster_of;  // per block row
+  // per cluster, or empty: up to two others whose coupling is kept as well; −1: none
+  std::vector<std::pair<int, int>> neighbors;
+
+  /// Where they are numbered without gaps.
+  int num_clusters() const {
+    return cluster_of.empty() ? 0 : 1 + *std::max_element(cluster_of.begin(), cluster_of.end());
+  }
+  /// Whether the block (i, j) is kept.
+  bool Keeps(int i, int j) const {
+    const int a = cluster_of[i], b = cluster_of[j];
+    return a == b || (!neighbors.empty() && (neighbors[a].first == b || neighbors[a].second == b));
+  }
+};
 
 }  // namespace inceres::internal

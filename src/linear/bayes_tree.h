@@ -6,9 +6,8 @@
 
 #include "base/executor.h"
 #include "inceres/linear/reduced_solver.h"
-#include "linear/assembled_matrix.h"
 #include "linear/clique_tree.h"
-#include "linear/half_solves.h"
+#include "linear/resuming.h"
 #include "linear/tree_rows.h"
 #include "linear/tree_substitution.h"
 

@@ -3,20 +3,10 @@
 #include <vector>
 
 #include "base/counting_sort.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
+#include "linear/pattern_rows.h"
 
 namespace inceres::internal {
-
-/// visit(i, j), j < i, for each block of the strict lower triangle, by rows.
-template <typename Visit>
-void ForEachCoupling(const BlockPattern& pattern, const Visit& visit) {
-  for (int i = 0; i < pattern.num_blocks(); ++i) {
-    // The diagonal block is the last of its row and ends the loop.
-    for (int k = pattern.row_begin[i]; pattern.columns[k] < i; ++k) {
-      visit(i, pattern.columns[k]);
-    }
-  }
-}
 
 /// The graph of S: of each block row those it is coupled to, without itself, ascending, in one
 /// array. Each has the other.
@@ -35,6 +25,33 @@ struct BlockNeighbors {
 
   std::vector<Index> begin;  // per row, and one more
   std::vector<Index> rows;
+};
+
+/// The rows of the whole matrix of which a pattern has the lower triangle, without the blocks k
+/// that !keeps(k): of each row its blocks by ascending column, those of the upper triangle as the
+/// ones that they mirror.
+struct WholeRows {
+  struct Place {
+    int block;
+    int column;
+  };
+  template <typename Keeps>
+  WholeRows(const BlockPattern& pattern, const Keeps& keeps) {
+    const auto for_each_place = [&](const auto& add) {
+      ForEachBlock(pattern, [&](int i, int j, int k) {
+        if (keeps(k)) {
+          add(i, Place{k, j});
+          if (j != i) {
+            add(j, Place{k, i});
+          }
+        }
+      });
+    };
+    CountingSort(pattern.num_blocks(), for_each_place, &begin, &places);
+  }
+
+  std::vector<int> begin;  // per row, and one more
+  std::vector<Place> places;
 };
 
 }  // namespace inceres::internal

@@ -7,7 +7,7 @@
 
 #include "base/counting_sort.h"
 #include "linear/block_neighbors.h"
-#include "simd/small_kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -129,15 +129,13 @@ class PathFinder {
           }
         },
         &found_.node_begin, &found_.blocks);
+    found_.node_size.assign(num_nodes, 0);
+    for (int row = 0; row < num_rows(); ++row) {
+      found_.node_size[found_.node_of[row]] += pattern_.block_size(row);
+    }
   }
 
-  int SizeOf(int node) const {
-    int size = 0;
-    for (int k = found_.node_begin[node]; k < found_.node_begin[node + 1]; ++k) {
-      size += pattern_.block_size(found_.blocks[k]);
-    }
-    return size;
-  }
+  int SizeOf(int node) const { return found_.node_size[node]; }
 
   // Up to two of each node, and how many: 3 stands for all that is more. All rows of a node have
   // the same neighbors.

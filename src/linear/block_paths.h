@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -25,8 +25,9 @@ struct BlockPaths {
   std::vector<int> node_of;  // per block row
   // per node, and one more: where its block rows begin among `blocks`
   std::vector<int> node_begin{0};
-  std::vector<int> blocks;  // ascending within a node
-  std::vector<int> nodes;   // path by path
+  std::vector<int> blocks;     // ascending within a node
+  std::vector<int> node_size;  // per node: its scalars
+  std::vector<int> nodes;      // path by path
   std::vector<Path> paths;
 
   int num_nodes() const { return static_cast<int>(node_begin.size()) - 1; }

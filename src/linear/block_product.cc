@@ -2,7 +2,6 @@
 
 #include <numeric>
 
-#include "base/counting_sort.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -23,26 +22,9 @@ constexpr int kRowGrain = 16;
 
 }  // namespace
 
-BlockProduct::BlockProduct(const BlockPattern& pattern) {
-  const int num_rows = pattern.num_blocks();
-  // A row's blocks of the lower triangle come first, then those of the upper one, both by ascending
-  // column: one order of the sum.
-  const auto for_each_place = [&](const auto& visit) {
-    for (int i = 0; i < num_rows; ++i) {
-      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-        visit(i, Place{k, pattern.columns[k]});
-      }
-    }
-    for (int i = 0; i < num_rows; ++i) {  // the upper triangle: after all of a row's lower blocks
-      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-        if (pattern.columns[k] != i) {
-          visit(pattern.columns[k], Place{k, i});
-        }
-      }
-    }
-  };
-  CountingSort(num_rows, for_each_place, &row_begin_, &places_);
-  for (int i = 0; i < num_rows; ++i) {
+BlockProduct::BlockProduct(const BlockPattern& pattern)
+    : rows_(pattern, /*keeps=*/[](int /*block*/) { return true; }) {
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
     packed_.push_back(packed_.back() + pattern.block_size(i));
     padded_.push_back(padded_.back() + PadToQuad(pattern.block_size(i)));
   }
@@ -61,8 +43,8 @@ void BlockProduct::SubtractRow(int row, const std::vector<const double*>& blocks
                                const double* diagonal, const double* v, double* y) const {
   const int size = block_size(row);
   double* const out = y + padded_[row];
-  for (int k = row_begin_[row]; k < row_begin_[row + 1]; ++k) {
-    const auto [block, column] = places_[k];
+  for (int k = rows_.begin[row]; k < rows_.begin[row + 1]; ++k) {
+    const auto [block, column] = rows_.places[k];
     const double* entry = blocks[block];
     // A block that is known to be zero: in C most pairs of frames share no factor.
     if (entry == nullptr) {
@@ -102,8 +84,8 @@ void BlockProduct::SubtractDiagonal(const double* diagonal, const double* v, dou
 }
 
 std::int64_t BlockProduct::Bytes() const {
-  return static_cast<std::int64_t>(places_.size() * sizeof(Place) +
-                                   (packed_.size() + padded_.size() + row_begin_.size()) *
+  return static_cast<std::int64_t>(rows_.places.size() * sizeof(WholeRows::Place) +
+                                   (packed_.size() + padded_.size() + rows_.begin.size()) *
                                        sizeof(int));
 }
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/executor.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "linear/block_neighbors.h"
 
 namespace inceres::internal {
 
@@ -31,19 +31,13 @@ class BlockProduct {
   std::int64_t Bytes() const;
 
  private:
-  // A block of a row of the whole matrix.
-  struct Place {
-    int block;
-    int column;
-  };
   void SubtractDiagonal(int row, const double* diagonal, const double* v, double* y) const;
   void SubtractRow(int row, const std::vector<const double*>& blocks, const double* diagonal,
                    const double* v, double* y) const;
 
   std::vector<int> packed_{0};
   std::vector<int> padded_{0};
-  std::vector<int> row_begin_;  // per row, one more
-  std::vector<Place> places_;
+  WholeRows rows_;
 };
 
 }  // namespace inceres::internal

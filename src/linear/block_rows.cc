@@ -4,7 +4,7 @@
 #include <initializer_list>
 
 #include "base/growth_count.h"
-#include "simd/small_kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -106,7 +106,7 @@ void SymmetricBlockRows::ZeroRow(int row) {
 
 // All of the array, room that is free included: one pass.
 void SymmetricBlockRows::Zero() {
-  BestSmallKernels().set_zero(static_cast<std::int64_t>(values_.size()), values_.data());
+  BestKernels().set_zero(static_cast<std::int64_t>(values_.size()), values_.data());
 }
 
 // For solvers that know nothing of edits: the living rows, renumbered without gaps. Kept until a
@@ -223,3 +223,26 @@ void SymmetricBlockRows::Release(std::int64_t offset, int rows, int columns) {
 }
 
 }  // namespace inceres::internal
+
+namespace inceres {
+
+// The half of ReducedMatrix that knows S as it grows. A pattern of it numbers living rows without
+// gaps; ids are the numbers that rows have for good.
+
+int ReducedMatrix::RowId(int i) const {
+  return rows_ == nullptr ? i : rows_->pattern_rows()[i];
+}
+
+const BlockPattern& ReducedMatrix::GrownPattern() const {
+  return rows_->Pattern();
+}
+
+const double* ReducedMatrix::GrownBlock(int i, int k) const {
+  const BlockPattern& blocks = rows_->Pattern();
+  // A held row keeps its place in the pattern, as a row of the identity: its blocks are not shown.
+  const bool left_out = constant_ != nullptr &&
+                        (constant_[RowId(i)] != 0 || constant_[RowId(blocks.columns[k])] != 0);
+  return left_out ? nullptr : rows_->values(blocks.value_begin[k]);
+}
+
+}  // namespace inceres

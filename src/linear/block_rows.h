@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -30,6 +30,19 @@ class SymmetricBlockRows {
   const std::vector<Entry>& row(int row) const { return rows_[row]; }
   /// The rows > column with a block in this column, ascending.
   const std::vector<int>& below(int column) const { return below_[column]; }
+
+  /// Calls visit(other) of the rows that it has a block with, ascending, itself among them.
+  template <typename Visit>
+  void ForEachCoupled(int row, const Visit& visit) const {
+    for (const Entry& entry : rows_[row]) {
+      visit(entry.column);
+    }
+    for (const int below : below_[row]) {
+      visit(below);
+    }
+  }
+  /// Blocks off the diagonal in the row and in its column; of a row that is there.
+  std::size_t Degree(int row) const { return rows_[row].size() - 1 + below_[row].size(); }
 
   /// Appends a row with a zero diagonal block; returns its index.
   int AddRow(int size);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -61,17 +62,14 @@ void ClusterCholesky::Halve(const double* values) {
   own_ = pattern_;
   own_.value_begin.assign(1, 0);
   halved_.clear();
-  for (int i = 0; i < pattern_.num_blocks(); ++i) {
-    for (int k = pattern_.row_begin[i]; k < pattern_.row_begin[i + 1]; ++k) {
-      const int rows = pattern_.block_size(i);
-      const int stride = pattern_.row_stride(pattern_.columns[k]);
-      const double* const block = values + pattern_.value_begin[k];
-      const double scale = is_between_[k] != 0 ? 0.5 : 1.0;
-      std::transform(block, block + static_cast<std::ptrdiff_t>(rows) * stride,
-                     std::back_inserter(halved_), [scale](double value) { return scale * value; });
-      own_.value_begin.push_back(static_cast<std::int64_t>(halved_.size()));
-    }
-  }
+  ForEachBlock(pattern_, [&](int i, int j, int k) {
+    const int rows = pattern_.block_size(i), stride = pattern_.row_stride(j);
+    const double* const block = values + pattern_.value_begin[k];
+    const double scale = is_between_[k] != 0 ? 0.5 : 1.0;
+    std::transform(block, block + static_cast<std::ptrdiff_t>(rows) * stride,
+                   std::back_inserter(halved_), [scale](double value) { return scale * value; });
+    own_.value_begin.push_back(static_cast<std::int64_t>(halved_.size()));
+  });
 }
 
 void ClusterCholesky::Apply(const double* r, double* z) {

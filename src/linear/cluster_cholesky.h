@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
-#include "linear/frame_clusters.h"
+#include "inceres/linear/reduced_solver.h"
+#include "linear/aggregation.h"
 #include "linear/sparse_cholesky.h"
 
 namespace inceres::internal {

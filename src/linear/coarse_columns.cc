@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
+#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
@@ -11,7 +13,7 @@ namespace inceres::internal {
 
 // Coarse columns V of a two-level preconditioner (docs/algorithms.md, "Reduced linear systems", two
 // levels; Mandel 1993): products with V and A V, the Gram–Schmidt process, and the Galerkin product
-// VᵀA V. coarse_columns_setup.cc says where the blocks are; others write V and A V.
+// VᵀA V. Others write V and A V.
 //
 // V has one block a row of A, in the columns of the row's aggregate, so products with V cost one
 // pass over the rows. A V has a block where the columns of an aggregate reach a row, and is kept,
@@ -57,6 +59,83 @@ void AddProduct(const double* B, int rows, int stride, int width, const double* 
 }
 
 }  // namespace
+
+CoarseColumns::CoarseColumns(const std::vector<int>& offsets, CoarseShape shape,
+                             const Executor& executor)
+    : executor_(executor), shape_(std::move(shape)), offsets_(offsets), column_offsets_{0} {
+  for (const int width : shape_.widths) {
+    column_offsets_.push_back(column_offsets_.back() + width);
+  }
+  PlaceValues();
+  PlaceProducts();
+}
+
+// V has one block a row of A, in the columns of the row's aggregate: rows of widths[aggregate]
+// entries, padded to quads. The members of each aggregate are listed, ascending, for the sums VᵀA
+// V.
+void CoarseColumns::PlaceValues() {
+  padded_.push_back(0);
+  V_begin_.push_back(0);
+  for (int i = 0; i < num_rows(); ++i) {
+    // Vectors begin each block row on a quad.
+    padded_.push_back(padded_.back() + PadToQuad(block_size(i)));
+    V_begin_.push_back(V_begin_.back() +
+                       static_cast<std::int64_t>(block_size(i)) * stride(shape_.aggregate_of[i]));
+  }
+  const auto for_each_member = [this](const auto& add) {
+    for (int i = 0; i < num_rows(); ++i) {
+      add(shape_.aggregate_of[i], i);
+    }
+  };
+  CountingSort(shape_.num_aggregates(), for_each_member, &members_begin_, &members_);
+  // Zeros also in the padding, which nobody writes.
+  V_ = ZeroedArray(V_begin_.back());
+}
+
+// A V has a block where the columns of an aggregate reach a row of A: by aggregate, as it is
+// formed, and once more by row, since a product A V q is summed row by row, each by one task.
+void CoarseColumns::PlaceProducts() {
+  A_V_begin_.push_back(0);
+  const auto for_each_product = [this](const auto& add) {
+    for (int a = 0; a < shape_.num_aggregates(); ++a) {
+      for (int place = shape_.coupled_begin[a]; place < shape_.coupled_begin[a + 1]; ++place) {
+        add(shape_.coupled[place], RowPlace{a, place});
+      }
+    }
+  };
+  for_each_product([this](int row, const RowPlace& place) {
+    A_V_begin_.push_back(A_V_begin_.back() +
+                         static_cast<std::int64_t>(block_size(row)) * stride(place.aggregate));
+  });
+  // By ascending aggregate within a row: one order of the sum.
+  CountingSort(num_rows(), for_each_product, &rows_begin_, &rows_);
+  A_V_ = ZeroedArray(A_V_begin_.back());
+}
+
+// Block (a, b) is there if a row of aggregate a is reached by the columns of b.
+BlockPattern CoarseColumns::GalerkinPattern() const {
+  const int count = shape_.num_aggregates();
+  std::vector<std::vector<int>> columns(count);  // per row, ascending
+  std::vector<int> last_column(count, -1);
+  for (int b = 0; b < count; ++b) {
+    for (int place = shape_.coupled_begin[b]; place < shape_.coupled_begin[b + 1]; ++place) {
+      // Of the lower triangle alone. The rows come in any order of aggregates, but those of one
+      // column b are met together, so the last column of a row tells whether (a, b) is new.
+      const int a = shape_.aggregate_of[shape_.coupled[place]];
+      if (a > b && std::exchange(last_column[a], b) != b) {
+        columns[a].push_back(b);
+      }
+    }
+    // The diagonal block is always there, and last of those up to b, as a BlockPattern has it. Rows
+    // behind b get theirs when the loop comes to them.
+    columns[b].push_back(b);
+  }
+  BlockPattern pattern = PatternWithoutBlocks(column_offsets_);
+  for (const std::vector<int>& of_row : columns) {
+    AppendRow(of_row, &pattern);
+  }
+  return pattern;
+}
 
 int CoarseColumns::stride(int aggregate) const {
   return PadToQuad(shape_.widths[aggregate]);
@@ -109,23 +188,17 @@ double CoarseColumns::Product(int aggregate, int a, int b,
 void CoarseColumns::OrthonormalizeAggregate(int aggregate,
                                             const std::vector<const double*>& blocks) {
   const int stride = this->stride(aggregate);
-  // v_to := keep v_to + scale v_from, over the aggregate's rows.
-  const auto add = [&](double scale, int from, double keep, int to) {
+  const auto for_each_row = [&](const auto& visit) {
     for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
       double* v = V(members_[m]);
       for (int r = 0; r < block_size(members_[m]); ++r, v += stride) {
-        v[to] = keep * v[to] + scale * v[from];
+        visit(v);
       }
     }
   };
-  // Not by a product, which leaves what is no number.
-  const auto clear = [&](int column) {
-    for (int m = members_begin_[aggregate]; m < members_begin_[aggregate + 1]; ++m) {
-      double* v = V(members_[m]);
-      for (int r = 0; r < block_size(members_[m]); ++r, v += stride) {
-        v[column] = 0.0;
-      }
-    }
+  // v_to := keep v_to + scale v_from.
+  const auto add = [&](double scale, int from, double keep, int to) {
+    for_each_row([=](double* v) { v[to] = keep * v[to] + scale * v[from]; });
   };
   for (int k = 0; k < shape_.widths[aggregate]; ++k) {
     // A length of rounding alone may be the root of a negative number.
@@ -141,7 +214,8 @@ void CoarseColumns::OrthonormalizeAggregate(int aggregate,
     if (independent) {
       add(0.0, k, 1.0 / left, k);
     } else {
-      clear(k);
+      // Not by a product, which leaves what is no number.
+      for_each_row([k](double* v) { v[k] = 0.0; });
     }
   }
 }

@@ -5,7 +5,7 @@
 
 #include "base/executor.h"
 #include "base/zeroed_array.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 

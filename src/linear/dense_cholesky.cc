@@ -87,26 +87,27 @@ int DenseCholesky::StartOf(int top, int bottom) const {
                            quad_start_.begin() + PadToQuad(bottom) / kQuad);
 }
 
+// Granule by granule: neighbors with the same start become one strip, up to the length of a task.
+void DenseCholesky::Append(const Strip& granule, std::vector<Strip>* strips) {
+  if (!strips->empty() && strips->back().bottom == granule.top &&
+      strips->back().start == granule.start && granule.top - strips->back().top < kRowStrip) {
+    strips->back().bottom = granule.bottom;
+  } else {
+    strips->push_back(granule);
+  }
+}
+
 // The rows from the group's first on that products with the columns ahead of `first` reach. They
 // begin at the later of a strip's start and that of the group's own rows.
 void DenseCholesky::CutGroup(int first, Group* group) const {
   std::vector<Strip>& strips = group->updated;
   strips.clear();
   const int earliest = StartOf(group->left, group->right);
-  // Granule by granule; neighbors with the same start become one strip, up to the length of a
-  // task.
   for (int top = group->left; earliest < first && top < padded_size_; top += kGranule) {
     const int bottom = std::min(top + kGranule, padded_size_);
     const int start = std::max(earliest, StartOf(top, bottom));
-    if (start >= first) {
-      continue;
-    }
-    const bool joins = !strips.empty() && strips.back().bottom == top &&
-                       strips.back().start == start && top - strips.back().top < kRowStrip;
-    if (joins) {
-      strips.back().bottom = bottom;
-    } else {
-      strips.push_back(Strip{top, bottom, start});
+    if (start < first) {
+      Append({top, bottom, start}, &strips);
     }
   }
 }
@@ -116,15 +117,8 @@ void DenseCholesky::CutBelow(int first, int end, std::vector<Strip>* strips) con
   strips->clear();
   for (int top = end; top < padded_size_; top += kGranule) {
     const int bottom = std::min(top + kGranule, padded_size_);
-    if (StartOf(top, bottom) >= end) {
-      continue;
-    }
-    const bool joins =
-        !strips->empty() && strips->back().bottom == top && top - strips->back().top < kRowStrip;
-    if (joins) {
-      strips->back().bottom = bottom;
-    } else {
-      strips->push_back(Strip{top, bottom, first});
+    if (StartOf(top, bottom) < end) {
+      Append({top, bottom, first}, strips);
     }
   }
 }
@@ -181,14 +175,9 @@ void DenseCholesky::CopyIn(const ReducedMatrix& A) {
   }
 }
 
-// Subtracts what the columns ahead of the panel contribute to it. The rows of the padding are zero
-// and stay so: with them there is nothing left over for the kernels to do one by one.
-void DenseCholesky::UpdatePanel(int first) {
-  for (const Group& group : PanelAt(first).groups) {
-    UpdateGroup(first, group);
-  }
-}
-
+// Subtracts what the columns ahead of the panel contribute to a group of its columns. The rows of
+// the padding are zero and stay so: with them there is nothing left over for the kernels to do one
+// by one.
 void DenseCholesky::UpdateGroup(int first, const Group& group) {
   const Kernels& kernels = BestKernels();
   const std::vector<Strip>& strips = group.updated;
@@ -220,7 +209,9 @@ Status DenseCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/)
   for (int first = 0; first < size_ && factored_.ok(); first += panel_) {
     const int width = std::min(panel_, size_ - first);
     int failed = 0;
-    UpdatePanel(first);
+    for (const Group& group : PanelAt(first).groups) {
+      UpdateGroup(first, group);
+    }
     if (FactorDiagonalBlock(Column(first) + first, stride_, width, &failed)) {
       SolvePanel(first, width);
       continue;

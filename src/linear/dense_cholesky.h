@@ -55,6 +55,7 @@ class DenseCholesky final : public ReducedSolver {
   bool IsSmall() const;
   void FindRowStarts();
   int StartOf(int top, int bottom) const;
+  static void Append(const Strip& granule, std::vector<Strip>* strips);
   void CutGroup(int first, Group* group) const;
   void CutBelow(int first, int end, std::vector<Strip>* strips) const;
   void CutPanels();
@@ -62,7 +63,6 @@ class DenseCholesky final : public ReducedSolver {
     return panels_[static_cast<std::size_t>(first / panel_)];
   }
   void CopyIn(const ReducedMatrix& A);
-  void UpdatePanel(int first);
   void UpdateGroup(int first, const Group& group);
   void SolvePanel(int first, int width);
   double* Column(int j) { return L_.data() + static_cast<std::ptrdiff_t>(j) * stride_; }

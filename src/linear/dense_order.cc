@@ -7,6 +7,7 @@
 #include "linear/block_neighbors.h"
 #include "linear/envelope_order.h"
 #include "linear/group_order.h"
+#include "linear/pattern_rows.h"
 
 namespace inceres::internal {
 
@@ -97,14 +98,12 @@ DenseOrder InOrder(const BlockPattern& pattern, std::vector<int> blocks) {
     place[blocks[k]] = static_cast<int>(k);
     order.offsets.push_back(order.offsets.back() + pattern.block_size(blocks[k]));
   }
-  for (int row = 0; row < pattern.num_blocks(); ++row) {
-    for (int k = pattern.row_begin[row]; k < pattern.row_begin[row + 1]; ++k) {
-      // Of a block the later of its two rows, in this order, has it ahead of its diagonal.
-      const int a = place[row], b = place[pattern.columns[k]];
-      int& first = order.first[std::max(a, b)];
-      first = std::min(first, std::min(a, b));
-    }
-  }
+  ForEachCoupling(pattern, [&](int row, int column) {
+    // Of a block the later of its two rows, in this order, has it ahead of its diagonal.
+    const int a = place[row], b = place[column];
+    int& first = order.first[std::max(a, b)];
+    first = std::min(first, std::min(a, b));
+  });
   order.blocks = std::move(blocks);
   for (std::size_t k = 0; k < order.blocks.size(); ++k) {
     const double rows = order.offsets[k + 1] - order.offsets[k];

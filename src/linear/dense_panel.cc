@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "simd/kernels.h"
-#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -122,7 +121,6 @@ void PlaceAnyBlock(const double* block, int block_stride, int rows, int columns,
 // have four columns at a time.
 bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
   const Kernels& kernels = BestKernels();
-  const SmallKernels& small = BestSmallKernels();
   for (int j = 0; j < width; j += kTriangle) {
     const int size = std::min(kTriangle, width - j);
     const int below = j + size;
@@ -137,8 +135,8 @@ bool FactorDiagonalBlock(double* A, int stride, int width, int* failed) {
     }
     if (rows > 0) {
       kernels.solve_lower_transposed(whole_quads, size, column + j, stride, column + below, stride);
-      small.subtract_lower_outer(whole_quads, rows, size, column + below, stride,
-                                 A + static_cast<std::ptrdiff_t>(below) * stride + below, stride);
+      kernels.subtract_lower_outer(whole_quads, rows, size, column + below, stride,
+                                   A + static_cast<std::ptrdiff_t>(below) * stride + below, stride);
     }
   }
   return true;

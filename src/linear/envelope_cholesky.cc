@@ -42,10 +42,6 @@ void SolveAgainstDiagonal(int rows, int size, const double* L, int ldl,
   }
 }
 
-bool IsHeld(const char* held, int row) {
-  return held != nullptr && held[row] != 0;
-}
-
 }  // namespace
 
 // Memory of rows is kept when there are fewer than before. What makes a row's bits the same resumed
@@ -107,8 +103,7 @@ void EnvelopeCholesky::CopyRow(const SymmetricBlockRows& S, const RowOrder& orde
   row.start = offsets_[row.first_column] / kQuad * kQuad;
   row.stride = PadToQuad(offsets_[i + 1] - row.start);
   memory.values.resize(static_cast<std::size_t>(size) * row.stride);
-  BestSmallKernels().set_zero(static_cast<std::int64_t>(memory.values.size()),
-                              memory.values.data());
+  BestKernels().set_zero(static_cast<std::int64_t>(memory.values.size()), memory.values.data());
   memory.inverse_pivots.resize(size);
   row.values = memory.values.data();
   row.inverse_pivots = memory.inverse_pivots.data();
@@ -168,7 +163,7 @@ bool EnvelopeCholesky::FactorRow(int i) {
       ++end;
     }
     if (is_small && (end > j || end == i)) {
-      BestSmallKernels().solve_envelope_run(size, rows_.data(), offsets_.data(), i, j, end);
+      BestKernels().solve_envelope_run(size, rows_.data(), offsets_.data(), i, j, end);
       j = end < i ? end : i + 1;
     } else {
       SolveBlock(i, j);

@@ -6,7 +6,7 @@
 #include "base/aligned_vector.h"
 #include "linear/block_rows.h"
 #include "linear/row_order.h"
-#include "simd/small_kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 

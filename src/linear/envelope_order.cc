@@ -23,15 +23,6 @@ namespace {
 constexpr double kDenseShare = 10.0;
 constexpr double kMinDense = 16.0;
 
-bool IsHeld(const char* held, int row) {
-  return held != nullptr && held[row] != 0;
-}
-
-// Blocks off the diagonal in the row and in its column.
-std::size_t Degree(const SymmetricBlockRows& S, int row) {
-  return S.row(row).size() - 1 + S.below(row).size();
-}
-
 }  // namespace
 
 // S keeps to the order of arrival: of the two triangles either may have what is ahead in this
@@ -42,18 +33,12 @@ int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrde
     return k;
   }
   int first = k;
-  const auto look_at = [&](int other) {
+  S.ForEachCoupled(row, [&](int other) {
     const int place = order.place(other);
     if (place >= 0 && place < first && !IsHeld(held, other)) {
       first = place;
     }
-  };
-  for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
-    look_at(entry.column);
-  }
-  for (const int below : S.below(row)) {
-    look_at(below);
-  }
+  });
   return first;
 }
 
@@ -142,7 +127,7 @@ void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder
   for (int place = order.num_places() - 1; place >= first_place; --place) {
     // Such a row would draw all others close together in the search: it says nothing about
     // distances.
-    if (static_cast<double>(Degree(S, order.row(place))) > limit) {
+    if (static_cast<double>(S.Degree(order.row(place))) > limit) {
       Take(order.row(place));
     }
   }
@@ -151,22 +136,15 @@ void EnvelopeOrdering::TakeDenseRows(const SymmetricBlockRows& S, const RowOrder
 // Everything connected with the rows taken, nearest first, among equals those with fewer neighbors.
 void EnvelopeOrdering::TakeConnected(const SymmetricBlockRows& S) {
   for (; next_ < rows_.size(); ++next_) {
-    const int row = rows_[next_];
     near_.clear();
-    const auto look_at = [this](int other) {
+    S.ForEachCoupled(rows_[next_], [this](int other) {
       if (taken_[other] == 0) {
         near_.push_back(other);
       }
-    };
-    for (const SymmetricBlockRows::Entry& entry : S.row(row)) {
-      look_at(entry.column);
-    }
-    for (const int below : S.below(row)) {
-      look_at(below);
-    }
+    });
     // A complete order: equal degrees are told apart by index.
     std::sort(near_.begin(), near_.end(), [&S](int a, int b) {
-      return Degree(S, a) != Degree(S, b) ? Degree(S, a) < Degree(S, b) : a < b;
+      return S.Degree(a) != S.Degree(b) ? S.Degree(a) < S.Degree(b) : a < b;
     });
     for (const int other : near_) {
       Take(other);

@@ -7,6 +7,11 @@
 
 namespace inceres::internal {
 
+/// held may be null: none is.
+inline bool IsHeld(const char* held, int row) {
+  return held != nullptr && held[row] != 0;
+}
+
 /// The first place whose row of S is coupled to the row at place k, held rows left out (held may be
 /// null); k itself if none before it is.
 int FirstFreeColumn(const SymmetricBlockRows& S, const char* held, const RowOrder& order, int k);

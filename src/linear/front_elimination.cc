@@ -6,7 +6,6 @@
 
 #include "linear/dense_panel.h"
 #include "simd/kernels.h"
-#include "simd/small_kernels.h"
 
 namespace inceres::internal {
 
@@ -63,8 +62,8 @@ void AddUpdateBlock(const double* source, int source_stride, int column, int cou
   if (rows.to > column) {
     // Column by column on either side: along memory.
     const ColumnsOf target(front, L, U, column);
-    return BestSmallKernels().add_columns(rows.length, count, source, source_stride,
-                                          target.first + rows.to, target.stride);
+    return BestKernels().add_columns(rows.length, count, source, source_stride,
+                                     target.first + rows.to, target.stride);
   }
   for (int r = 0; r < rows.length; ++r, ++source) {
     // What is a row of the child is a column of the front: the read is strided.
@@ -82,8 +81,8 @@ void AddUpdateTriangle(const double* source, int source_stride, int size, int co
   const ColumnsOf target(front, L, U, column);
   double* diagonal = target.first + column;
   for (int c = 0; c < size; c += kQuad) {
-    BestSmallKernels().add_columns(size - c, std::min(kQuad, size - c), source, source_stride,
-                                   diagonal, target.stride);
+    BestKernels().add_columns(size - c, std::min(kQuad, size - c), source, source_stride, diagonal,
+                              target.stride);
     source += kQuad * (source_stride + std::ptrdiff_t{1});
     diagonal += kQuad * (target.stride + std::ptrdiff_t{1});
   }
@@ -92,7 +91,7 @@ void AddUpdateTriangle(const double* source, int source_stride, int size, int co
 // Zeros in all that is read: of a column from the first row of its panel on. In the first panel
 // that is everything, at once.
 void ZeroColumns(int count, int num_rows, int stride, double* A) {
-  const SmallKernels& kernels = BestSmallKernels();
+  const Kernels& kernels = BestKernels();
   const int whole = std::min(count, kFrontPanel);
   kernels.set_zero(std::int64_t{whole} * stride, A);
   for (int j = whole; j < count; ++j) {
@@ -163,7 +162,7 @@ int EliminateFront(const Front& front, double* L, double* U, const Executor& exe
   const int update_stride = front.update_stride();
   // By columns of U, and each from its own diagonal down.
   ForFrontStrips(front, executor, 0, front.height, kFrontPanel, [&](int first, int end) {
-    BestSmallKernels().subtract_lower_outer(
+    BestKernels().subtract_lower_outer(
         update_stride - first, end - first, front.width, rows + first, stride,
         U + static_cast<std::ptrdiff_t>(first) * update_stride + first, update_stride);
   });

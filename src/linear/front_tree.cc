@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "linear/pattern_rows.h"
 #include "linear/symbolic_factor.h"
 
 namespace inceres::internal {
@@ -161,22 +162,13 @@ class TreeBuilder {
       return front_of_[std::min(position_[i], position_[j])];
     };
     std::vector<int> count(tree_->fronts.size(), 0);
-    ForEachBlock([&](int i, int j, int) { ++count[front_of_block(i, j)]; });
+    ForEachBlock(pattern_, [&](int i, int j, int) { ++count[front_of_block(i, j)]; });
     tree_->pieces.resize(Reserve(count, &Front::piece_begin, &Front::piece_end));
-    ForEachBlock([&](int i, int j, int k) {
+    ForEachBlock(pattern_, [&](int i, int j, int k) {
       const int f = front_of_block(i, j);
       tree_->pieces[tree_->fronts[f].piece_end++] = {i, k, PlaceOf(position_[i], f),
                                                      PlaceOf(position_[j], f)};
     });
-  }
-
-  template <typename Visit>
-  void ForEachBlock(const Visit& visit) const {
-    for (int i = 0; i < pattern_.num_blocks(); ++i) {
-      for (int k = pattern_.row_begin[i]; k < pattern_.row_begin[i + 1]; ++k) {
-        visit(i, pattern_.columns[k], k);
-      }
-    }
   }
 
   const BlockPattern& pattern_;

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "inceres/status.h"
 #include "simd/kernels.h"
 

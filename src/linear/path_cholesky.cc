@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "linear/not_positive_definite.h"
-#include "simd/small_kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -52,7 +52,7 @@ void CopyBlock(const double* from, int stride, int rows, int columns, double* to
 
 template <typename Body>
 void PathCholesky::ForPaths(const Body& body) const {
-  executor_.For(plan_.num_paths(), kPathsATask, [&](int begin, int end) {
+  executor_.For(static_cast<int>(plan_.paths().size()), kPathsATask, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
       body(p);
     }
@@ -72,7 +72,7 @@ Status PathCholesky::Analyze(const BlockPattern& pattern, BlockPaths paths) {
   tiles_.resize(plan_.sizes().tiles);
   vectors_.resize(plan_.sizes().vectors);
   squares_.resize(plan_.sizes().square);
-  failed_.assign(plan_.num_paths(), -1);
+  failed_.assign(plan_.paths().size(), -1);
   const BlockPattern& rest = plan_.rest_pattern();
   rest_values_.resize(static_cast<std::size_t>(rest.value_begin.back()));
   rest_diagonal_.resize(rest.size());
@@ -108,17 +108,15 @@ void PathCholesky::PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix&
 // the path leaves at its end and between its two ends is summed there, and S has no part in it. So
 // is the anchor's own block, which lies apart, because each node adds to it. Returns the scalar
 // that fails, counted along the path, or −1.
-int PathCholesky::EliminatePath(int p, const ReducedMatrix& A) {
-  const BlockPaths::Path& path = plan_.path(p);
-  const PathPlan::Place& place = plan_.place(p);
-  const int stride = 3 * plan_.Section(p);
-  double* const tiles = tiles_.data() + place.tiles;
-  std::fill_n(tiles, (plan_.NumNodes(p) + 1) * plan_.TileSize(p), 0.0);
-  for (int k = place.piece_begin; k < place.piece_end; ++k) {
+int PathCholesky::EliminatePath(const PathPlan::Path& path, const ReducedMatrix& A) {
+  const int stride = path.stride();
+  double* const tiles = tiles_.data() + path.at.tiles;
+  std::fill_n(tiles, (path.num_nodes() + 1) * path.tile_size(), 0.0);
+  for (int k = path.piece_begin; k < path.piece_end; ++k) {
     PlacePiece(plan_.pieces()[k], A, tiles_.data());
   }
   double* tile = tiles;
-  for (int k = path.begin; k < path.end; ++k, tile += plan_.TileSize(p)) {
+  for (int k = path.begin; k < path.end; ++k, tile += path.tile_size()) {
     plan_.ForEachRowOfPath(k, [&](int row, int local) {
       const double* const diagonal = A.diagonal() + plan_.pattern().offsets[row];
       for (int r = 0; r < plan_.pattern().block_size(row); ++r) {
@@ -128,10 +126,10 @@ int PathCholesky::EliminatePath(int p, const ReducedMatrix& A) {
   }
   double* square = nullptr;
   if (path.anchor != BlockPaths::kNone) {
-    square = squares_.data() + place.square;
-    std::fill_n(square, std::ptrdiff_t{path.size} * plan_.Section(p), 0.0);
+    square = squares_.data() + path.at.square;
+    std::fill_n(square, std::ptrdiff_t{path.size} * path.section(), 0.0);
   }
-  return BestSmallKernels().eliminate_path(path.size, plan_.NumNodes(p), tiles, square);
+  return BestKernels().eliminate_path(path.size, path.num_nodes(), tiles, square);
 }
 
 // Block (row, column) of the rest gains one of the path, of which a column has `column_stride`
@@ -152,21 +150,19 @@ void PathCholesky::AddBlock(const double* from, int column_stride, int row, int 
 // already, for the kernels subtract from zeros. The section for the anchor in the last tile has the
 // anchor's rows and the columns of what is next, so it is turned where the rest has that block the
 // other way around.
-void PathCholesky::AddToRest(int p) {
-  const BlockPaths::Path& path = plan_.path(p);
+void PathCholesky::AddToRest(const PathPlan::Path& path) {
   if (path.next == BlockPaths::kNone) {
     return;
   }
-  const int section = plan_.Section(p), stride = 3 * section, size = path.size;
-  const double* const end =
-      tiles_.data() + plan_.place(p).tiles + plan_.NumNodes(p) * plan_.TileSize(p);
+  const int section = path.section(), stride = path.stride(), size = path.size;
+  const double* const end = tiles_.data() + path.at.tiles + path.num_nodes() * path.tile_size();
   const int next = plan_.RestRow(path.next);
   AddBlock(end, stride, next, next, size, /*is_turned=*/false);
   if (path.anchor == BlockPaths::kNone) {
     return;
   }
   const int anchor = plan_.RestRow(path.anchor);
-  AddBlock(squares_.data() + plan_.place(p).square, section, anchor, anchor, size,
+  AddBlock(squares_.data() + path.at.square, section, anchor, anchor, size,
            /*is_turned=*/false);
   AddBlock(end + section, stride, anchor, next, size, /*is_turned=*/anchor < next);
   if (anchor == next) {
@@ -179,21 +175,20 @@ void PathCholesky::AddToRest(int p) {
 // its rows, which the sparse factor adds. Everything is formed anew: a factorization of the rest is
 // dearer than that, and in a batch solve all of S has changed.
 Status PathCholesky::FactorizeRest(const ReducedMatrix& A) {
-  const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
+  const BlockPattern& pattern = plan_.pattern();
   std::fill(rest_values_.begin(), rest_values_.end(), 0.0);
   for (const PathPlan::Piece& piece : plan_.rest_pieces()) {
     PlacePiece(piece, A, rest_values_.data());
   }
-  for (int p = 0; p < plan_.num_paths(); ++p) {
-    AddToRest(p);
+  for (const PathPlan::Path& path : plan_.paths()) {
+    AddToRest(path);
   }
-  for (int row = 0; row < rest.num_blocks(); ++row) {
-    plan_.ForEachRowOfRest(row, [&](int i, int local) {
-      std::copy_n(A.diagonal() + pattern.offsets[i], pattern.block_size(i),
-                  rest_diagonal_.begin() + rest.offsets[row] + local);
-    });
-  }
-  return rest_.Factorize(ReducedMatrix(rest, rest_values_.data(), rest_diagonal_.data()), {});
+  plan_.ForEachRowOfRest([&](int row, int scalar) {
+    std::copy_n(A.diagonal() + pattern.offsets[row], pattern.block_size(row),
+                rest_diagonal_.begin() + scalar);
+  });
+  return rest_.Factorize(
+      ReducedMatrix(plan_.rest_pattern(), rest_values_.data(), rest_diagonal_.data()), {});
 }
 
 // All paths are eliminated even if one fails, as tasks know nothing of each other; the culprit is
@@ -201,11 +196,13 @@ Status PathCholesky::FactorizeRest(const ReducedMatrix& A) {
 // remembered, so that a solve without a factor says why there is none.
 Status PathCholesky::Factorize(const ReducedMatrix& A, const Rows& /*changed*/) {
   work_.factor_flops = PredictedFlops();
-  ForPaths([&](int p) { failed_[p] = EliminatePath(p, A); });
+  ForPaths([&](int p) { failed_[p] = EliminatePath(plan_.paths()[p], A); });
   const bool is_definite =
       std::all_of(failed_.begin(), failed_.end(), [](int scalar) { return scalar < 0; });
-  factored_ = is_definite ? FactorizeRest(A) : NotPositiveDefinite(A.RowId(RowThatFails()), &work_);
-  if (is_definite && factored_.code == StatusCode::kSingular) {
+  if (is_definite) {
+    factored_ = FactorizeRest(A);
+  }
+  if (!is_definite || factored_.code == StatusCode::kSingular) {
     factored_ = NotPositiveDefinite(A.RowId(RowThatFails()), &work_);
   }
   return factored_;
@@ -223,7 +220,7 @@ int PathCholesky::RowThatFails() const {
                            [&](int row, int local) { culprit = local == 0 ? row : culprit; });
     return culprit;
   }
-  const BlockPaths::Path& path = plan_.path(static_cast<int>(failed - failed_.begin()));
+  const PathPlan::Path& path = plan_.paths()[failed - failed_.begin()];
   plan_.ForEachRowOfPath(path.begin + *failed / path.size, [&](int row, int local) {
     culprit = local <= *failed % path.size ? row : culprit;
   });
@@ -233,67 +230,60 @@ int PathCholesky::RowThatFails() const {
 // y = L⁻¹ b of a path, in padded sections, and what it takes from its two ends. Sections of the two
 // ends begin with zeros, and afterwards have −Σ L y of the path, which SolveRest adds to the rest's
 // b. Where a path ends freely L has zeros, and such a section stays zero.
-void PathCholesky::SolveForward(int p, const double* b) {
+void PathCholesky::SolveForward(const PathPlan::Path& path, const double* b) {
   const BlockPattern& pattern = plan_.pattern();
-  const BlockPaths::Path& path = plan_.path(p);
-  double* y = VectorsOf(p);
-  std::fill_n(y, std::ptrdiff_t{plan_.NumNodes(p) + 2} * plan_.Section(p), 0.0);
-  for (int k = path.begin; k < path.end; ++k, y += plan_.Section(p)) {
+  double* y = VectorsOf(path);
+  std::fill_n(y, std::ptrdiff_t{path.num_nodes() + 2} * path.section(), 0.0);
+  for (int k = path.begin; k < path.end; ++k, y += path.section()) {
     plan_.ForEachRowOfPath(k, [&](int row, int local) {
       std::copy_n(b + pattern.offsets[row], pattern.block_size(row), y + local);
     });
   }
-  BestSmallKernels().solve_path_forward(path.size, plan_.NumNodes(p),
-                                        tiles_.data() + plan_.place(p).tiles, VectorsOf(p),
-                                        AnchorOf(p));
+  BestKernels().solve_path_forward(path.size, path.num_nodes(), tiles_.data() + path.at.tiles,
+                                   VectorsOf(path), AnchorOf(path));
 }
 
 // Again by the calling thread, in the order of the paths: an entry of b in which several paths end
 // is a sum in that order.
 Status PathCholesky::SolveRest(const double* b, double* x) {
   const BlockPattern &pattern = plan_.pattern(), &rest = plan_.rest_pattern();
-  for (int row = 0; row < rest.num_blocks(); ++row) {
-    plan_.ForEachRowOfRest(row, [&](int i, int local) {
-      std::copy_n(b + pattern.offsets[i], pattern.block_size(i),
-                  rest_b_.begin() + rest.offsets[row] + local);
-    });
-  }
+  plan_.ForEachRowOfRest([&](int row, int scalar) {
+    std::copy_n(b + pattern.offsets[row], pattern.block_size(row), rest_b_.begin() + scalar);
+  });
   const auto add = [&](int node, const double* section, int size) {
     if (node != BlockPaths::kNone) {
       double* const to = rest_b_.data() + rest.offsets[plan_.RestRow(node)];
       std::transform(section, section + size, to, to, std::plus<>());
     }
   };
-  for (int p = 0; p < plan_.num_paths(); ++p) {
-    add(plan_.path(p).next, NextOf(p), plan_.path(p).size);
-    add(plan_.path(p).anchor, AnchorOf(p), plan_.path(p).size);
+  for (const PathPlan::Path& path : plan_.paths()) {
+    add(path.next, NextOf(path), path.size);
+    add(path.anchor, AnchorOf(path), path.size);
   }
   const Status solved = rest_.Solve(rest_b_.data(), {}, {}, rest_x_.data());
-  for (int row = 0; solved.ok() && row < rest.num_blocks(); ++row) {
-    plan_.ForEachRowOfRest(row, [&](int i, int local) {
-      std::copy_n(rest_x_.begin() + rest.offsets[row] + local, pattern.block_size(i),
-                  x + pattern.offsets[i]);
+  if (solved.ok()) {
+    plan_.ForEachRowOfRest([&](int row, int scalar) {
+      std::copy_n(rest_x_.begin() + scalar, pattern.block_size(row), x + pattern.offsets[row]);
     });
   }
   return solved;
 }
 
 // x = L⁻ᵀ y of a path, whose ends are known by now; where it is free, L has zeros.
-void PathCholesky::SolveBackward(int p, double* x) {
+void PathCholesky::SolveBackward(const PathPlan::Path& path, double* x) {
   const BlockPattern& pattern = plan_.pattern();
-  const BlockPaths::Path& path = plan_.path(p);
   const auto take = [&](int node, double* section) {
     if (node != BlockPaths::kNone) {
       std::copy_n(rest_x_.begin() + plan_.rest_pattern().offsets[plan_.RestRow(node)], path.size,
                   section);
     }
   };
-  take(path.next, NextOf(p));
-  take(path.anchor, AnchorOf(p));
-  double* y = VectorsOf(p);
-  BestSmallKernels().solve_path_backward(path.size, plan_.NumNodes(p),
-                                         tiles_.data() + plan_.place(p).tiles, AnchorOf(p), y);
-  for (int k = path.begin; k < path.end; ++k, y += plan_.Section(p)) {
+  take(path.next, NextOf(path));
+  take(path.anchor, AnchorOf(path));
+  double* y = VectorsOf(path);
+  BestKernels().solve_path_backward(path.size, path.num_nodes(), tiles_.data() + path.at.tiles,
+                                    AnchorOf(path), y);
+  for (int k = path.begin; k < path.end; ++k, y += path.section()) {
     plan_.ForEachRowOfPath(k, [&](int row, int local) {
       std::copy_n(y + local, pattern.block_size(row), x + pattern.offsets[row]);
     });
@@ -305,10 +295,10 @@ Status PathCholesky::Solve(const double* b, const Rows& /*changed_b*/,
   if (!factored_.ok()) {
     return factored_;
   }
-  ForPaths([&](int p) { SolveForward(p, b); });
+  ForPaths([&](int p) { SolveForward(plan_.paths()[p], b); });
   const Status solved = SolveRest(b, x);
   if (solved.ok()) {
-    ForPaths([&](int p) { SolveBackward(p, x); });
+    ForPaths([&](int p) { SolveBackward(plan_.paths()[p], x); });
   }
   return solved;
 }
@@ -318,8 +308,8 @@ Status PathCholesky::Solve(const double* b, const Rows& /*changed_b*/,
 std::vector<int> PathCholesky::order() const {
   std::vector<int> rows;
   const auto add = [&rows](int row, int) { rows.push_back(row); };
-  for (int p = 0; p < plan_.num_paths(); ++p) {
-    for (int k = plan_.path(p).begin; k < plan_.path(p).end; ++k) {
+  for (const PathPlan::Path& path : plan_.paths()) {
+    for (int k = path.begin; k < path.end; ++k) {
       plan_.ForEachRowOfPath(k, add);
     }
   }

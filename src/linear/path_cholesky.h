@@ -40,21 +40,21 @@ class PathCholesky final : public ReducedSolver {
   template <typename Body>
   void ForPaths(const Body& body) const;
   void PlacePiece(const PathPlan::Piece& piece, const ReducedMatrix& A, double* values) const;
-  int EliminatePath(int p, const ReducedMatrix& A);
-  void AddToRest(int p);
+  int EliminatePath(const PathPlan::Path& path, const ReducedMatrix& A);
+  void AddToRest(const PathPlan::Path& path);
   void AddBlock(const double* from, int column_stride, int row, int column, int size,
                 bool is_turned);
   Status FactorizeRest(const ReducedMatrix& A);
   int RowThatFails() const;
-  void SolveForward(int p, const double* b);
+  void SolveForward(const PathPlan::Path& path, const double* b);
   Status SolveRest(const double* b, double* x);
-  void SolveBackward(int p, double* x);
-  double* VectorsOf(int p) { return vectors_.data() + plan_.place(p).vectors; }
+  void SolveBackward(const PathPlan::Path& path, double* x);
+  double* VectorsOf(const PathPlan::Path& path) { return vectors_.data() + path.at.vectors; }
   // Behind the nodes' sections: that of what is next, and the anchor's.
-  double* NextOf(int p) {
-    return VectorsOf(p) + std::ptrdiff_t{plan_.NumNodes(p)} * plan_.Section(p);
+  double* NextOf(const PathPlan::Path& path) {
+    return VectorsOf(path) + std::ptrdiff_t{path.num_nodes()} * path.section();
   }
-  double* AnchorOf(int p) { return NextOf(p) + plan_.Section(p); }
+  double* AnchorOf(const PathPlan::Path& path) { return NextOf(path) + path.section(); }
 
   const Executor& executor_;
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");

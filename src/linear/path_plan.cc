@@ -10,7 +10,7 @@ namespace inceres::internal {
 
 // Where the blocks of S go when its paths are eliminated first (docs/algorithms.md, "Reduced linear
 // systems"): a tile has the columns of a node of a path, in three sections, its own rows, those of
-// the anchor, and those of the next node (simd/small_kernels.h); the rest is a matrix in whose
+// the anchor, and those of the next node (simd/kernels.h); the rest is a matrix in whose
 // pattern the two ends of a path are coupled. Done once for a structure.
 //
 // A plan is a list of pieces, each a block of S with the address of its first entry in the tiles or
@@ -33,7 +33,7 @@ bool AreWorthEliminating(const BlockPaths& paths) {
 }
 
 PathPlan::PathPlan(const BlockPattern& pattern, BlockPaths paths)
-    : pattern_(&pattern), paths_(std::move(paths)) {
+    : pattern_(&pattern), found_(std::move(paths)) {
   PlaceRows();
   PlacePaths();
   MakeRestPattern();
@@ -43,11 +43,11 @@ PathPlan::PathPlan(const BlockPattern& pattern, BlockPaths paths)
 // Where each block row begins within its node, by the order of its rows.
 void PathPlan::PlaceRows() {
   local_.assign(pattern_->num_blocks(), 0);
-  for (int n = 0; n < paths_.num_nodes(); ++n) {
+  for (int n = 0; n < found_.num_nodes(); ++n) {
     int size = 0;
-    for (int k = paths_.node_begin[n]; k < paths_.node_begin[n + 1]; ++k) {
-      local_[paths_.blocks[k]] = size;
-      size += pattern_->block_size(paths_.blocks[k]);
+    for (int k = found_.node_begin[n]; k < found_.node_begin[n + 1]; ++k) {
+      local_[found_.blocks[k]] = size;
+      size += pattern_->block_size(found_.blocks[k]);
     }
   }
 }
@@ -57,27 +57,34 @@ void PathPlan::PlaceRows() {
 // ends. Flops and entries are those of full tiles with an anchor, and too many by its share for
 // paths that have none.
 void PathPlan::PlacePaths() {
-  path_of_.assign(paths_.num_nodes(), BlockPaths::kNone);
-  index_.assign(paths_.num_nodes(), 0);
-  for (int p = 0; p < num_paths(); ++p) {
-    places_.push_back(sizes_);
-    sizes_.tiles += (NumNodes(p) + 1) * TileSize(p);
-    sizes_.vectors += std::ptrdiff_t{NumNodes(p) + 2} * Section(p);
-    sizes_.square += std::ptrdiff_t{path(p).size} * Section(p);
-    for (int k = path(p).begin; k < path(p).end; ++k) {
-      path_of_[paths_.nodes[k]] = p;
-      index_[paths_.nodes[k]] = k - path(p).begin;
+  path_of_.assign(found_.num_nodes(), BlockPaths::kNone);
+  index_.assign(found_.num_nodes(), 0);
+  for (const BlockPaths::Path& found : found_.paths) {
+    const Path path{found, sizes_};
+    sizes_.tiles += (path.num_nodes() + 1) * path.tile_size();
+    sizes_.vectors += std::ptrdiff_t{path.num_nodes() + 2} * path.section();
+    sizes_.square += std::ptrdiff_t{path.size} * path.section();
+    for (int k = path.begin; k < path.end; ++k) {
+      path_of_[found_.nodes[k]] = static_cast<int>(paths_.size());
+      index_[found_.nodes[k]] = k - path.begin;
     }
-    const double d = path(p).size;
-    flops_ += NumNodes(p) * d * d * d * (1.0 / 3.0 + 2.0 + 4.0);
-    entries_ += NumNodes(p) * (0.5 * d * (d + 1.0) + 2.0 * d * d);
+    const double d = path.size;
+    flops_ += path.num_nodes() * d * d * d * (1.0 / 3.0 + 2.0 + 4.0);
+    entries_ += path.num_nodes() * (0.5 * d * (d + 1.0) + 2.0 * d * d);
+    paths_.push_back(path);
   }
-  for (int n = 0; n < paths_.num_nodes(); ++n) {
+  for (int n = 0; n < found_.num_nodes(); ++n) {
     if (path_of_[n] == BlockPaths::kNone) {
       index_[n] = static_cast<int>(rest_nodes_.size());
       rest_nodes_.push_back(n);
     }
   }
+}
+
+// The path that a block of S goes with, kNone: the rest. A block with one node on a path goes with
+// that path; two nodes on different paths are never coupled, or the paths would have gone on.
+int PathPlan::PathOf(int i, int j) const {
+  return std::max(path_of_[found_.node_of[i]], path_of_[found_.node_of[j]]);
 }
 
 // The blocks of S between nodes of the rest, and those that paths leave between their ends. Pairs
@@ -88,82 +95,47 @@ void PathPlan::PlacePaths() {
 void PathPlan::MakeRestPattern() {
   std::vector<std::pair<int, int>> pairs;
   const auto add = [&pairs](int a, int b) { pairs.emplace_back(std::max(a, b), std::min(a, b)); };
-  for (int i = 0; i < pattern_->num_blocks(); ++i) {
-    const int row = paths_.node_of[i];
-    for (int k = pattern_->row_begin[i];
-         path_of_[row] == BlockPaths::kNone && k < pattern_->row_begin[i + 1]; ++k) {
-      const int column = paths_.node_of[pattern_->columns[k]];
-      if (path_of_[column] == BlockPaths::kNone) {
-        add(index_[row], index_[column]);
-      }
+  ForEachBlock(*pattern_, [&](int i, int j, int /*block*/) {
+    if (PathOf(i, j) == BlockPaths::kNone) {
+      add(index_[found_.node_of[i]], index_[found_.node_of[j]]);
     }
-  }
-  for (const BlockPaths::Path& path : paths_.paths) {
+  });
+  for (const Path& path : paths_) {
     if (path.anchor != BlockPaths::kNone) {
       add(index_[path.anchor], index_[path.next]);
     }
   }
   SortUnique(&pairs);
-  rest_pattern_.offsets.assign(1, 0);
+  std::vector<int> offsets{0};
   for (const int node : rest_nodes_) {
-    int size = 0;
-    ForEachRow(node, [&](int row, int) { size += pattern_->block_size(row); });
-    rest_pattern_.offsets.push_back(rest_pattern_.offsets.back() + size);
+    offsets.push_back(offsets.back() + found_.node_size[node]);
   }
-  // A row's own block is its last pair.
-  rest_pattern_.row_begin.assign(1, 0);
-  rest_pattern_.value_begin.assign(1, 0);
-  for (const auto& [row, column] : pairs) {
-    rest_pattern_.columns.push_back(column);
-    rest_pattern_.value_begin.push_back(rest_pattern_.value_begin.back() +
-                                        std::int64_t{rest_pattern_.block_size(row)} *
-                                            rest_pattern_.block_size(column));
-    if (row == column) {
-      rest_pattern_.row_begin.push_back(static_cast<int>(rest_pattern_.columns.size()));
-    }
-  }
+  rest_pattern_ = PatternOf(std::move(offsets), pairs);
 }
 
-// Where a block of the rest begins; row ≥ column.
-std::ptrdiff_t PathPlan::RestBlock(int row, int column) const {
-  const auto begin = rest_pattern_.columns.begin();
-  const auto at = std::lower_bound(begin + rest_pattern_.row_begin[row],
-                                   begin + rest_pattern_.row_begin[row + 1], column);
-  return rest_pattern_.value_begin[at - begin];
-}
-
-// By the tile that they go to, and those of the rest. A block with one node on a path goes with
-// that path; two nodes on different paths are never coupled, or the paths would have gone on.
-// Within a path pieces are sorted by where they go: tiles are then filled from front to back.
+// By the tile that they go to, and those of the rest. Within a path pieces are sorted by where they
+// go: tiles are then filled from front to back.
 void PathPlan::ListPieces() {
   std::vector<int> begin;
   const auto for_each_on_path = [this](const auto& add) {
-    for (int i = 0; i < pattern_->num_blocks(); ++i) {
-      for (int k = pattern_->row_begin[i]; k < pattern_->row_begin[i + 1]; ++k) {
-        const int j = pattern_->columns[k];
-        const int p = std::max(path_of_[paths_.node_of[i]], path_of_[paths_.node_of[j]]);
-        if (p != BlockPaths::kNone) {
-          add(p, PieceOnPath(i, j, k));
-        }
+    ForEachBlock(*pattern_, [&](int i, int j, int k) {
+      if (PathOf(i, j) != BlockPaths::kNone) {
+        add(PathOf(i, j), PieceOnPath(i, j, k));
       }
-    }
+    });
   };
-  CountingSort(paths_.paths.size(), for_each_on_path, &begin, &pieces_);
-  for (int p = 0; p < num_paths(); ++p) {
-    places_[p].piece_begin = begin[p];
-    places_[p].piece_end = begin[p + 1];
+  CountingSort(paths_.size(), for_each_on_path, &begin, &pieces_);
+  for (std::size_t p = 0; p < paths_.size(); ++p) {
+    paths_[p].piece_begin = begin[p];
+    paths_[p].piece_end = begin[p + 1];
     std::sort(pieces_.begin() + begin[p], pieces_.begin() + begin[p + 1],
               [](const Piece& a, const Piece& b) { return a.to < b.to; });
   }
-  for (int i = 0; i < pattern_->num_blocks(); ++i) {
-    for (int k = pattern_->row_begin[i]; k < pattern_->row_begin[i + 1]; ++k) {
-      const int j = pattern_->columns[k];
-      if (path_of_[paths_.node_of[i]] == BlockPaths::kNone &&
-          path_of_[paths_.node_of[j]] == BlockPaths::kNone) {
-        rest_pieces_.push_back(PieceOfRest(i, j, k));
-      }
+  ForEachBlock(*pattern_, [this](int i, int j, int k) {
+    if (PathOf(i, j) == BlockPaths::kNone) {
+      rest_pieces_.push_back(PieceOfRest(i, j, k));
     }
-  }
+  });
 }
 
 // In the tile of the node that is eliminated first: which section, then the place in it. A block
@@ -172,17 +144,16 @@ void PathPlan::ListPieces() {
 // one with the anchor in the section for the anchor, which only the first node has in S: those of
 // later nodes are fill.
 PathPlan::Piece PathPlan::PieceOnPath(int i, int j, int block) const {
-  const int a = paths_.node_of[i], b = paths_.node_of[j];
+  const int a = found_.node_of[i], b = found_.node_of[j];
   const bool is_turned = path_of_[a] != BlockPaths::kNone && a != b &&
                          (path_of_[b] == BlockPaths::kNone || index_[a] < index_[b]);
   // Columns of the tile are those of `own`.
   const int own = is_turned ? a : b, other = is_turned ? b : a;
-  const int p = path_of_[own];
-  const BlockPaths::Path& path = paths_.paths[p];
-  const int section = Section(p), stride = 3 * section;
+  const Path& path = paths_[path_of_[own]];
+  const int section = path.section(), stride = path.stride();
   int at = 0;
   if (own != other) {
-    const bool is_last = index_[own] == path.end - path.begin - 1;
+    const bool is_last = index_[own] == path.num_nodes() - 1;
     // Of a ring both ends have the same neighbor, and the last node comes by the section for next.
     const bool is_next =
         path_of_[other] != BlockPaths::kNone ||
@@ -190,16 +161,17 @@ PathPlan::Piece PathPlan::PieceOnPath(int i, int j, int block) const {
     at = is_next ? 2 * section : section;
   }
   const int row = local_[is_turned ? j : i], column = local_[is_turned ? i : j];
-  return {i, block,
-          places_[p].tiles + index_[own] * TileSize(p) + std::ptrdiff_t{column} * stride + at + row,
-          is_turned ? stride : 1, is_turned ? 1 : stride};
+  return {
+      i, block,
+      path.at.tiles + index_[own] * path.tile_size() + std::ptrdiff_t{column} * stride + at + row,
+      is_turned ? stride : 1, is_turned ? 1 : stride};
 }
 
 // Rows of a block in the rest are as long as its column node is large, since nodes join several
 // block rows. Of two different nodes the later one has the block, so it is turned where S has it
 // the other way around; within a node nothing is turned, for its rows ascend as those of S do.
 PathPlan::Piece PathPlan::PieceOfRest(int i, int j, int block) const {
-  const int a = index_[paths_.node_of[i]], b = index_[paths_.node_of[j]];
+  const int a = index_[found_.node_of[i]], b = index_[found_.node_of[j]];
   const int row = std::max(a, b), column = std::min(a, b);
   const int stride = rest_pattern_.block_size(column);
   const bool is_turned = a < b;

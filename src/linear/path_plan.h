@@ -3,8 +3,9 @@
 #include <cstddef>
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "linear/block_paths.h"
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
@@ -24,7 +25,16 @@ class PathPlan {
   /// of the anchor, and the anchor's own block.
   struct Place {
     std::ptrdiff_t tiles = 0, vectors = 0, square = 0;
-    int piece_begin = 0, piece_end = 0;
+  };
+  struct Path : BlockPaths::Path {
+    Place at;
+    int piece_begin = 0, piece_end = 0;  // among pieces()
+
+    int num_nodes() const { return end - begin; }
+    // In doubles.
+    int section() const { return PadToQuad(size); }
+    int stride() const { return 3 * section(); }  // from column to column of a tile
+    std::ptrdiff_t tile_size() const { return std::ptrdiff_t{stride()} * size; }
   };
 
   PathPlan() = default;
@@ -32,30 +42,34 @@ class PathPlan {
 
   const BlockPattern& pattern() const { return *pattern_; }
   const BlockPattern& rest_pattern() const { return rest_pattern_; }
-  int num_paths() const { return static_cast<int>(paths_.paths.size()); }
-  const BlockPaths::Path& path(int p) const { return paths_.paths[p]; }
-  const Place& place(int p) const { return places_[p]; }
+  const std::vector<Path>& paths() const { return paths_; }
   const std::vector<Piece>& pieces() const { return pieces_; }  ///< path by path
   const std::vector<Piece>& rest_pieces() const { return rest_pieces_; }
   const Place& sizes() const { return sizes_; }  ///< of all paths together
 
-  /// Nodes of a path, and in doubles a section and a tile of it.
-  int NumNodes(int p) const { return path(p).end - path(p).begin; }
-  int Section(int p) const { return PadToQuad(path(p).size); }
-  std::ptrdiff_t TileSize(int p) const { return std::ptrdiff_t{3} * Section(p) * path(p).size; }
   /// The row of the rest that a node is.
   int RestRow(int node) const { return index_[node]; }
   /// Where a block of the rest begins; row ≥ column.
-  std::ptrdiff_t RestBlock(int row, int column) const;
+  std::ptrdiff_t RestBlock(int row, int column) const {
+    return rest_pattern_.value_begin[FindBlock(rest_pattern_, row, column)];
+  }
 
   /// Calls visit(row of S, its first scalar in the node), of a node of a path or a row of the rest.
   template <typename Visit>
   void ForEachRowOfPath(int k, const Visit& visit) const {
-    ForEachRow(paths_.nodes[k], visit);
+    ForEachRow(found_.nodes[k], visit);
   }
   template <typename Visit>
   void ForEachRowOfRest(int row, const Visit& visit) const {
     ForEachRow(rest_nodes_[row], visit);
+  }
+  /// Calls visit(row of S, its first scalar in the rest), of all of it.
+  template <typename Visit>
+  void ForEachRowOfRest(const Visit& visit) const {
+    for (int row = 0; row < rest_pattern_.num_blocks(); ++row) {
+      ForEachRowOfRest(row,
+                       [&](int i, int local) { visit(i, rest_pattern_.offsets[row] + local); });
+    }
   }
 
   double flops() const { return flops_; }      ///< of the paths
@@ -67,20 +81,21 @@ class PathPlan {
  private:
   template <typename Visit>
   void ForEachRow(int node, const Visit& visit) const {
-    for (int k = paths_.node_begin[node]; k < paths_.node_begin[node + 1]; ++k) {
-      visit(paths_.blocks[k], local_[paths_.blocks[k]]);
+    for (int k = found_.node_begin[node]; k < found_.node_begin[node + 1]; ++k) {
+      visit(found_.blocks[k], local_[found_.blocks[k]]);
     }
   }
   void PlaceRows();
   void PlacePaths();
   void MakeRestPattern();
   void ListPieces();
+  int PathOf(int i, int j) const;
   Piece PieceOnPath(int i, int j, int block) const;
   Piece PieceOfRest(int i, int j, int block) const;
 
   const BlockPattern* pattern_ = nullptr;
-  BlockPaths paths_;
-  std::vector<Place> places_;
+  BlockPaths found_;
+  std::vector<Path> paths_;
   Place sizes_;
   std::vector<int> path_of_;  // per node; kNone: of the rest
   std::vector<int> index_;    // per node: on its path, or its row in the rest

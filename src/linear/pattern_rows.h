@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 
@@ -30,6 +30,22 @@ inline void AppendRow(const std::vector<int>& columns, BlockPattern* pattern) {
                                        pattern->row_stride(column));
   }
   pattern->row_begin.push_back(static_cast<int>(pattern->columns.size()));
+}
+
+/// The pattern of blocks in these places (row, column), sorted, each once; every diagonal one is
+/// among them.
+inline BlockPattern PatternOf(std::vector<int> offsets,
+                              const std::vector<std::pair<int, int>>& places) {
+  BlockPattern pattern = PatternWithoutBlocks(std::move(offsets));
+  std::vector<int> columns;
+  for (const auto& [row, column] : places) {
+    columns.push_back(column);
+    if (row == column) {  // the last one of its row
+      AppendRow(columns, &pattern);
+      columns.clear();
+    }
+  }
+  return pattern;
 }
 
 /// Columns of a block row below the diagonal, each once however often it is added.
@@ -68,6 +84,27 @@ inline int FindBlock(const BlockPattern& pattern, int row, int column) {
   const auto first = pattern.columns.begin() + pattern.row_begin[row];
   const auto last = pattern.columns.begin() + pattern.row_begin[row + 1];
   return static_cast<int>(std::lower_bound(first, last, column) - pattern.columns.begin());
+}
+
+/// visit(i, j, k) for each block k of the pattern, that at (i, j), by rows.
+template <typename Visit>
+void ForEachBlock(const BlockPattern& pattern, const Visit& visit) {
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
+      visit(i, pattern.columns[k], k);
+    }
+  }
+}
+
+/// visit(i, j), j < i, for each block of the strict lower triangle, by rows.
+template <typename Visit>
+void ForEachCoupling(const BlockPattern& pattern, const Visit& visit) {
+  for (int i = 0; i < pattern.num_blocks(); ++i) {
+    // The diagonal block is the last of its row and ends the loop.
+    for (int k = pattern.row_begin[i]; pattern.columns[k] < i; ++k) {
+      visit(i, pattern.columns[k]);
+    }
+  }
 }
 
 }  // namespace inceres::internal

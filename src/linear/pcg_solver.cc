@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "linear/not_positive_definite.h"
+#include "linear/small_cholesky.h"
 
 namespace inceres::internal {
 
@@ -18,8 +19,15 @@ namespace inceres::internal {
 // error now (Hestenes & Stiefel 1952, theorem 6:1; Strakoš & Tichý 2002). x ends when that sum is
 // below η² of the whole decrease.
 //
-// S is read by blocks on the calling thread: one thread, one order of every sum. Held rows have no
-// block in M, and their blocks in S are passed over.
+// S is read by blocks on the calling thread: one thread, one order of every sum.
+//
+// Per block row there is M_i = S_ii + diag(damping), whole and padded: the product with A takes its
+// diagonal blocks from here. And there is −M_i⁻¹, which is formed through the Cholesky factor and
+// stored negated, because the kernel subtracts.
+//
+// A held row, and a row that was removed, has size 0: it has no block in M, its blocks in S are
+// passed over, and no product touches its part of a vector. A row stays on the list of stale ones
+// until it has been inverted, so that after a failure the next call tries it again.
 
 namespace {
 
@@ -32,11 +40,73 @@ constexpr double kWindowShare = 0.25;
 Status PcgSolver::Factorize(const ReducedMatrix& A, const Rows& changed) {
   // The values are read where S has them; of a factorization there is only the preconditioner.
   S_ = A.rows();
-  const int failed = preconditioner_.Update(A, changed);
   work_ = Work();
-  factored_ = failed == BlockJacobi::kNone ? Status::Ok() : NotPositiveDefinite(failed, &work_);
-  work_.factored_rows = preconditioner_.num_inverted();
+  work_.factored_rows = 0;
+  factored_ = InvertChanged(A, changed);
   return factored_;
+}
+
+Status PcgSolver::InvertChanged(const ReducedMatrix& A, const Rows& changed) {
+  // Rows that came since the last call are stale whether or not they are among the changed ones.
+  const int known_rows = std::min(num_rows(), S_->num_rows());
+  const int first = std::min(changed.first_row, known_rows);
+  blocks_.resize(S_->num_rows());
+  // Sizes before the first changed row are as they were, and so are the offsets.
+  FindOffsets(first);
+  if (changed.rows != nullptr) {
+    stale_.insert(stale_.end(), changed.rows->begin(), changed.rows->end());
+  }
+  for (int row = changed.rows != nullptr ? known_rows : first; row < num_rows(); ++row) {
+    stale_.push_back(row);
+  }
+  // Popped after the work: the row that fails is still the last one on the list.
+  for (; !stale_.empty(); stale_.pop_back()) {
+    const int row = stale_.back();
+    if (row >= num_rows()) {
+      continue;  // the rows have been compacted since
+    }
+    blocks_[row].size = A.constant() != nullptr && A.constant()[row] != 0 ? 0 : S_->size_of(row);
+    if (!Invert(A, row)) {
+      return NotPositiveDefinite(row, &work_);
+    }
+    work_.factored_rows += IsFree(row);
+  }
+  return Status::Ok();
+}
+
+void PcgSolver::FindOffsets(int first_row) {
+  // Entry first_row is the sum of the sizes before it, which have not changed.
+  packed_.resize(first_row + 1);
+  padded_.resize(first_row + 1);
+  for (int row = first_row; row < num_rows(); ++row) {
+    packed_.push_back(packed_.back() + S_->size_of(row));
+    padded_.push_back(padded_.back() + PadToQuad(S_->size_of(row)));
+  }
+}
+
+bool PcgSolver::Invert(const ReducedMatrix& A, int row) {
+  Block& block = blocks_[row];
+  const int size = block.size;
+  const int stride = PadToQuad(size);
+  if (size == 0) {
+    return true;
+  }
+  // The diagonal block is the last one of its row.
+  const double* S_ii = S_->values(S_->row(row).back().offset);
+  block.M.assign(static_cast<std::size_t>(size) * stride, 0.0);
+  for (int r = 0; r < size; ++r) {
+    // Of a diagonal block the lower triangle counts; both are written here.
+    for (int c = 0; c <= r; ++c) {
+      block.M[r * stride + c] = block.M[c * stride + r] = S_ii[r * stride + c];
+    }
+    block.M[r * stride + r] += A.diagonal()[packed_[row] + r];
+  }
+  // The factor takes the place of what it is made from: M stays for SubtractProduct.
+  L_.assign(block.M.begin(), block.M.end());
+  inverse_pivots_.resize(size);
+  block.minus_inverse.resize(block.M.size());
+  return NegateInverse(size, L_.data(), stride, inverse_pivots_.data(), stride,
+                       block.minus_inverse.data());
 }
 
 Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
@@ -44,7 +114,7 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
   if (!factored_.ok()) {
     return factored_;
   }
-  iteration_.Resize(preconditioner_.padded_offsets().back());
+  iteration_.Resize(padded_.back());
   PadFree(b, iteration_.b());
   // Held rows begin, and stay, at zero: x of a frame that does not move.
   PadFree(x, iteration_.x());
@@ -54,7 +124,7 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
   work_.iterations = static_cast<int>(iteration_.gains().size());
   // There is no half solve: every row of x is written.
   work_.forward_rows = 0;
-  work_.solved_rows = preconditioner_.num_rows();
+  work_.solved_rows = num_rows();
   work_.converged = end == ConjugateGradients::End::kConverged;
   // Too many iterations are no error: x is a step downhill, and Work::converged says what it is.
   if (end == ConjugateGradients::End::kNotPositiveDefinite ||
@@ -69,7 +139,14 @@ Status PcgSolver::Solve(const double* b, const Rows& /*changed_b*/,
 }
 
 bool PcgSolver::Precondition(const double* r, double* z) {
-  preconditioner_.Apply(r, z);
+  const Kernels& kernels = BestKernels();
+  // Zeros also where a row is held: there M⁻¹ r is nothing.
+  std::fill_n(z, padded_.back(), 0.0);
+  for (int i = 0; i < num_rows(); ++i) {
+    const int stride = PadToQuad(blocks_[i].size);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].minus_inverse.data(), stride,
+                              r + padded_[i], stride, z + padded_[i], 1);
+  }
   return true;
 }
 
@@ -87,48 +164,57 @@ bool PcgSolver::IsGoodEnough(const ConjugateGradients& iteration) const {
 
 void PcgSolver::SubtractProduct(const double* v, double* y) const {
   const Kernels& kernels = BestKernels();
-  const std::vector<int>& offsets = preconditioner_.padded_offsets();
   // The diagonal blocks with their damping, which S does not have.
-  preconditioner_.SubtractProduct(v, y);
-  for (int i = 0; i < S_->num_rows(); ++i) {
-    if (!preconditioner_.IsFree(i)) {
+  for (int i = 0; i < num_rows(); ++i) {
+    const int stride = PadToQuad(blocks_[i].size);
+    kernels.subtract_row_dots(blocks_[i].size, 1, stride, blocks_[i].M.data(), stride,
+                              v + padded_[i], stride, y + padded_[i], 1);
+  }
+  for (int i = 0; i < num_rows(); ++i) {
+    if (!IsFree(i)) {
       continue;
     }
     const int size = S_->size_of(i);
     for (const SymmetricBlockRows::Entry& entry : S_->row(i)) {
       const int j = entry.column;
-      if (j == i || !preconditioner_.IsFree(j)) {
+      if (j == i || !IsFree(j)) {
         continue;
       }
       // Stored by rows the block is its transpose stored by columns.
       const double* block = S_->values(entry.offset);
       const int stride = PadToQuad(S_->size_of(j));
-      kernels.subtract_row_dots(size, 1, stride, block, stride, v + offsets[j], stride,
-                                y + offsets[i], 1);
+      kernels.subtract_row_dots(size, 1, stride, block, stride, v + padded_[j], stride,
+                                y + padded_[i], 1);
       // One read of a block off the diagonal serves both halves: y_i −= S_ij v_j and y_j −= S_ijᵀ
       // v_i.
-      kernels.subtract_outer(stride, 1, size, block, stride, v + offsets[i], 1, y + offsets[j],
+      kernels.subtract_outer(stride, 1, size, block, stride, v + padded_[i], 1, y + padded_[j],
                              stride);
     }
   }
 }
 
 void PcgSolver::PadFree(const double* packed, double* padded) const {
-  const std::vector<int>& from = preconditioner_.packed_offsets();
-  const std::vector<int>& to = preconditioner_.padded_offsets();
-  std::fill_n(padded, to.back(), 0.0);
-  for (int i = 0; i < preconditioner_.num_rows(); ++i) {
-    if (preconditioner_.IsFree(i)) {
-      std::copy(packed + from[i], packed + from[i + 1], padded + to[i]);
+  std::fill_n(padded, padded_.back(), 0.0);
+  for (int i = 0; i < num_rows(); ++i) {
+    if (IsFree(i)) {
+      std::copy(packed + packed_[i], packed + packed_[i + 1], padded + padded_[i]);
     }
   }
 }
 
 void PcgSolver::Unpad(const double* padded, double* packed) const {
-  const std::vector<int>& to = preconditioner_.packed_offsets();
-  for (int i = 0; i < preconditioner_.num_rows(); ++i) {
-    std::copy_n(padded + preconditioner_.padded_offsets()[i], to[i + 1] - to[i], packed + to[i]);
+  for (int i = 0; i < num_rows(); ++i) {
+    std::copy_n(padded + padded_[i], packed_[i + 1] - packed_[i], packed + packed_[i]);
   }
+}
+
+std::size_t PcgSolver::Bytes() const {
+  std::size_t bytes = iteration_.Bytes() + blocks_.capacity() * sizeof(Block) +
+                      (packed_.capacity() + padded_.capacity() + stale_.capacity()) * sizeof(int);
+  for (const Block& block : blocks_) {
+    bytes += (block.M.capacity() + block.minus_inverse.capacity()) * sizeof(double);
+  }
+  return bytes;
 }
 
 }  // namespace inceres::internal

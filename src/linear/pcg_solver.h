@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
+#include "base/aligned_vector.h"
 #include "inceres/linear/reduced_solver.h"
-#include "linear/block_jacobi.h"
+#include "linear/block_rows.h"
 #include "linear/conjugate_gradients.h"
 
 namespace inceres::internal {
@@ -36,9 +38,21 @@ class PcgSolver final : public ReducedSolver, private ConjugateGradients::System
   /// Truncation is not for an iteration: all of x is written.
   Status Solve(const double* b, const Rows& changed_b, const Truncation& truncation,
                double* x) override;
-  std::size_t Bytes() const override { return preconditioner_.Bytes() + iteration_.Bytes(); }
+  std::size_t Bytes() const override;
 
  private:
+  // A diagonal block M_i of A and −M_i⁻¹, kept while they do not change.
+  struct Block {
+    int size = 0;  // 0: held, or a removed row
+    AlignedVector<double> M;
+    AlignedVector<double> minus_inverse;
+  };
+
+  void FindOffsets(int first_row);
+  Status InvertChanged(const ReducedMatrix& A, const Rows& changed);
+  bool Invert(const ReducedMatrix& A, int row);
+  int num_rows() const { return static_cast<int>(blocks_.size()); }
+  bool IsFree(int row) const { return blocks_[row].size > 0; }
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
   bool IsGoodEnough(const ConjugateGradients& iteration) const override;
@@ -46,7 +60,14 @@ class PcgSolver final : public ReducedSolver, private ConjugateGradients::System
   void Unpad(const double* padded, double* packed) const;
 
   PcgOptions options_;
-  BlockJacobi preconditioner_;
+  std::vector<Block> blocks_;
+  std::vector<int> stale_;  // block rows to be inverted
+  // First scalar of each block row, in packed vectors and in padded ones, where each row begins on
+  // a quad and the padding is zero; one more: the totals.
+  std::vector<int> packed_{0};
+  std::vector<int> padded_{0};
+  AlignedVector<double> L_;  // workspace
+  AlignedVector<double> inverse_pivots_;
   ConjugateGradients iteration_;
   Status factored_ = Status::Error(StatusCode::kInvalidArgument, "not factored yet");
   const SymmetricBlockRows* S_ = nullptr;

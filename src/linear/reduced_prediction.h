@@ -1,7 +1,7 @@
 #pragma once
 
 #include "inceres/export.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {

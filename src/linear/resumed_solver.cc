@@ -52,20 +52,11 @@ constexpr double kAging = 1.6;
 // The number of places if none of the rows has one.
 int ResumedSolver::FirstPlace(const Rows& rows) const {
   int first = order_.num_places();
-  const auto look_at = [this, &first](int row) {
+  // Rows have their places in any order, so each of them is looked at.
+  ForEachRow(rows, packing_.num_rows(), [this, &first](int row) {
     const int place = order_.place(row);
     first = place >= 0 ? std::min(first, place) : first;
-  };
-  // Rows have their places in any order, so each of them is looked at.
-  if (rows.rows != nullptr) {
-    std::for_each(rows.rows->begin(), rows.rows->end(), look_at);
-  } else if (rows.first_row <= 0) {
-    first = 0;
-  } else {
-    for (int row = rows.first_row; row < packing_.num_rows(); ++row) {
-      look_at(row);
-    }
-  }
+  });
   return first;
 }
 
@@ -235,10 +226,11 @@ Status ResumedSolver::Solve(const double* b, const Rows& changed_b, const Trunca
     // rest_ is y less what later rows contribute: filled from y only as far up as rows reach.
     CopyRest(offsets[cholesky_.FirstColumn(place)], &filled);
     cholesky_.BackSubstituteRow(place, rest_.data(), x_.data());
+    const int begin = offsets[place], size = offsets[place + 1] - begin;
     // A row of L that is another passes on whatever its x is; the rows above used the old one.
-    if (place >= num_passed_on_ || HasChanged(place, truncation)) {
-      std::copy(x_.begin() + offsets[place], x_.begin() + offsets[place + 1],
-                passed_on_.begin() + offsets[place]);
+    if (place >= num_passed_on_ || HasChanged(truncation, packing_[order_.row(place)],
+                                              x_.data() + begin, passed_on_.data() + begin, size)) {
+      std::copy_n(x_.begin() + begin, size, passed_on_.begin() + begin);
       // The rows up to its first column get another rest, and are found anew.
       reached = std::min(reached, cholesky_.FirstColumn(place));
     }
@@ -255,22 +247,6 @@ void ResumedSolver::CopyRest(int first_scalar, int* filled) {
   const int begin = std::min(*filled, first_scalar / kQuad * kQuad);
   std::copy(y_.begin() + begin, y_.begin() + *filled, rest_.begin() + begin);
   *filled = begin;
-}
-
-bool ResumedSolver::HasChanged(int place, const Truncation& truncation) const {
-  const int begin = cholesky_.offsets()[place];
-  const int end = cholesky_.offsets()[place + 1];
-  if (truncation.threshold <= 0.0) {
-    return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
-  }
-  const double* weights = truncation.weights + packing_[order_.row(place)];
-  double change = 0.0;
-  for (int k = begin; k < end; ++k) {
-    const double difference = x_[k] - passed_on_[k];
-    change += weights[k - begin] * difference * difference;
-  }
-  // A change that is not a number is passed on.
-  return !(change <= truncation.threshold);
 }
 
 // The rows of x from this place on, to where the caller has them.

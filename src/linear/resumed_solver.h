@@ -6,8 +6,8 @@
 #include "inceres/linear/reduced_solver.h"
 #include "linear/envelope_cholesky.h"
 #include "linear/envelope_order.h"
-#include "linear/half_solves.h"
-#include "linear/row_packing.h"
+#include "linear/resuming.h"
+#include "linear/row_order.h"
 
 namespace inceres::internal {
 
@@ -82,7 +82,6 @@ class ResumedSolver final : public ReducedSolver, public HalfSolves {
   int SubstituteForward(const double* b, const Rows& changed_b);
   void GrowTo(int size);
   void CopyRest(int first_scalar, int* filled);
-  bool HasChanged(int place, const Truncation& truncation) const;
   void HandOut(int first_place, double* x);
 
   RowOrder order_;

@@ -1,11 +1,58 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "linear/block_rows.h"
-#include "linear/seen_rows.h"
 
 namespace inceres::internal {
+
+/// What somebody who follows the rows of an S that is edited has seen of them.
+class SeenRows {
+ public:
+  /// Whether all rows that were there at the last call, for the same S, are as they were: then only
+  /// new ones are to be looked at.
+  bool OnlyGrew(const SymmetricBlockRows& S) {
+    const bool only_grew = &S == S_ && S.resized_version() == version_;
+    S_ = &S;
+    version_ = S.resized_version();
+    return only_grew;
+  }
+  /// Nothing has been seen.
+  void Forget() { S_ = nullptr; }
+
+ private:
+  const SymmetricBlockRows* S_ = nullptr;
+  std::int64_t version_ = 0;
+};
+
+/// Where the rows of an S that is edited begin in vectors packed by rows.
+class RowPacking {
+ public:
+  /// Takes over what has come, gone or got another size. True if a row that was known before begins
+  /// elsewhere now. Cost: the rows that have come, as long as none has gone.
+  bool Follow(const SymmetricBlockRows& S) {
+    const std::size_t known = offsets_.size() - 1, count = static_cast<std::size_t>(S.num_rows());
+    const bool only_new = seen_.OnlyGrew(S) && known <= count;
+    offsets_.resize(count + 1);
+    bool has_moved = false;
+    for (std::size_t row = only_new ? known : 0; row < count; ++row) {
+      const int end = offsets_[row] + S.size_of(static_cast<int>(row));
+      has_moved |= row < known && offsets_[row + 1] != end;
+      offsets_[row + 1] = end;
+    }
+    return has_moved;
+  }
+
+  int operator[](int row) const { return offsets_[static_cast<std::size_t>(row)]; }
+  int size() const { return offsets_.back(); }
+  int num_rows() const { return static_cast<int>(offsets_.size()) - 1; }
+
+ private:
+  std::vector<int> offsets_{0};  // by row, one more: the size
+  SeenRows seen_;
+};
 
 /// The order in which block rows of S are factored: all living ones, or some. Each has a place,
 /// places have no gaps. What comes at one place says nothing about the places before it, so

@@ -13,6 +13,7 @@
 #include "base/counting_sort.h"
 #include "linear/block_neighbors.h"
 #include "linear/group_order.h"
+#include "linear/pattern_rows.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {

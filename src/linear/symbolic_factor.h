@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "inceres/status.h"
 
 namespace inceres::internal {

@@ -26,7 +26,7 @@ using Block = TipMarginal::Block;
 // K in units of √(S_ii S_jj): sums that S is made of are rounded by this much.
 constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
 // Of a variance by a change: four of sixteen digits are gone.
-constexpr double kLeastLeft = 1e-4;
+constexpr double kLeastVarianceLeft = 1e-4;
 
 // Blocks whose sizes are constants, or are not known before they are looked at.
 template <int kRows, int kColumns>
@@ -84,8 +84,7 @@ void SolveBackward(const Square& L, const double* inverse_pivots, Columns* X) {
 
 // Whether the row has no block but its own and one with p.
 bool IsCoupledTo(const SymmetricBlockRows& S, int row, int p) {
-  const std::size_t num_blocks = S.row(row).size() - 1 + S.below(row).size();
-  return num_blocks == 1 && S.Find(std::max(row, p), std::min(row, p)) >= 0;
+  return S.Degree(row) == 1 && S.Find(std::max(row, p), std::min(row, p)) >= 0;
 }
 
 }  // namespace
@@ -155,7 +154,8 @@ bool TipMarginal::AddToTip(const Block& K) {
   const Block left = sigma_ - change, before = sigma_;
   // Digits go where information comes and where it goes. Also false of a NaN.
   const auto v = left.diagonal().array(), v_before = before.diagonal().array();
-  const bool is_exact = (v >= kLeastLeft * v_before).all() && (v_before >= kLeastLeft * v).all();
+  const bool is_exact =
+      (v >= kLeastVarianceLeft * v_before).all() && (v_before >= kLeastVarianceLeft * v).all();
   sigma_ = 0.5 * (left + left.transpose());
   return is_exact;
 }

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "linear/front_elimination.h"
+#include "linear/resuming.h"
 
 namespace inceres::internal {
 
@@ -50,18 +51,11 @@ void TreeSubstitution::Take(const std::vector<int>& made) {
 
 // A row that S has but the tree does not is new, and its clique will be marked by Take.
 void TreeSubstitution::MarkChangedB(const ReducedSolver::Rows& changed_b) {
-  const auto mark = [this](int row) {
+  ForEachRow(changed_b, tree_.num_rows(), [this](int row) {
     if (tree_.Has(row)) {
       Mark(tree_.CliqueOf(row));
     }
-  };
-  if (changed_b.rows != nullptr) {
-    std::for_each(changed_b.rows->begin(), changed_b.rows->end(), mark);
-    return;
-  }
-  for (int row = std::max(0, changed_b.first_row); row < tree_.num_rows(); ++row) {
-    mark(row);
-  }
+  });
 }
 
 // Children first, by stamp. A clique that is not marked keeps its y, and what it has collected for
@@ -151,7 +145,8 @@ void TreeSubstitution::SolveClique(int c, const Truncation& truncation, double* 
     solved_.push_back(row);
     // A solution that was lost is passed on whole. x_ itself takes each new value, whether it is
     // passed on or not.
-    if (solution_is_lost_ || HasChanged(begin, end, truncation)) {
+    if (solution_is_lost_ ||
+        HasChanged(truncation, begin, x_.data() + begin, passed_on_.data() + begin, end - begin)) {
       std::copy(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
       moved_[row] = num_solves_;
     }
@@ -169,20 +164,6 @@ void TreeSubstitution::PushChildren(int c) {
       waiting_.push_back(child);
     }
   }
-}
-
-// Σ w_k change_k² of a row against the threshold. Negated, so that NaN counts as a change; without
-// a threshold any other value does.
-bool TreeSubstitution::HasChanged(int begin, int end, const Truncation& truncation) const {
-  if (truncation.threshold <= 0.0) {
-    return !std::equal(x_.begin() + begin, x_.begin() + end, passed_on_.begin() + begin);
-  }
-  double change = 0.0;
-  for (int k = begin; k < end; ++k) {
-    const double difference = x_[k] - passed_on_[k];
-    change += truncation.weights[k] * difference * difference;
-  }
-  return !(change <= truncation.threshold);
 }
 
 }  // namespace inceres::internal

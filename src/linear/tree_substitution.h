@@ -8,7 +8,7 @@
 #include "base/sum_tree.h"
 #include "inceres/linear/reduced_solver.h"
 #include "linear/clique_tree.h"
-#include "linear/row_packing.h"
+#include "linear/row_order.h"
 
 namespace inceres::internal {
 
@@ -57,7 +57,6 @@ class TreeSubstitution {
   using Truncation = ReducedSolver::Truncation;
   void SolveClique(int c, const Truncation& truncation, double* x);
   void PushChildren(int c);
-  bool HasChanged(int begin, int end, const Truncation& truncation) const;
 
   CliqueTree& tree_;
   RowPacking packing_;               // of the caller's vectors

@@ -7,7 +7,7 @@
 #include "base/address.h"
 #include "linearize/jacobian_places.h"
 #include "linearize/robust_costs.h"
-#include "linearize/strip_gradient.h"
+#include "linearize/single_jacobians.h"
 #include "linearize/variable_look_up.h"
 
 namespace inceres::internal {

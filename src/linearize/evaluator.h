@@ -48,9 +48,6 @@ class Evaluator {
   /// Room for KeepEvaluations of the families, where it is not too much.
   void MakeRoomToKeep();
 
-  /// Points the families' parameters to the candidate, for who evaluates factors there by himself.
-  void PointToCandidate() { points_.PointTo(/*candidate=*/true); }
-
   /// ½ Σ ρ at the candidate, residuals only. `knows_tangents`: points() has computed them there.
   Status EvaluateCandidateCost(double* cost, bool knows_tangents = false);
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <limits>
 
-#include "linearize/widened.h"
+#include "linearize/single_jacobians.h"
 #include "simd/pack_block.h"
 
 namespace inceres::internal {
@@ -254,8 +254,8 @@ int Hessian::SumSmallBlocks(int begin, int end) {
   const auto last = std::find_if(first, first + (end - begin),
                                  [](const SmallBlock& block) { return block.num_terms == 0; });
   const int count = static_cast<int>(last - first);
-  small_kernels_.sum_products_of_three({small_sources_.data(), small_terms_.data(), small_depth_},
-                                       first, count, C_.data(), gradient_.data(), diagonal_.data());
+  kernels_.sum_products_of_three({small_sources_.data(), small_terms_.data(), small_depth_}, first,
+                                 count, C_.data(), gradient_.data(), diagonal_.data());
   return begin + count;
 }
 

@@ -9,7 +9,7 @@
 #include "linearize/chunk_sums.h"
 #include "linearize/kept_products.h"
 #include "linearize/product_plan.h"
-#include "simd/small_kernels.h"
+#include "simd/kernels.h"
 
 namespace inceres::internal {
 
@@ -74,7 +74,6 @@ class Hessian {
   const LandmarkIncidences& incidences_;
   const FramePlans& plans_;
   const Kernels& kernels_;
-  const SmallKernels& small_kernels_ = BestSmallKernels();
   KeptProducts kept_;
   std::unique_ptr<ChunkSums> chunk_sums_;  // null: Jacobians are kept
   ZeroedArray C_;

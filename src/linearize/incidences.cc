@@ -1,7 +1,6 @@
 #include "linearize/incidences.h"
 
 #include <algorithm>
-#include <functional>
 #include <numeric>
 #include <utility>
 
@@ -10,7 +9,8 @@
 namespace inceres::internal {
 namespace {
 
-constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of LandmarkFactors
+static_assert(sizeof(LandmarkFactors) <= 64);  // there are as many as landmarks, or more
+constexpr std::size_t kFewEntries = std::size_t{1} << 14;  // a megabyte of them
 constexpr int kIncidenceGrain = 1024;                      // landmarks, of a few factors each
 
 // Symbolic elimination (docs/algorithms.md, "Schur complement"): numbers all pairs (landmark,
@@ -39,16 +39,15 @@ struct Factor {
 template <typename Visit>
 void ForEachFactorOf(const LandmarkIncidences& incidences, int landmark, const Evaluator& evaluator,
                      std::vector<std::vector<std::int32_t>>* targets, const Visit& visit) {
-  const Linearization* owner = nullptr;
   for (int k = incidences.factors_begin[landmark]; k < incidences.factors_begin[landmark + 1];
        ++k) {
     const LandmarkFactors& entry = incidences.factors[k];
-    owner = &OwnerOf(entry, evaluator.families(), owner);
-    std::int32_t* const of_family = (*targets)[owner->id].data();
-    const VariableId* const ids = evaluator.graph().Variables(owner->id, 0);
+    const Linearization& cache = evaluator.families()[incidences.FamilyOf(entry)];
+    std::int32_t* const of_family = (*targets)[cache.id].data();
+    const VariableId* const ids = evaluator.graph().Variables(cache.id, 0);
     for (int n = 0; n < entry.count; ++n) {
       const int factor = entry.factors[n];
-      visit({ids + owner->Entry(factor), of_family + owner->Entry(owner->Record(factor)),
+      visit({ids + cache.Entry(factor), of_family + cache.Entry(cache.Record(factor)),
              entry.num_slots});
     }
   }
@@ -156,6 +155,7 @@ void LandmarkIncidences::CollectFactors(const Evaluator& evaluator) {
       all.residuals = cache.keeps_singles() ? nullptr : cache.residuals.data();
       all.y_targets = targets.data();
       all.tangent_offsets = cache.RecordOffsets();
+      all.list = static_cast<std::int32_t>(factor_lists_.size()) - 1;
       slots.push_back(std::move(through));
     }
   }
@@ -305,29 +305,16 @@ int LandmarkIncidences::ChunkOf(int landmark) const {
          1;
 }
 
-// Of an entry all but three numbers is the same as in others. Which slot an entry is of is seen
-// from the list its pointer is into: addresses of different arrays are compared by std::less, which
-// has an order for them. An entry is then of 12 bytes instead of 64, and FactorsAt puts them
-// together again for a few instructions.
+// Of an entry all but three numbers is the same as in others of its list. An entry is then of 12
+// bytes instead of 64, and FactorsAt puts them together again for a few instructions.
 void LandmarkIncidences::ShortenFactors() {
   few_numbers_.reserve(factors.size());
-  for (const FactorList& list : factor_lists_) {
-    LandmarkFactors& of_slot = of_slots_.emplace_back();
-    of_slot.factors = list.factors.data();
-  }
+  of_lists_.resize(factor_lists_.size());
   for (const LandmarkFactors& entry : factors) {
-    int slot = 0;
-    for (const std::less<> before;
-         before(entry.factors, factor_lists_[slot].factors.data()) ||
-         !before(entry.factors,
-                 factor_lists_[slot].factors.data() + factor_lists_[slot].factors.size());) {
-      ++slot;
-    }
-    LandmarkFactors& of_slot = of_slots_[slot];
-    const std::int32_t* const first = of_slot.factors;
-    of_slot = entry;
-    of_slot.factors = first;
-    few_numbers_.push_back({slot, static_cast<int>(entry.factors - first), entry.count});
+    const std::int32_t* const first = factor_lists_[entry.list].factors.data();
+    of_lists_[entry.list] = entry;
+    of_lists_[entry.list].factors = first;
+    few_numbers_.push_back({entry.list, static_cast<int>(entry.factors - first), entry.count});
   }
   std::vector<LandmarkFactors>().swap(factors);
 }

@@ -43,11 +43,13 @@ struct LandmarkIncidences {
       return factors[k];
     }
     const FewNumbers& entry = few_numbers_[k];
-    LandmarkFactors result = of_slots_[entry.slot];
+    LandmarkFactors result = of_lists_[entry.list];
     result.factors += entry.first;
     result.count = entry.count;
     return result;
   }
+
+  FamilyId FamilyOf(const LandmarkFactors& entry) const { return factor_lists_[entry.list].family; }
 
   // Per landmark: its incidences, in order of first appearance.
   std::vector<int> begin;  // num_landmarks + 1
@@ -97,13 +99,13 @@ struct LandmarkIncidences {
   };
   // All that entries of `factors` with the same family and slot do not share.
   struct FewNumbers {
-    int slot;  // among of_slots_
+    int list;
     int first;
     int count;
   };
-  std::vector<FewNumbers> few_numbers_;               // per entry of `factors`; or empty
-  std::vector<LandmarkFactors> of_slots_;             // without their count
-  std::vector<FactorList> factor_lists_;              // of the same slots
+  std::vector<FewNumbers> few_numbers_;    // per entry of `factors`; or empty
+  std::vector<LandmarkFactors> of_lists_;  // per list, without their count; or empty
+  std::vector<FactorList> factor_lists_;
   std::vector<std::vector<std::int32_t>> y_targets_;  // per family
 };
 

@@ -1,18 +1,68 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/executor.h"
 #include "inceres/problem/factor_graph.h"
 #include "linearize/linearization.h"
-#include "linearize/parked_jacobians.h"
 #include "linearize/variable_store.h"
 #include "linearize/weighed_residuals.h"
 #include "simd/kernels.h"
 
 namespace inceres::internal {
+
+/// The Jacobians of factors whose weight has become zero, as they are without it: where the weight
+/// comes back, nothing needs to be linearized to have them. By factor and slot, in the layout of
+/// the slots. Cost: what is parked. Threads: one at a time.
+class ParkedJacobians {
+ public:
+  bool Has(int factor) const { return parked_.count(factor) != 0; }
+
+  /// Takes a copy of the factor's rows, whatever was there before.
+  void Park(int factor, const SlotJacobians* slots, int num_slots) {
+    std::vector<double>& rows = parked_[factor];
+    rows.clear();
+    for (int s = 0; s < num_slots; ++s) {
+      const double* J = slots[s].data + factor * slots[s].factor_stride;
+      rows.insert(rows.end(), J, J + slots[s].factor_stride);
+    }
+  }
+
+  /// Gives the rows back and forgets them. Requires Has.
+  void Fetch(int factor, const SlotJacobians* slots, int num_slots) {
+    const auto found = parked_.find(factor);
+    const double* row = found->second.data();
+    for (int s = 0; s < num_slots; ++s) {
+      double* J = slots[s].data + factor * slots[s].factor_stride;
+      std::copy_n(row, slots[s].factor_stride, J);
+      row += slots[s].factor_stride;
+    }
+    parked_.erase(found);
+  }
+
+  /// What was parked is outdated.
+  void Drop(int factor) {
+    if (!parked_.empty()) {
+      parked_.erase(factor);
+    }
+  }
+
+  std::int64_t Bytes() const {
+    std::size_t bytes = 0;
+    for (const auto& [factor, rows] : parked_) {
+      bytes += sizeof(std::pair<int, std::vector<double>>) + rows.capacity() * sizeof(double);
+    }
+    return static_cast<std::int64_t>(bytes);
+  }
+
+ private:
+  std::unordered_map<int, std::vector<double>> parked_;
+};
 
 /// What the incremental solver remembers of one family's factors (docs/algorithms.md,
 /// "Linearization"), by their places. Arrays grow with the family; the place of a removed factor

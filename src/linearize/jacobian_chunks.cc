@@ -33,17 +33,6 @@ namespace {
 // Records that a task evaluates, at most.
 constexpr int kPieceSize = 256;
 
-// Where factors are written and read whose records from `record` on lie at `first`. The address of
-// record 0 is a number only: none of it is used.
-void PointJacobians(int record, double* first, Linearization* cache) {
-  for (std::size_t s = 0; s < cache->slots.size(); ++s) {
-    SlotJacobians& slot = cache->slots[s];
-    slot.data = AddressBefore(record * slot.factor_stride, first);
-    cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
-    first += cache->residual_size * slot.columns;
-  }
-}
-
 }  // namespace
 
 Status BringJacobians(const Evaluator& evaluator, int chunk) {
@@ -88,7 +77,7 @@ void JacobianChunks::Cut(const LandmarkIncidences& incidences) {
                   "the Jacobians of a chunk of landmarks");
   values_ = ZeroedArray(size);
   for (Linearization& cache : evaluator_.families()) {
-    PointJacobians(0, values_.data(), &cache);
+    cache.PlaceSlots(0, values_.data());
   }
 }
 
@@ -109,16 +98,15 @@ void JacobianChunks::FindFactors() {
 // the last record of its landmarks, and never before that of the chunk before, where a chunk has
 // none of the family.
 void JacobianChunks::CutByLandmarks(const LandmarkIncidences& incidences) {
-  const std::vector<Linearization>& families = evaluator_.families();
   num_chunks_ = incidences.num_chunks();
-  ends_.assign(families.size(), 0);
-  std::vector<int> end(families.size(), 0);
+  std::vector<int> end(evaluator_.families().size(), 0);
+  ends_ = end;
   for (int chunk = 0; chunk < num_chunks_; ++chunk) {
     const std::vector<int>& begin = incidences.factors_begin;
     for (int k = begin[incidences.chunk_begin[chunk]]; k < begin[incidences.chunk_begin[chunk + 1]];
          ++k) {
       const LandmarkFactors& entry = incidences.factors[k];
-      const FamilyId family = OwnerOf(entry, families).id;
+      const FamilyId family = incidences.FamilyOf(entry);
       end[family] = std::max(end[family], entry.factors[entry.count - 1] + 1);
     }
     ends_.insert(ends_.end(), end.begin(), end.end());
@@ -218,7 +206,7 @@ Status JacobianChunks::Evaluate(int chunk, bool known_point, double* cost) {
   evaluator_.points().PointTo(/*candidate=*/false);
   double* next = values_.data();
   for (Linearization& cache : evaluator_.families()) {
-    PointJacobians(Begin(chunk, cache.id), next, &cache);
+    cache.PlaceSlots(Begin(chunk, cache.id), next);
     next += (End(chunk, cache.id) - Begin(chunk, cache.id)) * QuadsOf(cache.id) * kQuad;
   }
   const int first = pieces_begin_[chunk];

@@ -39,8 +39,6 @@ class JacobianChunks {
   int FactorAt(FamilyId family, int record) const {
     return factors_[family].empty() ? record : factors_[family][record];
   }
-  /// Doubles of the largest chunk.
-  std::size_t size() const { return values_.size(); }
 
   /// Asks `reader` to read each chunk of Linearize; not to be called twice.
   void ReadBy(std::function<void(int chunk)> reader) { reader_ = std::move(reader); }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <utility>
 
 #include "base/counting_sort.h"
 
@@ -59,8 +58,7 @@ VariableId FirstOf(const FactorGraph& graph, FamilyId id, int factor, const Is& 
 
 // Or -1.
 int LandmarkOfFactor(const FactorGraph& graph, const Layout& layout, FamilyId id, int factor) {
-  return layout.LandmarkOf(FirstOf(
-      graph, id, factor, [&](VariableId variable) { return layout.LandmarkOf(variable) >= 0; }));
+  return layout.LandmarkAmong(graph.Variables(id, factor), graph.family(id).num_slots());
 }
 
 // The factors of one landmark stay in the family's order, and with them the sums over them. Factors
@@ -84,14 +82,11 @@ std::vector<std::int32_t> SortByLandmark(const FactorGraph& graph, const Layout&
   return records;
 }
 
-// And what else of the candidate Linearization::Grow would have made. Blocks of the family's slots
-// are views into the rows, at the columns of the variables of factor 0, which are those of all
-// factors; who factors J reads it as it was written. Zeros are needed from the start: columns of
-// variables that the family does not touch are written by nobody.
+// Blocks of the family's slots are views into the rows, at the columns of the variables of factor
+// 0, which are those of all factors; who factors J reads it as it was written. Zeros are needed
+// from the start: columns of variables that the family does not touch are written by nobody.
 void PlaceWholeRows(const Layout& layout, Linearization* cache) {
   cache->storage = JacobianStorage::kWholeRows;
-  // Both points have residuals of their own.
-  cache->candidate_residuals = ZeroedArray(cache->residuals.size());
   const int row_stride = PadToQuad(layout.size());
   const std::ptrdiff_t factor_stride = std::ptrdiff_t{cache->residual_size} * row_stride;
   cache->jacobian_values =
@@ -121,10 +116,15 @@ void PlaceBySlot(int num_places, Linearization* cache) {
     next += slot.factor_stride * num_places;
     cache->views[s] = {slot.data, slot.factor_stride, slot.row_stride};
   }
-  cache->candidate_residuals =
-      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
-  cache->MakeTables(num_places);
-  cache->tangent_offsets.resize(cache->parameters.size());
+}
+
+// Linearization::records in the order of landmarks, each factor with the first that it touches and
+// those without any last: passes over J go from landmark to landmark. Empty where there are none.
+std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
+                                            FamilyId id) {
+  return layout.num_landmarks() == 0 || !HasRecordsByLandmark(graph, id)
+             ? std::vector<std::int32_t>()
+             : SortByLandmark(graph, layout, id);
 }
 
 // Landmarks ascend, in families of any size; empty where they do so anyway, with few factors that
@@ -144,17 +144,6 @@ std::vector<std::int32_t> RecordsInChunks(const FactorGraph& graph, const Layout
     last = std::max(last, landmark);
   }
   return {};
-}
-
-// All but the Jacobians themselves.
-void PlaceInChunks(int num_places, std::vector<std::int32_t> order, Linearization* cache) {
-  PackRows(cache);
-  cache->records = std::move(order);
-  cache->candidate_residuals =
-      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
-  cache->MakeTables(num_places);
-  cache->tangent_offsets.resize(cache->parameters.size());
-  cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size());
 }
 
 }  // namespace
@@ -221,13 +210,6 @@ bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id) {
   return false;
 }
 
-std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
-                                            FamilyId id) {
-  return layout.num_landmarks() == 0 || !HasRecordsByLandmark(graph, id)
-             ? std::vector<std::int32_t>()
-             : SortByLandmark(graph, layout, id);
-}
-
 // By entry, so that tasks may share a family. Offsets are kept twice where records have an order of
 // their own: by factor for who evaluates and corrects, by record for who passes over J.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
@@ -244,30 +226,37 @@ void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t e
   }
 }
 
-// What is left of the six kinds is kept by factor. Single precision is refused to families that are
-// small, or that prepare evaluations, and these keep doubles.
+// Single precision is refused to families that are small, or that prepare evaluations, and these
+// keep doubles.
 void PlaceJacobians(const Layout& layout, JacobianStorage storage, Linearization* cache) {
   const FactorGraph& graph = *cache->graph;
   const int num_places = graph.NumFactors(cache->id);
+  cache->candidate_residuals =
+      ZeroedArray(static_cast<std::size_t>(num_places) * cache->residual_size);
+  cache->MakeTables(num_places);
   switch (storage) {
     case JacobianStorage::kWholeRows:
-      cache->MakeTables(num_places);
       return PlaceWholeRows(layout, cache);
     case JacobianStorage::kBySlot:
-      return PlaceBySlot(num_places, cache);
-    case JacobianStorage::kInChunks:
-      return PlaceInChunks(num_places, RecordsInChunks(graph, layout, cache->id), cache);
+      PlaceBySlot(num_places, cache);
+      break;
+    case JacobianStorage::kInChunks:  // all but the Jacobians themselves
+      PackRows(cache);
+      cache->records = RecordsInChunks(graph, layout, cache->id);
+      break;
     case JacobianStorage::kByFactor:
     case JacobianStorage::kByFactorInSingle:
+      cache->PlaceByFactor(num_places,
+                           storage == JacobianStorage::kByFactorInSingle &&
+                               Linearization::MayKeepSingles(*cache->family, num_places),
+                           RecordsByLandmark(graph, layout, cache->id));
+      break;
     case JacobianStorage::kWithoutPadding:
+      cache->PlaceByFactor(num_places, /*in_singles=*/false, {});
       break;
   }
-  const bool in_singles = storage == JacobianStorage::kByFactorInSingle &&
-                          Linearization::MayKeepSingles(*cache->family, num_places);
-  cache->PlaceByFactor(num_places, in_singles,
-                       storage == JacobianStorage::kWithoutPadding
-                           ? std::vector<std::int32_t>()
-                           : RecordsByLandmark(graph, layout, cache->id));
+  cache->tangent_offsets.resize(cache->parameters.size());
+  cache->record_offsets.resize(cache->records.empty() ? 0 : cache->parameters.size());
 }
 
 // A block without a place in the tangent vector is written by no evaluation, and neither is

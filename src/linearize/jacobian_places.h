@@ -33,11 +33,6 @@ void ClearUnwritten(Linearization* cache);
 /// those without one between them, and not of small families, which stay in the cache.
 bool HasRecordsByLandmark(const FactorGraph& graph, FamilyId id);
 
-/// Linearization::records in the order of landmarks, each factor with the first that it touches and
-/// those without any last: passes over J go from landmark to landmark. Empty where there are none.
-std::vector<std::int32_t> RecordsByLandmark(const FactorGraph& graph, const Layout& layout,
-                                            FamilyId id);
-
 /// Tangent offsets of the entries (factor and slot) from begin to end, stored by slot.
 void PlaceInTangent(const Layout& layout, std::ptrdiff_t begin, std::ptrdiff_t end,
                     Linearization* cache);

@@ -26,6 +26,10 @@ struct Layout {
   int num_landmarks() const { return NumVariables() - num_frames; }
   int size() const { return packed_offset.back(); }
   int frame_size() const { return packed_offset[num_frames]; }
+  /// First scalar of each frame, and their total.
+  std::vector<int> FrameOffsets() const {
+    return {packed_offset.begin(), packed_offset.begin() + num_frames + 1};
+  }
   int TangentSize(int index) const { return packed_offset[index + 1] - packed_offset[index]; }
   /// Index of the variable among frames / landmarks, or -1; -1 too for the id -1, which stands at
   /// the free places of an edited graph.
@@ -38,6 +42,15 @@ struct Layout {
   int LandmarkOf(VariableId id) const {
     const int index = Position(id);
     return index >= num_frames ? index - num_frames : -1;
+  }
+  /// LandmarkOf the first of a factor's variables that is one, or -1: of those that move there is
+  /// at most one where landmarks are eliminated.
+  int LandmarkAmong(const VariableId* ids, int count) const {
+    int landmark = -1;
+    for (int k = 0; k < count && landmark < 0; ++k) {
+      landmark = LandmarkOf(ids[k]);
+    }
+    return landmark;
   }
 
   /// padded := packed, padding left zero. `padded` has 4 · quad_offset.back() entries.

@@ -96,13 +96,9 @@ void Linearization::Grow(int num_places, int new_capacity) {
   const int before = num_factors;
   if (new_capacity > capacity) {
     capacity = new_capacity;
-    std::ptrdiff_t size = 0;
-    for (const SlotJacobians& slot : slots) {
-      size += slot.factor_stride;
-    }
     // All slots in one array, each with room for `capacity` factors: with more room all of them
     // move.
-    ZeroedArray J(static_cast<std::size_t>(size) * capacity);
+    ZeroedArray J(static_cast<std::size_t>(FactorSize(*this)) * capacity);
     double* next = J.data();
     for (int s = 0; s < num_slots; ++s) {
       SlotJacobians& slot = slots[s];
@@ -143,20 +139,18 @@ void Linearization::PlaceByFactor(int num_places, bool in_singles,
                                (records.empty() ? 0 : std::size_t{kStripSize} * residual_size));
     EndStrip();
   } else {
-    PlaceSlots(jacobian_values.data());
+    PlaceSlots(0, jacobian_values.data());
   }
-  candidate_residuals = ZeroedArray(static_cast<std::size_t>(num_places) * residual_size);
-  MakeTables(num_places);
-  tangent_offsets.resize(parameters.size());
-  record_offsets.resize(records.empty() ? 0 : parameters.size());
 }
 
 // Blocks of one record: slot after slot, each residual_size rows without padding. What is between
-// the last one and the record's end fills a quad.
-void Linearization::PlaceSlots(double* first) {
+// the last one and the record's end fills a quad. Families write, and losses correct, at data +
+// factor · stride, so data is where those of factor 0 would be. That address is a number only: none
+// of it is used.
+void Linearization::PlaceSlots(int record, double* first) {
   for (int s = 0; s < num_slots; ++s) {
     SlotJacobians& slot = slots[s];
-    slot.data = first;
+    slot.data = AddressBefore(record * slot.factor_stride, first);
     views[s] = {slot.data, slot.factor_stride, slot.row_stride};
     first += residual_size * slot.columns;
   }
@@ -173,17 +167,6 @@ std::ptrdiff_t PackRows(Linearization* factors) {
     slot.factor_stride = PadToQuad(size);
   }
   return PadToQuad(size);
-}
-
-const Linearization& OwnerOf(const LandmarkFactors& factors,
-                             const std::vector<Linearization>& families,
-                             const Linearization* guess) {
-  const auto is_owner = [&](const Linearization& family) {
-    return family.slots.data() == factors.jacobians;
-  };
-  return guess != nullptr && is_owner(*guess)
-             ? *guess
-             : *std::find_if(families.begin(), families.end(), is_owner);
 }
 
 // The kernel's C has the rows of b and the columns of a.
@@ -226,12 +209,10 @@ EvaluationFailure Linearization::EvaluateCandidate(int begin, int end, double* f
   return EvaluateBatch(*this, batch);
 }
 
-// Families write, and losses correct, at data + factor · stride, so the strip pretends to begin
-// where the Jacobians of factor 0 would be. That address is a number only: none of it is used.
 // Residuals are written there, too, where records have an order of their own (WrittenResiduals).
 void Linearization::BeginStrip(int first) {
   strip_begin_ = first;
-  PlaceSlots(AddressBefore(first * slots[0].factor_stride, strip_values.data()));
+  PlaceSlots(first, strip_values.data());
 }
 
 // Who reads Jacobians in double by mistake where they are in single precision, or writes to a strip
@@ -242,7 +223,7 @@ void Linearization::EndStrip() {
       slot.data = nullptr;
     }
   } else {
-    PlaceSlots(jacobian_values.data());
+    PlaceSlots(0, jacobian_values.data());
   }
   for (JacobianView& view : views) {
     view.data = nullptr;

@@ -79,9 +79,9 @@ struct Linearization {
   /// Factors of a strip, at most.
   static constexpr int kStripSize = 2048;
 
-  /// Instead of Grow, once: room for so many factors, those of each together, in single precision
-  /// or in double, and in this order (`records`). Where either is not how factors are written, a
-  /// strip of them has room as they are written.
+  /// Instead of Grow, once: room for the Jacobians of so many factors, those of each together, in
+  /// single precision or in double, and in this order (`records`). Where either is not how factors
+  /// are written, a strip of them has room as they are written.
   void PlaceByFactor(int num_places, bool in_singles, std::vector<std::int32_t> order);
   bool has_strips() const { return strip_values.size() > 0; }
   bool keeps_singles() const { return !slots.empty() && slots[0].single != nullptr; }
@@ -89,6 +89,8 @@ struct Linearization {
   /// written, and found by their factors, in the strip.
   void BeginStrip(int first);
   void EndStrip();
+  /// Factors are written, and read, where their records from this one on lie at `first`.
+  void PlaceSlots(int record, double* first);
   /// Copies those of [begin, end), which are of the strip, to their records. Several threads may do
   /// so, each with factors of its own.
   void KeepStrip(int begin, int end);
@@ -186,7 +188,6 @@ struct Linearization {
   std::vector<LossValue> loss_values;
 
  private:
-  void PlaceSlots(double* first);
   bool IsPinned(int factor) const;
   FactorBatch LinearizationBatch(int begin, int end);
   EvaluationFailure LinearizePinned(FactorBatch batch);
@@ -203,12 +204,6 @@ struct Linearization {
 /// Strides of blocks that follow each other factor by factor, rows without padding; returns that
 /// from factor to factor.
 std::ptrdiff_t PackRows(Linearization* factors);
-
-/// Whose factors these are: a family is recognized by the address of its slots. `guess` is looked
-/// at first.
-const Linearization& OwnerOf(const LandmarkFactors& factors,
-                             const std::vector<Linearization>& families,
-                             const Linearization* guess = nullptr);
 
 /// J_rᵀJ_c of two slots, with the rows of r and the columns of c, and Jᵀf of one: terms, their
 /// number and the sizes of the block are the caller's.

@@ -106,12 +106,12 @@ std::int64_t QuadsOfBlock(const FactorFamily& family, JacobianStorage storage) {
 }  // namespace
 
 // Counts that are too large throw before anything is taken.
-void CheckCounts(const FamilyCounts& counts) {
-  const std::int64_t n = counts.num_factors;
-  MemoryBudget::CheckCount(n * counts.num_slots, kFlaggedInts,
+void CheckCounts(std::int64_t num_factors, int num_slots, int residual_size,
+                 std::int64_t block_quads) {
+  MemoryBudget::CheckCount(num_factors * num_slots, kFlaggedInts,
                            "connections of the factors of one family");
-  MemoryBudget::CheckCount(n * counts.residual_size, kInts, "residuals of one family");
-  MemoryBudget::CheckCount(n * counts.largest_block_quads, kFlaggedInts,
+  MemoryBudget::CheckCount(num_factors * residual_size, kInts, "residuals of one family");
+  MemoryBudget::CheckCount(num_factors * block_quads, kFlaggedInts,
                            "quads of Jacobians of one family and slot");
 }
 
@@ -129,21 +129,18 @@ void TakeForGraph(const FactorGraph& graph, bool eliminates_landmarks, JacobianS
                "the variables");
   for (FamilyId id = 0; id < graph.num_families(); ++id) {
     const FactorFamily& family = graph.family(id);
-    FamilyCounts counts;
-    counts.num_factors = graph.NumFactors(id);
-    counts.num_slots = family.num_slots();
-    counts.residual_size = family.residual_size();
-    counts.largest_block_quads = QuadsOfBlock(family, storage);
-    CheckCounts(counts);
+    const std::int64_t num_factors = graph.NumFactors(id);
+    CheckCounts(num_factors, family.num_slots(), family.residual_size(),
+                QuadsOfBlock(family, storage));
     // Jacobians at one point, residuals at both.
     budget->Take(BytesOfJacobians(graph, id, storage), "the Jacobians");
     budget->Take(static_cast<std::int64_t>(sizeof(Linearization)) +
-                     counts.num_factors *
-                         (kDouble * kPoints * counts.residual_size + kSums +
-                          kConnection * counts.num_slots + (graph.HasLosses(id) ? kLossValue : 0)),
+                     num_factors * (kDouble * kPoints * family.residual_size() + kSums +
+                                    kConnection * family.num_slots() +
+                                    (graph.HasLosses(id) ? kLossValue : 0)),
                  "the residuals");
     if (eliminates_landmarks && num_landmarks > 0 && TouchesLandmarks(graph, id)) {
-      budget->Take(counts.num_factors * (kIncidence + kTarget * counts.num_slots),
+      budget->Take(num_factors * (kIncidence + kTarget * family.num_slots()),
                    "the incidences of landmarks");
     }
   }

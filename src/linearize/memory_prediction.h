@@ -8,17 +8,11 @@
 
 namespace inceres::internal {
 
-/// How many there are of what a solve numbers with 32 bits, in one family.
-struct FamilyCounts {
-  std::int64_t num_factors = 0;
-  int num_slots = 0;
-  int residual_size = 0;
-  std::int64_t largest_block_quads = 0;  ///< of a factor's Jacobian by one slot, or by all
-};
-
-/// Throws MemoryExceeded where there are more than can be numbered. Products are counted where they
-/// are planned.
-void CheckCounts(const FamilyCounts& counts);
+/// Throws MemoryExceeded where a family has more of what a solve numbers with 32 bits than can be
+/// numbered. `block_quads`: the most of a factor's Jacobian by one slot, or by all. Products are
+/// counted where they are planned.
+void CheckCounts(std::int64_t num_factors, int num_slots, int residual_size,
+                 std::int64_t block_quads);
 
 /// Counts what an evaluator of the graph takes that stores Jacobians so, with its points and the
 /// incidences of its landmarks, if they are eliminated; whole rows, which are few, as by slot.

@@ -13,18 +13,6 @@ namespace inceres::internal {
 // and for a candidate once its cost is asked for, as Ceres does (docs/ceres_contract.md,
 // "Evaluation"); an accepted candidate brings its maps.
 
-namespace {
-
-// A NaN stays one.
-// std::min and std::max return their first argument where nothing compares.
-void Clamp(const VariableBounds& bounds, double* x) {
-  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
-    x[k] = std::min(std::max(x[k], bounds.lower[k]), bounds.upper[k]);
-  }
-}
-
-}  // namespace
-
 // Both states begin as the graph's: constants, and variables that nothing moves, are written by no
 // step and are the same in both.
 PointPair::PointPair(const FactorGraph& graph, const Layout& layout)
@@ -129,7 +117,7 @@ bool PointPair::MoveCandidate(const double* delta) {
   // Bounds hold for values, and are applied after Plus, as in Ceres.
   for (std::size_t i = 0; i < bounds_.size(); ++i) {
     if (bounds_[i] != nullptr) {
-      Clamp(*bounds_[i], candidate_.data() + graph_->StateOffset(layout_.variables[i]));
+      ClampToBounds(*bounds_[i], candidate_.data() + graph_->StateOffset(layout_.variables[i]));
     }
   }
   return true;

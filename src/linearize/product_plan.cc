@@ -229,8 +229,7 @@ class PlanBuilder {
   // The pattern, and where in the plans each block begins.
   void Place() {
     CheckSize();
-    plans_->pattern = PatternWithoutBlocks(
-        {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
+    plans_->pattern = PatternWithoutBlocks(layout_.FrameOffsets());
     const FactorGraph& graph = evaluator_.graph();
     for (int row = 0; graph.HasEliminationGroups() && row < layout_.num_frames; ++row) {
       plans_->pattern.groups.push_back(graph.elimination_group(layout_.variables[row]));

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "base/aligned_vector.h"
-#include "inceres/linear/reduced_matrix.h"
-#include "linear/frame_clusters.h"
+#include "inceres/linear/reduced_solver.h"
+#include "linear/aggregation.h"
 #include "linearize/evaluator.h"
 #include "linearize/incidences.h"
 #include "simd/kernels.h"

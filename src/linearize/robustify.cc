@@ -87,10 +87,6 @@ double PlainCost(const double* f, std::ptrdiff_t count) {
   return 0.5 * ((sums[0] + sums[1]) + (sums[2] + sums[3]));
 }
 
-double RobustCost(const Loss* loss, const double* f, int residual_size) {
-  return LossValue(loss, f, residual_size).cost();
-}
-
 // A factor without a loss, or whose loss is ρ(s) = s at this residual, keeps its bits.
 void RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
                      const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
@@ -103,14 +99,6 @@ void RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
       f[i] *= residual_scale;
     }
   }
-}
-
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
-                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
-                       LossCurvature curvature, double* f) {
-  const LossValue value(loss, f, residual_size);
-  RobustifyFactor(value, residual_size, num_slots, slots, factor, tangent_offsets, curvature, f);
-  return value.cost();
 }
 
 }  // namespace inceres::internal

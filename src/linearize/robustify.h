@@ -78,7 +78,6 @@ inline constexpr double kLeastCurvature = 0.5;
 /// α is 0 where the second-order term is not taken. Entries are not finite where ρ' is negative, or
 /// ρ'' > 0 is taken and LossValue::HasRoot() is false.
 struct RobustScale {
-  RobustScale() = default;
   RobustScale(const LossValue& loss, LossCurvature curvature);
 
   bool is_one() const { return sqrt_weight == 1.0 && alpha_over_s == 0.0; }
@@ -126,16 +125,9 @@ void TakeBackCorrection(const double* m, int residual_size, const SlotJacobians&
 /// ½‖f‖² of all residuals of factors without a loss, one after the other: `count` entries.
 double PlainCost(const double* f, std::ptrdiff_t count);
 
-/// ½ρ(‖f‖²), or ½‖f‖² without a loss.
-double RobustCost(const Loss* loss, const double* f, int residual_size);
-
 /// Scales f and the tangent Jacobians (RobustScale), for the value of the factor's loss at f.
 void RobustifyFactor(const LossValue& value, int residual_size, int num_slots,
                      const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
                      LossCurvature curvature, double* f);
-/// The same; the cost is that of f as it was.
-double RobustifyFactor(const Loss* loss, int residual_size, int num_slots,
-                       const SlotJacobians* slots, int factor, const std::int32_t* tangent_offsets,
-                       LossCurvature curvature, double* f);
 
 }  // namespace inceres::internal

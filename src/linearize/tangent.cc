@@ -40,6 +40,12 @@ bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, cons
   return true;
 }
 
+void ClampToBounds(const VariableBounds& bounds, double* x) {
+  for (std::size_t k = 0; k < bounds.lower.size(); ++k) {
+    x[k] = std::clamp(x[k], bounds.lower[k], bounds.upper[k]);
+  }
+}
+
 // Two matrices, aligned as those of their own allocations would be, and a selection.
 std::unique_ptr<Tangent::Curved, Tangent::Free> Tangent::MakeCurved(int size) {
   const auto count = (static_cast<std::size_t>(size) + 1) / 2 * 2;

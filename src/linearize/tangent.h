@@ -11,6 +11,9 @@ namespace inceres::internal {
 bool MoveVariable(const FactorGraph& graph, VariableId id, const double* x, const double* delta,
                   double* moved);
 
+/// The values of a variable into its bounds. A NaN stays one.
+void ClampToBounds(const VariableBounds& bounds, double* x);
+
 /// The tangent map of a variable at its point: x, or where the graph pins it. Its address is that
 /// of the Tangent.
 class Tangent {

@@ -7,6 +7,7 @@
 #include "base/formatted.h"
 #include "base/option_rules.h"
 #include "inceres/solver/incremental_solver.h"
+#include "linearize/jacobian_map.h"
 #include "marginal/covariance_system.h"
 #include "marginal/dense_svd_covariance.h"
 #include "problem/find_fault.h"
@@ -14,6 +15,7 @@
 namespace inceres {
 
 using internal::Invalid;
+using internal::RowMajor;
 
 // Blocks of H⁻¹ without damping (docs/algorithms.md, "Covariance"): what a caller may ask for is
 // checked here, one of three algorithms computes it, and the blocks are kept by pair. A pair is
@@ -90,14 +92,13 @@ Status GraphCovariance::Compute(const IncrementalSolver& solver, const Pairs& pa
 // Blocks of what moves from the system, once it is factored; of constants zeros.
 // A template over the system, for kSchur and kQr have one and kDenseSvd another. Everything that
 // may fail comes before the first block is written.
-template <typename Factorize, typename System>
-Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
-                             const Factorize& factorize, const System& system) {
+template <typename System>
+Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs, System* system) {
   Pairs moving;
   for (const auto& [a, b] : pairs) {
     for (const VariableId id : {a, b}) {
       // Without a factor it has no place in the layout, and nothing in H.
-      if (!graph.IsConstant(id) && !system.Has(id)) {
+      if (!graph.IsConstant(id) && !system->Has(id)) {
         return Invalid("variable " + std::to_string(id) +
                        " has no covariance: no factor touches it");
       }
@@ -108,7 +109,7 @@ Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
     }
   }
   // Of constants alone nothing is factored: a singular problem is no error then.
-  const Status status = moving.empty() ? Status::Ok() : factorize(moving);
+  const Status status = moving.empty() ? Status::Ok() : system->Factorize(moving);
   for (std::size_t k = 0; status.ok() && k < pairs.size(); ++k) {
     const auto [a, b] = pairs[k];
     Block& block = blocks_[{a, b}];
@@ -118,8 +119,7 @@ Status GraphCovariance::Fill(const FactorGraph& graph, const Pairs& pairs,
     block.values.assign(
         static_cast<std::size_t>(block.rows) * static_cast<std::size_t>(block.columns), 0.0);
     if (!graph.IsConstant(a) && !graph.IsConstant(b)) {
-      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-      Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system.Product(a, b);
+      Eigen::Map<RowMajor>(block.values.data(), block.rows, block.columns) = system->Product(a, b);
     }
   }
   return status;
@@ -147,17 +147,11 @@ Status GraphCovariance::ComputeAt(const FactorGraph& graph, const Status& valid,
   }
   try {
     if (options_.algorithm == CovarianceAlgorithm::kDenseSvd) {
-      // Has all blocks of what it has, so the pairs do not matter to it.
       internal::DenseSvdCovariance system(graph, state, options_);
-      const auto factorize = [&system](const Pairs& /*pairs*/) { return system.Compute(); };
-      status = Fill(graph, pairs, factorize, system);
+      status = Fill(graph, pairs, &system);
     } else {
       internal::CovarianceSystem system(graph, state, options_, has_landmarks);
-      const auto factorize = [&system](const Pairs& moving) {
-        const Status factored = system.Factorize();
-        return factored.ok() ? system.Prepare(moving) : factored;
-      };
-      status = Fill(graph, pairs, factorize, system);
+      status = Fill(graph, pairs, &system);
       // Also after an error, which it explains.
       deficiency_ = system.deficiency();
     }
@@ -180,13 +174,9 @@ bool GraphCovariance::Get(VariableId a, VariableId b, double* covariance) const 
     return false;
   }
   const Block& block = found->second;
-  for (int r = 0; r < block.columns; ++r) {
-    for (int c = 0; c < block.rows; ++c) {
-      // cov(a, b) is the transpose of cov(b, a).
-      covariance[r * block.rows + c] =
-          block.values.data()[static_cast<std::ptrdiff_t>(c) * block.columns + r];
-    }
-  }
+  // cov(a, b) is the transpose of cov(b, a).
+  Eigen::Map<RowMajor>(covariance, block.columns, block.rows) =
+      Eigen::Map<const RowMajor>(block.values.data(), block.rows, block.columns).transpose();
   return true;
 }
 

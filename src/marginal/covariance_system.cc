@@ -3,18 +3,14 @@
 #include <algorithm>
 #include <utility>
 
+#include "linearize/jacobian_map.h"
+
 namespace inceres::internal {
 
 // Covariances in three steps (docs/algorithms.md, "Covariance"): the undamped system is factored,
 // and refused if it leaves anything open (FactoredNormals); what pairs need of S⁻¹ is found, entry
 // by entry or by solves, whichever is cheaper; and a block is put together from it,
 //     cov(a, b) = V_aᵀ S⁻¹ V_b + [a = b is a landmark] P_b⁻¹.
-
-namespace {
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-}  // namespace
 
 // V of landmarks comes from their Jacobians.
 CovarianceSystem::CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
@@ -63,24 +59,21 @@ void CovarianceSystem::SubtractW() {
     const int num_slots = cache.num_slots;
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = normals_.graph().Variables(cache.id, i);
-      // A factor has at most one that moves.
-      const VariableId* landmark = std::find_if(
-          ids, ids + num_slots, [this](VariableId id) { return layout_.LandmarkOf(id) >= 0; });
+      const int landmark = layout_.LandmarkAmong(ids, num_slots);
+      const VariableId id = landmark < 0 ? -1 : layout_.variables[layout_.num_frames + landmark];
       // Most factors are of landmarks that nobody asks for.
-      const auto wanted = landmark == ids + num_slots ? columns_.end() : columns_.find(*landmark);
+      const auto wanted = columns_.find(id);
       if (wanted == columns_.end()) {
         continue;
       }
       const auto jacobian = [&](std::ptrdiff_t s) {
-        const SlotJacobians& slot = cache.slots[s];
-        return Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
-            slot.data + i * slot.factor_stride, cache.residual_size, slot.columns,
-            Eigen::OuterStride<>(slot.row_stride));
+        return JacobianOf(cache.slots[s], i, cache.residual_size);
       };
       Column& column = wanted->second;
       // P⁻¹ on the landmark's side first: a product of its few columns, for all frames of the
       // factor.
-      const Eigen::MatrixXd J_l = jacobian(landmark - ids) * column.P_inv;
+      const Eigen::MatrixXd J_l =
+          jacobian(std::find(ids, ids + num_slots, id) - ids) * column.P_inv;
       // A factor of a landmark and several frames adds to the rows of each.
       for (int s = 0; s < num_slots; ++s) {
         const int frame = layout_.FrameOf(ids[s]);
@@ -170,6 +163,11 @@ Status CovarianceSystem::SolveForPairs(const GraphCovariance::Pairs& pairs) {
     }
   }
   return status;
+}
+
+Status CovarianceSystem::Factorize(const GraphCovariance::Pairs& pairs) {
+  const Status factored = normals_.Factorize();
+  return factored.ok() ? Prepare(pairs) : factored;
 }
 
 // Columns V of all variables first, whose sizes tell what solves would cost.

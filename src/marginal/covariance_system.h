@@ -21,18 +21,17 @@ namespace inceres::internal {
 /// the columns of all that is wanted, and where the factor has them; else from solves.
 class CovarianceSystem {
  public:
-  /// `has_landmarks`: whether Prepare may be given any.
+  /// `has_landmarks`: whether Factorize may be given any.
   CovarianceSystem(const FactorGraph& graph, const std::vector<double>& state,
                    const CovarianceOptions& options, bool has_landmarks);
 
-  /// Linearizes, eliminates and factors. kSingular names a variable that is not determined.
-  Status Factorize() { return normals_.Factorize(); }
   bool Has(VariableId id) const { return layout_.position[id] >= 0; }
-  /// What Factorize or Prepare has found to be open.
+  /// What Factorize has found to be open.
   const RankDeficiency& deficiency() const { return normals_.deficiency(); }
 
-  /// Makes ready what Product needs for these pairs, of variables that it Has.
-  Status Prepare(const GraphCovariance::Pairs& pairs);
+  /// Linearizes, eliminates and factors, and makes ready what Product needs for these pairs, of
+  /// variables that it Has. kSingular names a variable that is not determined.
+  Status Factorize(const GraphCovariance::Pairs& pairs);
   /// cov(a, b) of one of the pairs.
   Eigen::MatrixXd Product(VariableId a, VariableId b) const;
 
@@ -51,6 +50,7 @@ class CovarianceSystem {
   Status SolveFor(VariableId id);
   Status InvertFactor();
   Status SolveForPairs(const GraphCovariance::Pairs& pairs);
+  Status Prepare(const GraphCovariance::Pairs& pairs);
   bool IsSelected(const Column& a, const Column& b) const;
   Eigen::MatrixXd FromSolution(const Column& a, const Column& b) const;
   Eigen::MatrixXd FromInverse(const Column& a, const Column& b) const;

@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 
 #include "base/formatted.h"
+#include "linearize/jacobian_map.h"
 #include "marginal/singular_values.h"
 
 namespace inceres::internal {
@@ -35,11 +36,6 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
   for (const Linearization& family : evaluator_.families()) {
     num_rows += Eigen::Index{family.num_factors} * family.residual_size;
   }
-  // Factors know their variables by quads of a padded vector; the matrix has packed columns.
-  std::vector<int> column_of_quad(layout_.quad_offset.back());
-  for (std::size_t k = 0; k < layout_.variables.size(); ++k) {
-    column_of_quad[layout_.quad_offset[k]] = layout_.packed_offset[k];
-  }
   // Variables that no factor touches have no place in the layout. Columns of zeros make J as wide
   // as all that may move, so that they count where its rank is judged.
   Eigen::Index num_untouched = 0;
@@ -52,16 +48,13 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
   Eigen::Index row = 0;
   for (const Linearization& family : evaluator_.families()) {
     for (int i = 0; i < family.num_factors; ++i, row += family.residual_size) {
+      const VariableId* const ids = graph_.Variables(family.id, i);
       for (int s = 0; s < family.num_slots; ++s) {
-        const std::int32_t quad = family.tangent_offsets[family.Entry(i) + s];
-        const SlotJacobians& slot = family.slots[s];
-        if (quad >= 0) {
-          using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        const int position = layout_.Position(ids[s]);
+        if (position >= 0) {
           // Added, not assigned: a factor may have one variable in two slots.
-          J.block(row, column_of_quad[quad], family.residual_size, slot.columns) +=
-              Eigen::Map<const Rows, 0, Eigen::OuterStride<>>(
-                  slot.data + std::ptrdiff_t{i} * slot.factor_stride, family.residual_size,
-                  slot.columns, Eigen::OuterStride<>(slot.row_stride));
+          J.block(row, layout_.packed_offset[position], family.residual_size,
+                  family.slots[s].columns) += JacobianOf(family.slots[s], i, family.residual_size);
         }
       }
     }
@@ -70,7 +63,7 @@ Eigen::MatrixXd DenseSvdCovariance::DenseJacobian() const {
 }
 
 // With automatic truncation all that is small is left out; else so many, and no other may be small.
-Status DenseSvdCovariance::Compute() {
+Status DenseSvdCovariance::Factorize(const GraphCovariance::Pairs& /*pairs*/) {
   double cost = 0.0;
   const Status status = evaluator_.EvaluateJacobians(/*known_point=*/false, &cost);
   if (!status.ok()) {

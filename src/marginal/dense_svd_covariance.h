@@ -21,8 +21,9 @@ class DenseSvdCovariance {
                      const CovarianceOptions& options);
 
   bool Has(VariableId id) const { return layout_.position[id] >= 0; }
-  /// kSingular where more singular values are small than may be left out.
-  Status Compute();
+  /// Of all pairs, whichever are wanted. kSingular where more singular values are small than may be
+  /// left out.
+  Status Factorize(const GraphCovariance::Pairs& pairs);
   /// cov(a, b) of variables that it Has.
   Eigen::MatrixXd Product(VariableId a, VariableId b) const;
 

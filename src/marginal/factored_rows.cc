@@ -90,11 +90,8 @@ Eigen::VectorXd FactoredNormals::ColumnSquares(const std::vector<double>& weight
   for (const Linearization& cache : evaluator_.families()) {
     for (int i = 0; i < cache.num_factors; ++i) {
       const VariableId* ids = graph_.Variables(cache.id, i);
-      double weight = 1.0;
-      for (int s = 0; s < cache.num_slots && !weights.empty(); ++s) {
-        const int landmark = layout_.LandmarkOf(ids[s]);
-        weight = landmark >= 0 ? weights[static_cast<std::size_t>(landmark)] : weight;
-      }
+      const int landmark = weights.empty() ? -1 : layout_.LandmarkAmong(ids, cache.num_slots);
+      const double weight = landmark < 0 ? 1.0 : weights[static_cast<std::size_t>(landmark)];
       for (int s = 0; s < cache.num_slots; ++s) {
         const SlotJacobians& slot = cache.slots[s];
         const double* J = slot.data + i * slot.factor_stride;

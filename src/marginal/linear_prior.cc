@@ -1,8 +1,8 @@
-#include "inceres/solver/linear_prior.h"
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+
+#include "inceres/solver/marginalization.h"
 
 namespace inceres {
 

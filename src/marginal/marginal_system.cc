@@ -1,9 +1,9 @@
 #include "marginal/marginal_system.h"
 
 #include <algorithm>
-#include <numeric>
 #include <string>
 
+#include "linearize/jacobian_map.h"
 #include "marginal/row_elimination.h"
 #include "marginal/singular_values.h"
 
@@ -35,30 +35,6 @@ void MarginalSystem::AddKept(VariableId id) {
   columns_.emplace(id, NumColumns());
   num_kept_columns_ += graph_.TangentSize(id);
 }
-
-namespace {
-
-// Copies a factor's rows into A from `row` on; column_of(slot) is negative for slots that have
-// none.
-template <typename ColumnOf>
-void CopyRows(const LinearizedFactor& factor, int num_slots, const ColumnOf& column_of,
-              Eigen::Index row, Eigen::MatrixXd* A) {
-  for (int s = 0; s < num_slots; ++s) {
-    const SlotJacobians& slot = factor.slots[s];
-    const int column = column_of(s);
-    for (int r = 0; column >= 0 && r < factor.rows; ++r) {
-      for (int c = 0; c < slot.columns; ++c) {
-        (*A)(row + r, column + c) = slot.data[r * slot.row_stride + c];
-      }
-    }
-  }
-  for (int r = 0; r < factor.rows; ++r) {
-    // The right-hand side is the last column, and takes part in every transformation.
-    (*A)(row + r, A->cols() - 1) = factor.f[r];
-  }
-}
-
-}  // namespace
 
 void MarginalSystem::Append(const Eigen::MatrixXd& rows, Eigen::Index first_row,
                             Eigen::Index first_column, const std::vector<int>& columns) {
@@ -95,8 +71,6 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
   for (const auto& [id, number] : landmarks_) {
     landmark_ids[static_cast<std::size_t>(number)] = id;
   }
-  std::vector<int> columns;
-  Eigen::MatrixXd A;
   for (const FactorId& id : factors) {
     const int num_slots = graph_.family(id.family).num_slots();
     const VariableId* ids = graph_.Variables(id.family, id.index);
@@ -106,24 +80,13 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
       of_landmark[static_cast<std::size_t>(landmarks_.at(*landmark))].push_back(id);
       continue;
     }
-    LinearizedFactor factor;
-    const Status status = rows_of(id, &factor);
+    const Status status = StackRows(-1, {id}, rows_of, offenders);
     if (!status.ok()) {
       return status;
     }
-    A.setZero(factor.rows, NumColumns() + 1);
-    const auto column_of = [&](int s) {
-      const auto found = columns_.find(ids[s]);
-      return found == columns_.end() ? -1 : found->second;
-    };
-    CopyRows(factor, num_slots, column_of, 0, &A);
-    columns.resize(static_cast<std::size_t>(NumColumns()));
-    // The rows are as wide as the stack already.
-    std::iota(columns.begin(), columns.end(), 0);
-    Append(A, 0, 0, columns);
   }
   for (std::size_t l = 0; l < landmark_ids.size(); ++l) {
-    const Status status = EliminateLandmark(landmark_ids[l], of_landmark[l], rows_of, offenders);
+    const Status status = StackRows(landmark_ids[l], of_landmark[l], rows_of, offenders);
     if (!status.ok()) {
       return status;
     }
@@ -133,10 +96,12 @@ Status MarginalSystem::Eliminate(const std::vector<FactorId>& factors, const Row
 }
 
 MarginalSystem::OwnColumns MarginalSystem::OwnColumnsOf(
-    VariableId id, const std::vector<FactorId>& factors) const {
-  const int size = graph_.TangentSize(id);
+    VariableId landmark, const std::vector<FactorId>& factors) const {
   OwnColumns own;
-  own.first.emplace(id, 0);
+  if (landmark >= 0) {
+    own.first.emplace(landmark, 0);
+    own.of_landmark = graph_.TangentSize(landmark);
+  }
   for (const FactorId& factor : factors) {
     own.num_rows += graph_.family(factor.family).residual_size();
     for (int s = 0; s < graph_.family(factor.family).num_slots(); ++s) {
@@ -145,7 +110,8 @@ MarginalSystem::OwnColumns MarginalSystem::OwnColumnsOf(
       if (global != columns_.end() &&
           // A frame gets its columns with the first factor that touches it: an order that the
           // factors give.
-          own.first.emplace(other, size + static_cast<int>(own.of_frames.size())).second) {
+          own.first.emplace(other, own.of_landmark + static_cast<int>(own.of_frames.size()))
+              .second) {
         for (int c = 0; c < graph_.TangentSize(other); ++c) {
           own.of_frames.push_back(global->second + c);
         }
@@ -155,14 +121,13 @@ MarginalSystem::OwnColumns MarginalSystem::OwnColumnsOf(
   return own;
 }
 
-// Its rows have columns of its own and those of its separator only. Rank loss is reported when all
-// landmarks have been looked at.
-Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<FactorId>& factors,
-                                         const RowsOf& rows_of,
-                                         std::vector<VariableId>* offenders) {
-  const int size = graph_.TangentSize(id);
+// A landmark's rows have columns of its own and those of its separator only. Rank loss is reported
+// when all landmarks have been looked at.
+Status MarginalSystem::StackRows(VariableId landmark, const std::vector<FactorId>& factors,
+                                 const RowsOf& rows_of, std::vector<VariableId>* offenders) {
   // A is as wide as the landmark and the frames it is seen from, not as the whole system.
-  const OwnColumns own = OwnColumnsOf(id, factors);
+  const OwnColumns own = OwnColumnsOf(landmark, factors);
+  const int size = own.of_landmark;
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(
       own.num_rows, size + static_cast<Eigen::Index>(own.of_frames.size()) + 1);
   Eigen::Index row = 0;
@@ -173,19 +138,24 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
       return status;
     }
     const VariableId* ids = graph_.Variables(factor_id.family, factor_id.index);
-    const auto column_of = [&](int s) {
-      const auto found = own.first.find(ids[s]);
+    for (int s = 0; s < graph_.family(factor_id.family).num_slots(); ++s) {
+      const SlotJacobians& slot = factor.slots[s];
+      const auto column = own.first.find(ids[s]);
       // No column: a constant, or what is not part of the system.
-      return found == own.first.end() ? -1 : found->second;
-    };
-    CopyRows(factor, graph_.family(factor_id.family).num_slots(), column_of, row, &A);
+      if (column != own.first.end()) {
+        A.block(row, column->second, factor.rows, slot.columns) = JacobianOf(slot, 0, factor.rows);
+      }
+    }
+    // The right-hand side is the last column, and takes part in every transformation.
+    A.col(A.cols() - 1).segment(row, factor.rows) =
+        Eigen::Map<const Eigen::VectorXd>(factor.f, factor.rows);
     row += factor.rows;
   }
   // Where the rank falls short, fewer rows are used up, and what the others say of the frames
   // stays.
   const EliminationOutcome outcome = EliminateColumns(size, options_.rank_tolerance, &A);
   if (outcome.rank < size && !options_.allow_rank_loss) {
-    offenders->push_back(id);
+    offenders->push_back(landmark);
   }
   Append(A, outcome.rank, size, own.of_frames);
   return Status::Ok();
@@ -194,9 +164,7 @@ Status MarginalSystem::EliminateLandmark(VariableId id, const std::vector<Factor
 Status MarginalSystem::EliminateFrames(std::vector<VariableId>* offenders) {
   const Eigen::Index width = NumColumns() + 1;
   const auto rows = static_cast<Eigen::Index>(stack_.size()) / width;
-  Eigen::MatrixXd A =
-      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-          stack_.data(), rows, width);
+  Eigen::MatrixXd A = Eigen::Map<const RowMajor>(stack_.data(), rows, width);
   const EliminationOutcome outcome =
       EliminateColumns(num_frame_columns_, options_.rank_tolerance, &A);
   for (const VariableId id : frames_) {

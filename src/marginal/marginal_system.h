@@ -6,7 +6,6 @@
 
 #include <Eigen/Core>
 
-#include "inceres/solver/linear_prior.h"
 #include "inceres/solver/marginalization.h"
 #include "linearize/factor_linearizer.h"
 
@@ -40,17 +39,20 @@ class MarginalSystem {
   double fixed_cost() const { return fixed_cost_; }
 
  private:
-  // The matrix that a landmark is eliminated in: itself, the frames it is seen from, f.
+  // The matrix that a landmark is eliminated in: itself, the frames it is seen from, f. Or that of
+  // a factor without one.
   struct OwnColumns {
+    int of_landmark = 0;                        // how many
     std::unordered_map<VariableId, int> first;  // of each variable
     std::vector<int> of_frames;                 // behind the landmark's: where they go
     Eigen::Index num_rows = 0;
   };
 
   int NumColumns() const { return num_frame_columns_ + num_kept_columns_; }
-  OwnColumns OwnColumnsOf(VariableId id, const std::vector<FactorId>& factors) const;
-  Status EliminateLandmark(VariableId id, const std::vector<FactorId>& factors,
-                           const RowsOf& rows_of, std::vector<VariableId>* offenders);
+  OwnColumns OwnColumnsOf(VariableId landmark, const std::vector<FactorId>& factors) const;
+  // What the factors of a landmark say of the frames, or a factor of none: −1.
+  Status StackRows(VariableId landmark, const std::vector<FactorId>& factors, const RowsOf& rows_of,
+                   std::vector<VariableId>* offenders);
   Status EliminateFrames(std::vector<VariableId>* offenders);
   Status RankLoss(const char* kind, const std::vector<VariableId>& offenders) const;
   void Append(const Eigen::MatrixXd& rows, Eigen::Index first_row, Eigen::Index first_column,

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/option_rules.h"
-#include "inceres/solver/linear_prior.h"
+#include "linearize/jacobian_map.h"
 #include "marginal/marginal_system.h"
 #include "marginal/marginalize.h"
 #include "problem/find_fault.h"
@@ -283,12 +283,8 @@ class Marginalizer {
     const Eigen::Index n = rows.rows();
     prior_.J.resize(static_cast<std::size_t>(n * n));
     prior_.e0.resize(static_cast<std::size_t>(n));
-    for (Eigen::Index r = 0; r < n; ++r) {
-      for (Eigen::Index c = 0; c < n; ++c) {
-        prior_.J[static_cast<std::size_t>(r * n + c)] = rows(r, c);
-      }
-      prior_.e0[static_cast<std::size_t>(r)] = rows(r, n);
-    }
+    Eigen::Map<RowMajor>(prior_.J.data(), n, n) = rows.leftCols(n);
+    Eigen::Map<Eigen::VectorXd>(prior_.e0.data(), n) = rows.col(n);
   }
 
   // A family of marginalization's own for priors of this shape.

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "base/executor.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 

@@ -9,6 +9,7 @@
 
 #include "base/sort_unique.h"
 #include "linear/rows_by_size.h"
+#include "linearize/jacobian_map.h"
 
 namespace inceres::internal {
 
@@ -63,14 +64,9 @@ OrthogonalElimination::OrthogonalElimination(const FactorGraph& graph, const Lay
   for (std::size_t f = 0; f < evaluator.families().size(); ++f) {
     const Linearization& family = evaluator.families()[f];
     for (int i = 0; i < family.num_factors; ++i) {
-      const VariableId* ids = graph.Variables(family.id, i);
-      const VariableId* end = ids + family.num_slots;
-      // At most one of a factor's variables is a landmark that moves.
-      const VariableId* landmark =
-          std::find_if(ids, end, [&](VariableId id) { return layout.LandmarkOf(id) >= 0; });
+      const int landmark = layout.LandmarkAmong(graph.Variables(family.id, i), family.num_slots);
       std::vector<Ref>& list =
-          landmark == end ? others_
-                          : factors_of_[static_cast<std::size_t>(layout.LandmarkOf(*landmark))];
+          landmark < 0 ? others_ : factors_of_[static_cast<std::size_t>(landmark)];
       list.push_back({static_cast<int>(f), i});
     }
   }
@@ -104,7 +100,6 @@ RowsOfBlocks OrthogonalElimination::Frames(const std::vector<Ref>& factors) cons
 // Jacobians as the linearization has them: in the tangent space, corrected for the loss.
 void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, RowsOfBlocks* rows,
                                  MatrixXd* J_l) const {
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   std::vector<Index> column = {0};
   for (const int frame : rows->blocks) {
     column.push_back(column.back() + layout_.TangentSize(frame));
@@ -120,17 +115,14 @@ void OrthogonalElimination::Fill(const std::vector<Ref>& factors, int landmark, 
       if (frame < 0 && !of_landmark) {
         continue;
       }
-      const SlotJacobians& slot = family.slots[s];
-      const Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>> J(
-          slot.data + std::ptrdiff_t{ref.factor} * slot.factor_stride, family.residual_size,
-          slot.columns, Eigen::OuterStride<>(slot.row_stride));
+      const JacobianMap J = JacobianOf(family.slots[s], ref.factor, family.residual_size);
       if (of_landmark) {
         J_l->middleRows(row, family.residual_size) += J;
       } else {
         // rows->blocks ascends.
         const auto at = std::lower_bound(rows->blocks.begin(), rows->blocks.end(), frame);
         rows->values.block(row, column[static_cast<std::size_t>(at - rows->blocks.begin())],
-                           family.residual_size, slot.columns) += J;
+                           J.rows(), J.cols()) += J;
       }
     }
     row += family.residual_size;

@@ -81,15 +81,21 @@ void MultiplyFixed(const double* M, const double* J_ambient, int num_rows, doubl
   }
 }
 
+// Of a dense map: that of a pose [p, q] with an added position, or of a quaternion by itself.
+bool IsPose(const TangentMap& map) {
+  return map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3;
+}
+
+bool IsQuaternion(const TangentMap& map) {
+  return map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0;
+}
+
 void Multiply(const TangentMap& map, const double* J_ambient, int num_rows, double* J_tangent,
               int row_stride) {
-  // Poses [p, q] with an added position, and quaternions by themselves.
-  if (map.ambient_size == 7 && map.tangent_size == 6 &&
-      map.num_identity_columns == 3) {  // position and quaternion
+  if (IsPose(map)) {
     return MultiplyFixed<7, 6, 3>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
   }
-  if (map.ambient_size == 4 && map.tangent_size == 3 &&
-      map.num_identity_columns == 0) {  // quaternion
+  if (IsQuaternion(map)) {
     return MultiplyFixed<4, 3, 0>(map.plus_jacobian, J_ambient, num_rows, J_tangent, row_stride);
   }
   int c = map.num_identity_columns;
@@ -117,58 +123,37 @@ internal::TakeFunction internal::FindTake(int num_rows, int ambient_size, int co
 
 namespace {
 
-// What is done to the Jacobians of neighboring factors at once.
-enum class Taking {
-  kNothing,  // nobody wrote it
-  kCopy,
-  kPose,  // a position and a quaternion
-  kQuaternion,
-  kOneByOne,
-};
-
-Taking TakingOf(const TangentMap& map) {
+// The Jacobians of neighboring factors, whose maps are alike. False, and nothing done, if they are
+// for who takes one by one.
+bool TakeTogether(const internal::AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
+                  int count) {
+  const TangentMap& map = *maps[0];
+  // Nobody wrote them.
   if (map.kind == TangentMap::Kind::kConstant) {
-    return Taking::kNothing;
+    return true;
   }
   if (map.copies()) {
-    return Taking::kCopy;
-  }
-  if (map.kind != TangentMap::Kind::kDense) {
-    return Taking::kOneByOne;
-  }
-  if (map.ambient_size == 7 && map.tangent_size == 6 && map.num_identity_columns == 3) {
-    return Taking::kPose;
-  }
-  return map.ambient_size == 4 && map.tangent_size == 3 && map.num_identity_columns == 0
-             ? Taking::kQuaternion
-             : Taking::kOneByOne;
-}
-
-// False, and nothing done, if it is for who takes one by one.
-bool TakeTogether(Taking taking, const internal::AmbientSlot& slot, const TangentMap* const* maps,
-                  int map_stride, int count) {
-  if (taking == Taking::kCopy) {
     return slot.take != nullptr && slot.take(count, slot.values, slot.num_rows, slot.J_tangent,
                                              slot.factor_stride, slot.row_stride);
   }
-  if (taking == Taking::kPose || taking == Taking::kQuaternion) {
-    const double* M[internal::kMostTaken];
-    for (int n = 0; n < count; ++n) {
-      M[n] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
-    }
-    const internal::Kernels& kernels = internal::BestKernels();
-    const auto take = taking == Taking::kPose ? kernels.take_poses : kernels.take_quaternions;
-    return take(M, count, slot.values, slot.num_rows, slot.J_tangent, slot.factor_stride,
-                slot.row_stride);
+  if (map.kind != TangentMap::Kind::kDense || (!IsPose(map) && !IsQuaternion(map))) {
+    return false;
   }
-  return taking == Taking::kNothing;
+  const double* M[internal::kMostTaken];
+  for (int n = 0; n < count; ++n) {
+    M[n] = maps[std::ptrdiff_t{n} * map_stride]->plus_jacobian;
+  }
+  const internal::Kernels& kernels = internal::BestKernels();
+  const auto take = IsPose(map) ? kernels.take_poses : kernels.take_quaternions;
+  return take(M, count, slot.values, slot.num_rows, slot.J_tangent, slot.factor_stride,
+              slot.row_stride);
 }
 
 }  // namespace
 
 int internal::TakeAlike(const AmbientSlot& slot, const TangentMap* const* maps, int map_stride,
                         int count) {
-  if (count == 0 || TakeTogether(TakingOf(*maps[0]), slot, maps, map_stride, count)) {
+  if (count == 0 || TakeTogether(slot, maps, map_stride, count)) {
     return -1;
   }
   for (int n = 0; n < count; ++n) {

@@ -38,14 +38,14 @@ std::vector<SlotPoint> PointIn(const FactorGraph& graph, FamilyId id, int factor
   return point;
 }
 
-// False after a failure, which the report has.
-bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptions& options,
+// A failure is in the report.
+void CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptions& options,
                  JacobianReport* report) {
   const int num_places = graph.NumFactors(id);
   // Evenly spread: every step-th place, rounded up, so that at most max_factors are looked at.
   const int step = std::max(
       1, num_places / options.max_factors + (num_places % options.max_factors > 0 ? 1 : 0));
-  FamilyCheck check(graph.family(id), id, num_places, options, report);
+  FamilyCheck check(graph.family(id), id, options, report);
   for (int factor = 0; factor < num_places; factor += step) {
     // A free place has no variables to look at.
     if (!graph.HasFactor(id, factor)) {
@@ -67,9 +67,29 @@ bool CheckFamily(const FactorGraph& graph, FamilyId id, const JacobianCheckOptio
         check.failure().failed()
             ? graph.DescribeFailure(id, check.failure(), values.data())
             : graph.DescribeFactor(id, factor) + ": cannot evaluate " + check.what_failed());
-    return false;
+    return;
   }
-  return true;
+}
+
+// One report over so many families: counts add up, and the worst entry is that of all.
+JacobianReport CheckFamilies(const FactorGraph& graph, FamilyId first, int count,
+                             const JacobianCheckOptions& options) {
+  JacobianReport report;
+  report.status = options.Validate();
+  if (report.status.ok() && (first < 0 || first > graph.num_families() - count)) {
+    report.status = Invalid("CheckJacobians: there is no family " + std::to_string(first));
+  }
+  // Connections and values are looked at first, for Evaluate may rely on them.
+  report.status = report.status.ok() ? graph.Validate() : report.status;
+  // The first failure ends it: a report with a status is of no use beyond that.
+  for (FamilyId id = first; report.status.ok() && id < first + count; ++id) {
+    CheckFamily(graph, id, options, &report);
+  }
+  // The name is made once, of the worst factor only.
+  if (report.status.ok() && report.worst.factor >= 0) {
+    report.factor_name = graph.DescribeFactor(report.worst.family, report.worst.factor);
+  }
+  return report;
 }
 
 }  // namespace
@@ -108,38 +128,11 @@ std::string JacobianReport::ToString() const {
 
 JacobianReport CheckJacobians(const FactorGraph& graph, FamilyId family,
                               const JacobianCheckOptions& options) {
-  JacobianReport report;
-  report.status = options.Validate();
-  if (report.status.ok() && (family < 0 || family >= graph.num_families())) {
-    report.status = Invalid("CheckJacobians: there is no family " + std::to_string(family));
-  }
-  if (report.status.ok()) {
-    // Connections and values are looked at first, for Evaluate may rely on them.
-    report.status = graph.Validate();
-  }
-  if (report.status.ok() && CheckFamily(graph, family, options, &report) &&
-      report.worst.factor >= 0) {
-    // The name is made once, of the worst factor only.
-    report.factor_name = graph.DescribeFactor(family, report.worst.factor);
-  }
-  return report;
+  return CheckFamilies(graph, family, 1, options);
 }
 
-// One report over all families: counts add up, and the worst entry is that of all.
 JacobianReport CheckJacobians(const FactorGraph& graph, const JacobianCheckOptions& options) {
-  JacobianReport report;
-  report.status = options.Validate();
-  if (report.status.ok()) {
-    report.status = graph.Validate();
-  }
-  // The first failure ends it: a report with a status is of no use beyond that.
-  for (FamilyId id = 0; report.status.ok() && id < graph.num_families(); ++id) {
-    CheckFamily(graph, id, options, &report);
-  }
-  if (report.status.ok() && report.worst.factor >= 0) {
-    report.factor_name = graph.DescribeFactor(report.worst.family, report.worst.factor);
-  }
-  return report;
+  return CheckFamilies(graph, 0, graph.num_families(), options);
 }
 
 JacobianReport CheckJacobians(const FactorFamily& family, int factor,
@@ -174,9 +167,7 @@ JacobianReport CheckJacobians(const FactorFamily& family, int factor,
   if (!report.status.ok()) {
     return report;
   }
-  // As a family of as many places as lead up to this factor: a batch counts from the family's
-  // first.
-  FamilyCheck check(family, -1, factor + 1, options, &report);
+  FamilyCheck check(family, -1, options, &report);
   report.factor_name = name;
   if (!check.Check(factor, point)) {
     const char* reason = check.failure().failed() ? check.failure().reason : "cannot be evaluated";

@@ -1,9 +1,8 @@
 // The rules an edit must keep, looked at with its marks laid over the graph.
-#include <cmath>
+#include "problem/edit_check.h"
+
 #include <limits>
 #include <new>
-
-#include "problem/edit_marks.h"
 
 // An edit is refused as a whole or carried out as a whole, so that everything that may go wrong
 // must be known before anything is changed: Check finds it, and makes room, and Commit
@@ -19,73 +18,59 @@ namespace inceres {
 namespace internal {
 namespace {
 
-// The message has the value and its place in the variable.
-Status CheckFinite(const char* call, VariableId id, const double* values, int size) {
+// Pairs of bounds, entry by entry; the side that was not given is infinite. Whether the values lie
+// between them is not asked here.
+Status CheckOrder(const GraphEdit& edit, const GraphEdit::NewBounds& bounds, int size) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  const auto entry = [&edit](std::size_t offset, int k, double none) {
+    return offset == GraphEdit::kNoValues ? none
+                                          : edit.values()[offset + static_cast<std::size_t>(k)];
+  };
   for (int k = 0; k < size; ++k) {
-    if (!std::isfinite(values[k])) {
-      return Invalid(std::string(call) + ": value " + std::to_string(k) + " of " +
-                     VariableName(id) + " is " + std::to_string(values[k]));
+    const double lower = entry(bounds.lower, k, -kNone);
+    const double upper = entry(bounds.upper, k, kNone);
+    // Equal ones hold the value, which is what a constant is for; NaN fails as well.
+    if (!(lower < upper)) {
+      return Invalid("SetBounds: value " + std::to_string(k) + " of " + VariableName(bounds.id) +
+                     " has the lower bound " + std::to_string(lower) +
+                     ", which is not below its upper bound " + std::to_string(upper));
     }
   }
   return Status::Ok();
 }
 
-/// The rules, one kind of wish after the other, in the order of the edit: the first one that is
-/// broken is told.
-class EditRules {
- public:
-  EditRules(const EditedGraph& edited, const GraphEdit& edit, EditMarks* marks)
-      : edited_(edited), graph_(*edited.graph), edit_(edit), marks_(*marks) {}
+}  // namespace
 
-  Status Check() {
-    Status status = CheckComingVariables();
-    for (const auto rule :
-         {&EditRules::CheckComingFactors, &EditRules::CheckFreedVariables,
-          &EditRules::CheckFactorSettings, &EditRules::CheckNewValues, &EditRules::CheckPins,
-          &EditRules::CheckBounds, &EditRules::CheckGroups}) {
-      status = status.ok() ? (this->*rule)() : status;
-    }
-    return status;
-  }
-
- private:
-  Status CheckComingVariables();
-  Status CheckComingFactors();
-  Status CheckFreedVariables();
-  Status CheckFactorSettings();
-  Status CheckNewValues();
-  Status CheckPins();
-  Status CheckBounds();
-  Status CheckGroups();
-  Status CheckFactor(FactorId id, const VariableId* ids) const;
-  Status CheckFreedFactors(VariableId id) const;
-
-  const EditedGraph& edited_;
-  const FactorGraph& graph_;
-  const GraphEdit& edit_;
-  EditMarks& marks_;
-};
-
-Status EditRules::CheckComingVariables() {
-  Status status;
-  for (std::size_t i = 0; status.ok() && i < marks_.comers().size(); ++i) {
-    const GraphEdit::NewVariable& variable = edit_.new_variables()[i];
-    // comers has the records that Commit would make, in the order of the edit.
-    status = ValidateVariable(variable.id, marks_.comers()[i], marks_.See(variable.id).constant);
-    if (status.ok() && !variable.has_values) {
-      status = Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
-    }
-    // Values that are borrowed may change until they are read.
-    if (status.ok() && !variable.is_borrowed) {
-      status = CheckFinite("AddVariable", variable.id, edit_.values().data() + variable.values,
-                           variable.ambient_size);
-    }
+Status EditCheck::Check() {
+  Status status = Draw();
+  for (const auto rule : {&EditCheck::CheckComingVariables, &EditCheck::CheckComingFactors,
+                          &EditCheck::CheckFreedVariables, &EditCheck::CheckFactorSettings,
+                          &EditCheck::CheckNewValues, &EditCheck::CheckPins,
+                          &EditCheck::CheckBounds, &EditCheck::CheckGroups}) {
+    status = status.ok() ? (this->*rule)() : status;
   }
   return status;
 }
 
-Status EditRules::CheckComingFactors() {
-  for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
+Status EditCheck::CheckComingVariables() {
+  return CheckEach(edit_.new_variables(), [this](const GraphEdit::NewVariable& variable) {
+    // The record is the one that Commit would make.
+    const Sight sight = See(variable.id);
+    Status status = ValidateVariable(variable.id, *sight.record, sight.constant);
+    if (status.ok() && !variable.has_values) {
+      return Invalid("AddVariable: " + VariableName(variable.id) + " is given a null pointer");
+    }
+    // Values that are borrowed may change until they are read.
+    if (status.ok() && !variable.is_borrowed) {
+      return CheckFinite("AddVariable: ", "", variable.id, edit_.values().data() + variable.values,
+                         variable.ambient_size);
+    }
+    return status;
+  });
+}
+
+Status EditCheck::CheckComingFactors() {
+  return CheckEach(edit_.new_factors(), [this](const GraphEdit::NewFactor& factor) {
     // Connect could give out no place: there is no such family.
     if (factor.id.index < 0) {
       return Invalid(NoFamily("Connect", graph_, factor.id.family));
@@ -96,60 +81,55 @@ Status EditRules::CheckComingFactors() {
       return status;
     }
     if (factor.num_variables != IndexOf(family.num_slots())) {
-      return Invalid(marks_.FactorName(factor.id) + " is given " +
-                     std::to_string(factor.num_variables) + " variables but has " +
-                     std::to_string(family.num_slots()) + " slots");
+      return Invalid(FactorName(factor.id) + " is given " + std::to_string(factor.num_variables) +
+                     " variables but has " + std::to_string(family.num_slots()) + " slots");
     }
     // The measurement is placed before the edit is applied: by AddFactor, or by the caller of
     // Connect.
     if (family.size() <= factor.id.index) {
-      return Invalid(marks_.FactorName(factor.id) + " has no measurement: the family holds " +
+      return Invalid(FactorName(factor.id) + " has no measurement: the family holds " +
                      std::to_string(family.size()));
     }
-    status = CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
-    if (!status.ok()) {
-      return status;
-    }
-  }
-  return Status::Ok();
+    return CheckFactor(factor.id, edit_.factor_variables().data() + factor.variables);
+  });
 }
 
 // FindFault sees variables as the edit leaves them; the text looks up the culprit in the same way.
-Status EditRules::CheckFactor(FactorId id, const VariableId* ids) const {
+Status EditCheck::CheckFactor(FactorId id, const VariableId* ids) const {
   AcceptedManifolds accepted;
   const FactorFault fault = FindFault(
-      graph_.family(id.family), ids, [this](VariableId variable) { return marks_.See(variable); },
+      graph_.family(id.family), ids, [this](VariableId variable) { return See(variable); },
       &accepted);
   return fault.fault == Fault::kNone
              ? Status::Ok()
-             : DescribeFault(graph_, id, ids, fault, marks_.See(ids[fault.slot]).record);
+             : DescribeFault(graph_, id, ids, fault, See(ids[fault.slot]).record);
 }
 
 // A variable that was constant and no longer will be: its own factors were let through with rules
 // only a constant may break.
-Status EditRules::CheckFreedVariables() {
-  for (const auto& [id, constant] : edit_.constants()) {
-    if (!marks_.IsFreed(id)) {
-      continue;
+Status EditCheck::CheckFreedVariables() {
+  return CheckEach(edit_.constants(), [this](const auto& wish) {
+    const VariableId id = wish.first;
+    if (!IsFreed(id)) {
+      return Status::Ok();
     }
     // The lists of factors by variable; made the first time that they are needed.
     edited_.factors->KeepLists(graph_.num_variables());
     Status status = ValidateVariable(id, (*edited_.variables)[id], /*constant=*/false);
     // A wrong tangent size, or a second landmark in a factor, is no fault of a constant.
     status = status.ok() ? CheckFreedFactors(id) : status;
-    if (!status.ok()) {
-      return Invalid("SetConstant(" + std::to_string(id) + ", false): " + status.message);
-    }
-  }
-  return Status::Ok();
+    return status.ok()
+               ? status
+               : Invalid("SetConstant(" + std::to_string(id) + ", false): " + status.message);
+  });
 }
 
-Status EditRules::CheckFreedFactors(VariableId id) const {
+Status EditCheck::CheckFreedFactors(VariableId id) const {
   Status status;
   graph_.ForEachFactorOf(id, [&](FactorId factor) {
     // Factors that go need no rules, and those that come were checked with the variable as it will
     // be.
-    if (status.ok() && marks_.PlaceOf(factor) == PlaceState::kIncremental) {
+    if (status.ok() && PlaceOf(factor) == PlaceState::kIncremental) {
       status = CheckFactor(factor, graph_.Variables(factor.family, factor.index));
     }
   });
@@ -157,97 +137,70 @@ Status EditRules::CheckFreedFactors(VariableId id) const {
 }
 
 // Only that the factors are there: a loss may be anything, and a measurement is its family's.
-Status EditRules::CheckFactorSettings() {
-  Status status;
-  for (std::size_t i = 0; status.ok() && i < edit_.losses().size(); ++i) {
-    status = marks_.CheckFactorId("SetLoss", edit_.losses()[i].first, /*may_come=*/true);
-  }
-  for (std::size_t i = 0; status.ok() && i < edit_.measurements().size(); ++i) {
-    status =
-        marks_.CheckFactorId("SetMeasurement", edit_.measurements()[i].first, /*may_come=*/true);
-  }
-  return status;
+Status EditCheck::CheckFactorSettings() {
+  const Status losses = CheckEach(edit_.losses(), [this](const auto& wish) {
+    return CheckFactorId("SetLoss", wish.first, /*may_come=*/true);
+  });
+  const auto check_measurement = [this](const auto& wish) {
+    return CheckFactorId("SetMeasurement", wish.first, /*may_come=*/true);
+  };
+  return losses.ok() ? CheckEach(edit_.measurements(), check_measurement) : losses;
 }
 
-Status EditRules::CheckNewValues() {
-  for (const auto& [id, offset] : edit_.new_values()) {
-    Status status = marks_.CheckVariableId("SetValues", id, /*may_come=*/true);
-    if (status.ok()) {
-      const VariableRecord& variable = *marks_.See(id).record;
-      // No room in the state to write to.
-      if (variable.offset < 0) {
-        status = Invalid("SetValues: " + VariableName(id) +
-                         " is a borrowed constant: its values are their owner's to change");
-      } else if (offset == GraphEdit::kNoValues) {
-        // Here null is a mistake; for pins and bounds it has a meaning.
-        status = Invalid("SetValues: " + VariableName(id) + " is given a null pointer");
-      } else {
-        status =
-            CheckFinite("SetValues", id, edit_.values().data() + offset, variable.ambient_size);
-      }
-    }
+Status EditCheck::CheckNewValues() {
+  return CheckEach(edit_.new_values(), [this](const auto& wish) {
+    const auto& [id, offset] = wish;
+    Status status = CheckVariableId("SetValues", id, /*may_come=*/true);
     if (!status.ok()) {
       return status;
     }
-  }
-  return Status::Ok();
+    const VariableRecord& variable = *See(id).record;
+    // No room in the state to write to.
+    if (variable.offset < 0) {
+      return Invalid("SetValues: " + VariableName(id) +
+                     " is a borrowed constant: its values are their owner's to change");
+    }
+    // Here null is a mistake; for pins and bounds it has a meaning.
+    if (offset == GraphEdit::kNoValues) {
+      return Invalid("SetValues: " + VariableName(id) + " is given a null pointer");
+    }
+    return CheckFinite("SetValues: ", "", id, edit_.values().data() + offset,
+                       variable.ambient_size);
+  });
 }
 
-Status EditRules::CheckPins() {
-  Status status;
-  for (std::size_t i = 0; status.ok() && i < edit_.pins().size(); ++i) {
-    const auto& [id, offset] = edit_.pins()[i];
-    status = marks_.CheckVariableId("PinLinearization", id, /*may_come=*/true);
+Status EditCheck::CheckPins() {
+  return CheckEach(edit_.pins(), [this](const auto& wish) {
+    const auto& [id, offset] = wish;
+    Status status = CheckVariableId("PinLinearization", id, /*may_come=*/true);
     // Without values the variable is let go of.
     if (status.ok() && offset != GraphEdit::kNoValues) {
-      status = CheckFinite("PinLinearization", id, edit_.values().data() + offset,
-                           marks_.See(id).record->ambient_size);
+      return CheckFinite("PinLinearization: ", "", id, edit_.values().data() + offset,
+                         See(id).record->ambient_size);
     }
-  }
-  return status;
+    return status;
+  });
 }
 
-// Pairs of bounds, entry by entry; the side that was not given is infinite. Whether the values lie
-// between them is not asked here.
-Status EditRules::CheckBounds() {
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  for (const GraphEdit::NewBounds& bounds : edit_.bounds()) {
-    Status status = marks_.CheckVariableId("SetBounds", bounds.id, /*may_come=*/true);
-    if (!status.ok()) {
-      return status;
-    }
-    const auto entry = [this](std::size_t offset, int k, double none) {
-      return offset == GraphEdit::kNoValues ? none
-                                            : edit_.values()[offset + static_cast<std::size_t>(k)];
-    };
-    for (int k = 0; k < marks_.See(bounds.id).record->ambient_size; ++k) {
-      const double lower = entry(bounds.lower, k, -kNone);
-      const double upper = entry(bounds.upper, k, kNone);
-      // Equal ones hold the value, which is what a constant is for; NaN fails as well.
-      if (!(lower < upper)) {
-        return Invalid("SetBounds: value " + std::to_string(k) + " of " + VariableName(bounds.id) +
-                       " has the lower bound " + std::to_string(lower) +
-                       ", which is not below its upper bound " + std::to_string(upper));
-      }
-    }
-  }
-  return Status::Ok();
+Status EditCheck::CheckBounds() {
+  return CheckEach(edit_.bounds(), [this](const GraphEdit::NewBounds& bounds) {
+    Status status = CheckVariableId("SetBounds", bounds.id, /*may_come=*/true);
+    return status.ok() ? CheckOrder(edit_, bounds, See(bounds.id).record->ambient_size) : status;
+  });
 }
 
-Status EditRules::CheckGroups() {
-  Status status;
-  for (std::size_t i = 0; status.ok() && i < edit_.elimination_groups().size(); ++i) {
-    const auto& [id, group] = edit_.elimination_groups()[i];
-    status = marks_.CheckVariableId("SetEliminationGroup", id, /*may_come=*/true);
+Status EditCheck::CheckGroups() {
+  return CheckEach(edit_.elimination_groups(), [this](const auto& wish) {
+    const auto& [id, group] = wish;
+    Status status = CheckVariableId("SetEliminationGroup", id, /*may_come=*/true);
     if (status.ok() && group < 0) {
-      status = Invalid("SetEliminationGroup: " + VariableName(id) + " is given the group " +
-                       std::to_string(group) + "; groups are 0 or above");
+      return Invalid("SetEliminationGroup: " + VariableName(id) + " is given the group " +
+                     std::to_string(group) + "; groups are 0 or above");
     }
-  }
-  return status;
+    return status;
+  });
 }
 
-}  // namespace
 }  // namespace internal
 
 Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed) {
@@ -268,15 +221,14 @@ Status FactorGraph::Check(const GraphEdit& edit, std::vector<FactorId>* removed)
   if (!edit.misuse().ok()) {
     return edit.misuse();
   }
-  const internal::EditedGraph edited = {this, &variables_, &factors_, &*edits_};
+  const internal::EditedGraph edited = {this, &variables_, &factors_, &edits_};
   Status status;
   try {
-    internal::EditMarks marks(edited, edit, removed);
-    status = marks.Draw();
-    status = status.ok() ? internal::EditRules(edited, edit, &marks).Check() : status;
+    internal::EditCheck check(edited, edit, removed);
+    status = check.Check();
     if (status.ok()) {
       // Once nothing else may fail.
-      internal::PrepareCommit(edited, edit, *removed, marks);
+      internal::PrepareCommit(edited, edit, *removed, check);
     }
   } catch (const std::bad_alloc&) {
     // Marks are wiped by then, and of the graph nothing has changed but the room that vectors have.

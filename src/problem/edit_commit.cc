@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "problem/edit_marks.h"
+#include "problem/edit_check.h"
 
 namespace inceres {
 
@@ -33,19 +33,19 @@ void ReserveFactors(FactorTable* factors, const GraphEdit& edit,
 }
 
 // The last word on each variable: a later entry writes over an earlier one, or takes it away.
-void PreparePins(const GraphEdit& edit, const EditMarks& marks, EditState* prepared) {
+void PreparePins(const GraphEdit& edit, const EditCheck& check, EditState* prepared) {
   prepared->coming_pins.clear();
   for (const auto& [id, offset] : edit.pins()) {
     if (offset == GraphEdit::kNoValues) {
       prepared->coming_pins.erase(id);
     } else {
       const double* values = edit.values().data() + offset;
-      prepared->coming_pins[id].assign(values, values + marks.See(id).record->ambient_size);
+      prepared->coming_pins[id].assign(values, values + check.See(id).record->ambient_size);
     }
   }
 }
 
-void PrepareBounds(const GraphEdit& edit, const EditMarks& marks, EditState* prepared) {
+void PrepareBounds(const GraphEdit& edit, const EditCheck& check, EditState* prepared) {
   prepared->coming_bounds.clear();
   const auto values = [&edit](std::size_t offset) {
     return offset == GraphEdit::kNoValues ? nullptr : edit.values().data() + offset;
@@ -53,7 +53,7 @@ void PrepareBounds(const GraphEdit& edit, const EditMarks& marks, EditState* pre
   for (const GraphEdit::NewBounds& bounds : edit.bounds()) {
     VariableBounds made;
     if (MakeBounds(values(bounds.lower), values(bounds.upper),
-                   marks.See(bounds.id).record->ambient_size, &made)) {
+                   check.See(bounds.id).record->ambient_size, &made)) {
       prepared->coming_bounds[bounds.id] = std::move(made);
     } else {
       prepared->coming_bounds.erase(bounds.id);
@@ -64,15 +64,15 @@ void PrepareBounds(const GraphEdit& edit, const EditMarks& marks, EditState* pre
 }  // namespace
 
 void PrepareCommit(const EditedGraph& graph, const GraphEdit& edit,
-                   const std::vector<FactorId>& removed, const EditMarks& marks) {
+                   const std::vector<FactorId>& removed, const EditCheck& check) {
   graph.scratch->measurements_placed = false;
   // As if all were appended: those that take the id of a removed one need less.
   const std::size_t num_new = edit.new_variables().size();
   graph.variables->ReserveFor(num_new, edit.values().size(), edit.removed_variables());
   graph.factors->ReserveVariables(IndexOf(graph.variables->size()) + num_new);
   ReserveFactors(graph.factors, edit, removed);
-  PreparePins(edit, marks, graph.scratch);
-  PrepareBounds(edit, marks, graph.scratch);
+  PreparePins(edit, check, graph.scratch);
+  PrepareBounds(edit, check, graph.scratch);
 }
 
 namespace {
@@ -128,7 +128,7 @@ void Settle(const EditedGraph& graph, const GraphEdit& edit) {
 }  // namespace internal
 
 void FactorGraph::PlaceMeasurements(const GraphEdit& edit) {
-  if (edits_->measurements_placed) {
+  if (edits_.measurements_placed) {
     return;
   }
   for (const auto& [id, place] : edit.measurements()) {
@@ -137,7 +137,7 @@ void FactorGraph::PlaceMeasurements(const GraphEdit& edit) {
       place();
     }
   }
-  edits_->measurements_placed = true;
+  edits_.measurements_placed = true;
 }
 
 // What goes first: its ids and places are still named by the factors that go, and unlinked from
@@ -150,12 +150,12 @@ void FactorGraph::Commit(const GraphEdit& edit, const std::vector<FactorId>& rem
   const std::vector<VariableId>& gone = edit.removed_variables();
   std::for_each(removed.begin(), removed.end(), [this](FactorId id) { factors_.Remove(id); });
   std::for_each(gone.begin(), gone.end(), [this](VariableId id) { variables_.Remove(id); });
-  const internal::EditedGraph edited = {this, &variables_, &factors_, &*edits_};
+  const internal::EditedGraph edited = {this, &variables_, &factors_, &edits_};
   internal::AddComers(edited, edit);
   internal::Settle(edited, edit);
   std::for_each(removed.begin(), removed.end(), [this](FactorId id) { factors_.Free(id); });
   std::for_each(gone.begin(), gone.end(), [this](VariableId id) { variables_.Free(id); });
-  edits_->measurements_placed = false;
+  edits_.measurements_placed = false;
   ++revision_;
 }
 

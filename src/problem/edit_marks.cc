@@ -1,6 +1,6 @@
-#include "problem/edit_marks.h"
-
 #include <algorithm>
+
+#include "problem/edit_check.h"
 
 // How an edit is drawn into marks, and what can be seen to be wrong meanwhile. What it does is
 // marked in arrays beside the graph, and See and PlaceOf show each variable and place as it would
@@ -15,10 +15,10 @@ namespace inceres::internal {
 
 // Also after a success: what goes and comes is then in the edit and in removed_, which Commit
 // reads.
-EditMarks::~EditMarks() {
+EditCheck::~EditCheck() {
   const auto wipe = [this](VariableId id) {
     // An id of an edit that is refused may lie anywhere.
-    if (id >= 0 && IndexOf(id) < graph_.scratch->marks.size()) {
+    if (id >= 0 && IndexOf(id) < edited_.scratch->marks.size()) {
       mark(id) = VariableMark();
     }
   };
@@ -29,33 +29,33 @@ EditMarks::~EditMarks() {
   for (const auto& [id, constant] : edit_.constants()) {
     wipe(id);
   }
-  graph_.scratch->comers.clear();
+  edited_.scratch->comers.clear();
   // Removed factors, the cascade included, are there until Commit.
   for (const FactorId id : removed_) {
     if (PlaceOf(id) == PlaceState::kGoing) {
-      graph_.factors->MarkPlace(id, PlaceState::kIncremental);
+      edited_.factors->MarkPlace(id, PlaceState::kIncremental);
     }
   }
   // Free, whether the place existed before; one that was appended is cut off again.
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     if (factor.id.index >= 0 && PlaceOf(factor.id) == PlaceState::kComing) {
-      graph_.factors->MarkPlace(factor.id, PlaceState::kFree);
-      graph_.factors->ForgetPlacesBeyond(factor.id.family);
+      edited_.factors->MarkPlace(factor.id, PlaceState::kFree);
+      edited_.factors->ForgetPlacesBeyond(factor.id.family);
     }
   }
 }
 
-Status EditMarks::Draw() {
+Status EditCheck::Draw() {
   MarkComers();
   Status status = MarkGoingFactors();
   status = status.ok() ? MarkGoingVariables() : status;
   return status.ok() ? MarkConstants() : status;
 }
 
-void EditMarks::MarkComers() {
+void EditCheck::MarkComers() {
   // Room for an id that each of them could be given, all appended.
-  EditState& scratch = *graph_.scratch;
-  const std::size_t num_ids = IndexOf(graph_.variables->size()) + edit_.new_variables().size();
+  EditState& scratch = *edited_.scratch;
+  const std::size_t num_ids = IndexOf(edited_.variables->size()) + edit_.new_variables().size();
   if (scratch.marks.size() < num_ids) {
     scratch.marks.resize(num_ids);
   }
@@ -68,80 +68,79 @@ void EditMarks::MarkComers() {
   for (const GraphEdit::NewFactor& factor : edit_.new_factors()) {
     // Negative where the family does not exist; that is told later, in the order of the rules.
     if (factor.id.index >= 0) {
-      graph_.factors->MarkPlace(factor.id, PlaceState::kComing);
+      edited_.factors->MarkPlace(factor.id, PlaceState::kComing);
     }
   }
 }
 
-Status EditMarks::MarkGoingFactors() {
-  for (const FactorId id : edit_.removed_factors()) {
-    Status status = CheckFactorId("RemoveFactor", id, /*may_come=*/false);
+Status EditCheck::MarkGoingFactors() {
+  return CheckEach(edit_.removed_factors(), [this](FactorId id) {
     // Each place once: the second time it is kGoing already, which is an error of its own.
-    if (!status.ok()) {
-      return status;
+    Status status = CheckFactorId("RemoveFactor", id, /*may_come=*/false);
+    if (status.ok()) {
+      removed_.push_back(id);
+      edited_.factors->MarkPlace(id, PlaceState::kGoing);
     }
-    removed_.push_back(id);
-    graph_.factors->MarkPlace(id, PlaceState::kGoing);
-  }
-  return Status::Ok();
+    return status;
+  });
 }
 
-Status EditMarks::MarkGoingVariables() {
-  for (const VariableId id : edit_.removed_variables()) {
-    Status status = CheckVariableId("RemoveVariable", id, /*may_come=*/false);
-    if (!status.ok()) {
-      return status;
+Status EditCheck::MarkGoingVariables() {
+  Status status = CheckEach(edit_.removed_variables(), [this](VariableId id) {
+    Status is_there = CheckVariableId("RemoveVariable", id, /*may_come=*/false);
+    if (is_there.ok()) {
+      mark(id).going = true;
     }
-    mark(id).going = true;
-  }
+    return is_there;
+  });
   // Only then is a pass over all factors worth it, the first time, to know which touch which.
-  if (!edit_.removed_variables().empty()) {
+  if (status.ok() && !edit_.removed_variables().empty()) {
     MarkCascade();
   }
-  return Status::Ok();
+  return status;
 }
 
 // Factors go with their variables, as in Ceres. Those that the edit removes by itself are marked,
 // and so are those of two removed variables: each is listed once.
-void EditMarks::MarkCascade() {
-  graph_.factors->KeepLists(graph_.variables->size());
+void EditCheck::MarkCascade() {
+  edited_.factors->KeepLists(edited_.variables->size());
   for (const VariableId id : edit_.removed_variables()) {
-    graph_.graph->ForEachFactorOf(id, [this](FactorId factor) {
+    graph_.ForEachFactorOf(id, [this](FactorId factor) {
       if (PlaceOf(factor) == PlaceState::kIncremental) {
         removed_.push_back(factor);
-        graph_.factors->MarkPlace(factor, PlaceState::kGoing);
+        edited_.factors->MarkPlace(factor, PlaceState::kGoing);
       }
     });
   }
 }
 
-Status EditMarks::MarkConstants() {
-  for (const auto& [id, constant] : edit_.constants()) {
+Status EditCheck::MarkConstants() {
+  return CheckEach(edit_.constants(), [this](const auto& wish) {
+    const auto& [id, constant] = wish;
     Status status = CheckVariableId("SetConstant", id, /*may_come=*/true);
     // A borrowed constant has no place in the state to which a step could be added.
     if (status.ok() && See(id).record->offset < 0) {
-      status =
-          Invalid("SetConstant: " + VariableName(id) + " is a borrowed constant, which stays one");
+      return Invalid("SetConstant: " + VariableName(id) +
+                     " is a borrowed constant, which stays one");
     }
-    if (!status.ok()) {
-      return status;
+    if (status.ok()) {
+      mark(id).constant = constant ? 1 : 0;
     }
-    mark(id).constant = constant ? 1 : 0;
-  }
-  return Status::Ok();
+    return status;
+  });
 }
 
 // The graph's own view first, then what the edit changes: added, removed, held or set free.
-Sight EditMarks::See(VariableId id) const {
+Sight EditCheck::See(VariableId id) const {
   // marks has room for every id that the edit could name.
-  if (id < 0 || IndexOf(id) >= graph_.scratch->marks.size()) {
+  if (id < 0 || IndexOf(id) >= edited_.scratch->marks.size()) {
     return {nullptr, false, Fault::kDanglingId};
   }
   const VariableMark& marked = mark(id);
   // An id that is used again is a removed one to the graph, and a new variable to the edit.
-  Sight sight = internal::See(*graph_.variables, id);
+  Sight sight = internal::See(*edited_.variables, id);
   if (marked.new_variable >= 0) {
-    const VariableRecord& comer = comers()[IndexOf(marked.new_variable)];
+    const VariableRecord& comer = edited_.scratch->comers[IndexOf(marked.new_variable)];
     sight = {&comer, comer.constant, Fault::kNone};
   }
   if (marked.going) {
@@ -156,29 +155,29 @@ Sight EditMarks::See(VariableId id) const {
 
 // Each variable once, and only where the edit's last word sets it free; one that comes is checked
 // with what it comes with.
-bool EditMarks::IsFreed(VariableId id) {
+bool EditCheck::IsFreed(VariableId id) {
   VariableMark& marked = mark(id);
   if (marked.checked || marked.constant != 0 || marked.new_variable >= 0 ||
-      graph_.graph->IsConstant(id) == See(id).constant) {
+      graph_.IsConstant(id) == See(id).constant) {
     return false;
   }
   marked.checked = true;
   return true;
 }
 
-std::string EditMarks::FactorName(FactorId id) const {
+std::string EditCheck::FactorName(FactorId id) const {
   return "factor " + std::to_string(id.index) + " of " +
-         FamilyName(id.family, graph_.graph->family(id.family));
+         FamilyName(id.family, graph_.family(id.family));
 }
 
 // `may_come`: whether the call may name what the same edit adds.
-Status EditMarks::CheckVariableId(const char* call, VariableId id, bool may_come) const {
+Status EditCheck::CheckVariableId(const char* call, VariableId id, bool may_come) const {
   const auto fail = [&](const std::string& what) {
     return Invalid(std::string(call) + ": " + VariableName(id) + what);
   };
   switch (See(id).fault) {
     case Fault::kDanglingId:
-      return fail(" does not exist: the graph has " + std::to_string(graph_.variables->size()) +
+      return fail(" does not exist: the graph has " + std::to_string(edited_.variables->size()) +
                   " variables");
     case Fault::kRemoved:
       return fail(" has been removed");
@@ -194,22 +193,22 @@ Status EditMarks::CheckVariableId(const char* call, VariableId id, bool may_come
   return Status::Ok();
 }
 
-Status EditMarks::CheckFactorId(const char* call, FactorId id, bool may_come) const {
+Status EditCheck::CheckFactorId(const char* call, FactorId id, bool may_come) const {
   const auto fail = [&](const std::string& what) {
     return Invalid(std::string(call) + ": " + FactorName(id) + what);
   };
-  if (id.family < 0 || id.family >= graph_.factors->size()) {
-    return Invalid(NoFamily(call, *graph_.graph, id.family));
+  if (id.family < 0 || id.family >= edited_.factors->size()) {
+    return Invalid(NoFamily(call, graph_, id.family));
   }
   // Places may come beyond the graph's, by this edit.
-  const auto num_marked = static_cast<int>((*graph_.factors)[id.family].places.size());
-  if (id.index < 0 || id.index >= std::max(graph_.graph->NumFactors(id.family), num_marked)) {
-    return fail(" does not exist: the family has " +
-                std::to_string(graph_.graph->NumFactors(id.family)) + " places");
+  const auto num_marked = static_cast<int>((*edited_.factors)[id.family].places.size());
+  if (id.index < 0 || id.index >= std::max(graph_.NumFactors(id.family), num_marked)) {
+    return fail(" does not exist: the family has " + std::to_string(graph_.NumFactors(id.family)) +
+                " places");
   }
   const PlaceState place = PlaceOf(id);
   // The place was given to another factor: an id from before must not reach it.
-  if (id.generation >= 0 && id.generation != graph_.graph->Generation(id.family, id.index) &&
+  if (id.generation >= 0 && id.generation != graph_.Generation(id.family, id.index) &&
       place != PlaceState::kFree) {
     return fail(" has been removed, and its place given to another one");
   }

@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 #include "problem/find_fault.h"
 
 // How a graph is built up and read; what it is made of is in variable_table.cc and factor_table.cc.
@@ -42,25 +42,6 @@ std::string DescribeSlots(const FactorFamily& family) {
 }
 
 }  // namespace
-
-namespace internal {
-
-EditStateOwner::EditStateOwner() : state_(std::make_unique<EditState>()) {
-}
-// A copy of a graph has an edit state of its own, marks and lists included: edits are begun on one
-// graph.
-EditStateOwner::EditStateOwner(const EditStateOwner& other)
-    : state_(std::make_unique<EditState>(*other.state_)) {
-}
-EditStateOwner::EditStateOwner(EditStateOwner&& other) noexcept = default;
-EditStateOwner& EditStateOwner::operator=(const EditStateOwner& other) {
-  state_ = std::make_unique<EditState>(*other.state_);
-  return *this;
-}
-EditStateOwner& EditStateOwner::operator=(EditStateOwner&& other) noexcept = default;
-EditStateOwner::~EditStateOwner() = default;
-
-}  // namespace internal
 
 VariableId FactorGraph::AddVariable(const double* values, int ambient_size, Role role,
                                     std::shared_ptr<const Manifold> manifold) {

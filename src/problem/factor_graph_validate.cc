@@ -3,11 +3,10 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 #include "problem/find_fault.h"
 
 namespace inceres {
@@ -73,6 +72,18 @@ bool internal::AllFinite(const double* values, std::size_t count) {
   }
   // Zero plus zero of either sign is zero; a NaN in any lane makes the comparison false.
   return (sums[0] + sums[1]) + (sums[2] + sums[3]) == 0.0;
+}
+
+// Slow and exact.
+Status internal::CheckFinite(const char* call, const char* of, VariableId id, const double* values,
+                             int size) {
+  for (int k = 0; k < size; ++k) {
+    if (!std::isfinite(values[k])) {
+      return Invalid(std::string(call) + "value " + std::to_string(k) + " of " + of +
+                     VariableName(id) + " is " + std::to_string(values[k]));
+    }
+  }
+  return Status::Ok();
 }
 
 // A factor without variables has no entry in the tables by which factors are evaluated.
@@ -149,19 +160,17 @@ Status internal::ValidateVariable(VariableId id, const VariableRecord& variable,
 
 namespace {
 
-// Slow and exact, after the fast pass has found that there is something.
+// After the fast pass has found that there is something.
 Status ValidateValues(const VariableTable& variables) {
-  for (VariableId id = 0; id < variables.size(); ++id) {
+  Status status;
+  for (VariableId id = 0; status.ok() && id < variables.size(); ++id) {
     const VariableRecord& variable = variables[id];
-    for (int k = 0; !variable.removed && variable.offset >= 0 && k < variable.ambient_size; ++k) {
-      const double value = variables.state()[static_cast<std::size_t>(variable.offset + k)];
-      if (!std::isfinite(value)) {
-        return Invalid("value " + std::to_string(k) + " of " + VariableName(id) + " is " +
-                       std::to_string(value));
-      }
+    if (!variable.removed && variable.offset >= 0) {
+      status = internal::CheckFinite("", "", id, variables.state().data() + variable.offset,
+                                     variable.ambient_size);
     }
   }
-  return Status::Ok();
+  return status;
 }
 
 Status ValidateVariables(const VariableTable& variables) {
@@ -188,15 +197,13 @@ Status ValidateVariables(const VariableTable& variables) {
 
 // Of the few that are pinned. The values are of the variable's size, as PinLinearization took them.
 Status ValidatePins(const VariableTable& variables) {
-  for (const auto& [id, values] : variables.pins()) {
-    const auto bad = std::find_if(values.begin(), values.end(),
-                                  [](double value) { return !std::isfinite(value); });
-    if (bad != values.end()) {
-      return Invalid("value " + std::to_string(bad - values.begin()) + " of the pin of " +
-                     VariableName(id) + " is " + std::to_string(*bad));
-    }
+  Status status;
+  for (auto pin = variables.pins().begin(); status.ok() && pin != variables.pins().end(); ++pin) {
+    const auto& [id, values] = *pin;
+    status = internal::CheckFinite("", "the pin of ", id, values.data(),
+                                   static_cast<int>(values.size()));
   }
-  return Status::Ok();
+  return status;
 }
 
 // As in Ceres: a variable starts anywhere, for it is projected; a constant cannot be.
@@ -222,16 +229,6 @@ Status ValidateBounds(VariableId id, const VariableBounds& bounds, const double*
     }
   }
   return Status::Ok();
-}
-
-// Whether a factor touches what the one before it does. Free places have ids of −1, so a factor
-// after one is looked at. From the last slot on, where neighbors differ first.
-bool RepeatsIds(const VariableId* ids, int num_slots) {
-  int s = num_slots;
-  while (s > 0 && ids[s - 1] == ids[s - 1 - num_slots]) {
-    --s;
-  }
-  return s == 0 && ids[0] >= 0;
 }
 
 // Whether factors are in order, at a glance: of a slot that has the variable it had in the factor
@@ -338,28 +335,22 @@ Status ValidateFamily(const FactorGraph& graph, const VariableTable& variables,
   const bool all_live = places.empty();
   const VariableId* ids = record.variables.data();
   const int num_different = AreAlike(record) ? 1 : record.num_factors;
-  std::optional<internal::AcceptedManifolds> accepted;  // a large table, seldom asked
+  internal::AcceptedManifolds accepted;
   FactorGlance glance(family, variables);
   const VariableId* before = nullptr;  // the last one that was glanced at and in order
   for (int factor = 0; factor < num_different; ++factor, ids += num_slots) {
     if (!all_live && places[internal::IndexOf(factor)] == internal::PlaceState::kFree) {
       continue;
     }
-    if (factor > 0 && RepeatsIds(ids, num_slots)) {
-      continue;  // the one before was found to be in order
-    }
     if (glance.IsInOrder(ids, before)) {
       before = ids;
       continue;
     }
     before = nullptr;
-    if (!accepted.has_value()) {
-      accepted.emplace();
-    }
     const FactorFault fault = internal::FindFault(
         family, ids,
         [&variables](VariableId variable) { return internal::See(variables, variable); },
-        &*accepted);
+        &accepted);
     // The culprit's record is only there to tell its sizes.
     if (fault.fault != Fault::kNone) {
       const VariableId culprit = ids[fault.slot];

@@ -1,4 +1,4 @@
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 
 // A link belongs to a slot of a factor (an entry, factor · num_slots + slot) and names the entries
 // before and after it in the list of the slot's variable; lists run through all families, the

@@ -2,7 +2,7 @@
 #include <cassert>
 #include <utility>
 
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 
 // Factors are columns of variable ids per family, and optional columns of losses. Ids and places
 // are indices, so looking up is indexing. Nothing is checked here: Validate, or the check of an

@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 
+#include "base/address.h"
 #include "problem/find_fault.h"
 #include "problem/tangent_kind.h"
 
@@ -15,6 +16,17 @@ namespace inceres::internal {
 // so there are three verdicts: right, wrong, and uncertain, where the numeric derivative is not
 // good enough to tell. An entry is compared with the largest of its row, over all slots: a
 // derivative that is small beside its neighbors cannot be known to more digits than they allow.
+
+// A batch counts from the family's first factor, and arrays are of this one alone. Without tangent
+// maps and views the family evaluates residuals only.
+EvaluationFailure FamilyCheck::Evaluate(bool jacobians) {
+  const std::ptrdiff_t entry = std::ptrdiff_t{factor_} * family_.num_slots();
+  return family_.Evaluate(
+      {factor_, factor_ + 1, AddressBefore(entry, parameters_.data()),
+       jacobians ? AddressBefore(entry, map_pointers_.data()) : nullptr,
+       AddressBefore(std::ptrdiff_t{factor_} * family_.residual_size(), residuals_.data()),
+       jacobians ? views_.data() : nullptr});
+}
 
 bool FamilyCheck::WriteAnalytic() {
   for (std::size_t s = 0; s < num_slots_; ++s) {
@@ -36,15 +48,13 @@ bool FamilyCheck::WriteAnalytic() {
       selections_[s].resize(NumColumns(s));
       ClassifyTangentMap(&maps_[s], selections_[s].data());
     }
-    parameters_[First() + s] = point_[s].values;
-    map_pointers_[First() + s] = &maps_[s];
+    parameters_[s] = point_[s].values;
+    map_pointers_[s] = &maps_[s];
     jacobians_[s].assign(num_rows_ * NumColumns(s), 0.0);
-    // A factor stride of 0: the views count from the family's first factor, but hold this one
-    // alone.
+    // A factor stride of 0: the view is of this factor alone.
     views_[s] = {jacobians_[s].data(), 0, maps_[s].tangent_size};
   }
-  failure_ = family_.Evaluate({factor_, factor_ + 1, parameters_.data(), map_pointers_.data(),
-                               residuals_.data(), views_.data()});
+  failure_ = Evaluate(/*jacobians=*/true);
   // The scale of each row, over all slots.
   largest_.assign(num_rows_, 0.0);
   for (std::size_t s = 0; s < num_slots_ && !failure_.failed(); ++s) {
@@ -57,8 +67,7 @@ bool FamilyCheck::WriteAnalytic() {
 }
 
 // The residuals with one variable moved.
-// By Plus, not by M: the numeric derivative knows nothing of the plus-Jacobian. Without tangent
-// maps and views the family evaluates residuals only.
+// By Plus, not by M: the numeric derivative knows nothing of the plus-Jacobian.
 bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
                              double* residuals) {
   const int size = family_.slot(static_cast<int>(slot)).ambient_size;
@@ -71,14 +80,10 @@ bool FamilyCheck::EvaluateAt(std::size_t slot, const std::vector<double>& delta,
     std::transform(moved.begin(), moved.end(), delta.begin(), moved.begin(), std::plus<>());
   }
   // Put back below: the next column moves another variable.
-  parameters_[First() + slot] = moved.data();
-  const bool evaluated = !family_
-                              .Evaluate({factor_, factor_ + 1, parameters_.data(), nullptr,
-                                         residuals_.data(), nullptr})
-                              .failed();
-  parameters_[First() + slot] = point_[slot].values;
-  const double* first = residuals_.data() + static_cast<std::size_t>(factor_) * num_rows_;
-  std::copy(first, first + num_rows_, residuals);
+  parameters_[slot] = moved.data();
+  const bool evaluated = !Evaluate(/*jacobians=*/false).failed();
+  parameters_[slot] = point_[slot].values;
+  std::copy(residuals_.begin(), residuals_.end(), residuals);
   // A residual that is not finite is as good as none: the step is made smaller.
   return evaluated && AllFinite(residuals, num_rows_);
 }

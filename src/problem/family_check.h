@@ -17,21 +17,19 @@ struct SlotPoint {
 };
 
 /// Checks factors of one family, one after the other, and writes what it finds into a report.
-/// Arrays are of all places up to the largest factor asked for, for a batch counts from the
-/// family's first one.
 class FamilyCheck {
  public:
-  FamilyCheck(const FactorFamily& family, FamilyId id, int num_places,
-              const JacobianCheckOptions& options, JacobianReport* report)
+  FamilyCheck(const FactorFamily& family, FamilyId id, const JacobianCheckOptions& options,
+              JacobianReport* report)
       : family_(family),
         id_(id),
         options_(options),
         report_(*report),
         num_slots_(static_cast<std::size_t>(family.num_slots())),
         num_rows_(static_cast<std::size_t>(family.residual_size())),
-        parameters_(static_cast<std::size_t>(num_places) * num_slots_),
-        map_pointers_(parameters_.size()),
-        residuals_(static_cast<std::size_t>(num_places) * num_rows_),
+        parameters_(num_slots_),
+        map_pointers_(num_slots_),
+        residuals_(num_rows_),
         maps_(num_slots_),
         plus_(num_slots_),
         selections_(num_slots_),
@@ -44,6 +42,7 @@ class FamilyCheck {
   const std::string& what_failed() const { return what_failed_; }
 
  private:
+  EvaluationFailure Evaluate(bool jacobians);
   bool WriteAnalytic();
   bool EvaluateAt(std::size_t slot, const std::vector<double>& delta, double* residuals);
   bool CheckColumn(std::size_t slot, std::size_t column);
@@ -51,7 +50,6 @@ class FamilyCheck {
   std::size_t NumColumns(std::size_t slot) const {
     return static_cast<std::size_t>(maps_[slot].tangent_size);
   }
-  std::size_t First() const { return static_cast<std::size_t>(factor_) * num_slots_; }
 
   const FactorFamily& family_;
   const FamilyId id_;

@@ -37,6 +37,9 @@ Status CheckHandle(const char* call, const FactorGraph& graph, FamilyId id,
                    const FactorFamily* given);
 
 bool AllFinite(const double* values, std::size_t count);
+/// Names the first value that is not finite: `call` "value 2 of " `of` "variable 3 is nan". Both
+/// bring their own punctuation, "SetValues: " and "the pin of ", or are empty.
+Status CheckFinite(const char* call, const char* of, VariableId id, const double* values, int size);
 
 // Of many the compiler compares several at a time, without an early end: for the factors that touch
 // hundreds of variables.

@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 #include "problem/find_fault.h"
 
 // Makes a graph of parts that were read from a file, and trusts none of them: sizes, ids and counts
@@ -14,11 +14,12 @@
 // in their order, so that later edits give out the same ids as in the graph that was written.
 
 namespace inceres::internal {
+namespace {
 
-Status GraphRestorer::RestoreVariables(const GraphParts& parts, VariableTable* variables) {
+Status RestoreVariables(const GraphParts& parts, VariableTable* variables) {
   // Variables lie in the state in the order of their ids.
   std::size_t offset = 0;
-  for (const GraphParts::Variable& given : parts.variables) {
+  for (const VariableRecord& given : parts.variables) {
     const std::string name = VariableName(variables->size());
     if (given.ambient_size <= 0) {
       // Before the state is split by these sizes.
@@ -47,7 +48,7 @@ Status GraphRestorer::RestoreVariables(const GraphParts& parts, VariableTable* v
 }
 
 // Removed variables and free ids are the same set: each once, and all of them.
-Status GraphRestorer::RestoreFree(const std::vector<VariableId>& free, VariableTable* variables) {
+Status RestoreFree(const std::vector<VariableId>& free, VariableTable* variables) {
   std::vector<char> seen(IndexOf(variables->size()), 0);
   for (const VariableId id : free) {
     if (id < 0 || id >= variables->size() || variables->Has(id) || seen[IndexOf(id)] != 0) {
@@ -62,7 +63,7 @@ Status GraphRestorer::RestoreFree(const std::vector<VariableId>& free, VariableT
              : Invalid("not every removed variable is free");
 }
 
-Status GraphRestorer::RestoreSettings(GraphParts* parts, VariableTable* variables) {
+Status RestoreSettings(GraphParts* parts, VariableTable* variables) {
   // Whatever is attached to a variable must be of its size, or reading it would go beyond its end.
   const auto fits = [variables](VariableId id, std::size_t size) {
     return variables->Has(id) && size == IndexOf((*variables)[id].ambient_size);
@@ -90,17 +91,15 @@ Status GraphRestorer::RestoreSettings(GraphParts* parts, VariableTable* variable
   return Status::Ok();
 }
 
-namespace {
-
 // Places start as taken; those that are listed are freed one by one, and a second time is an error.
-Status FreePlaces(const std::string& name, GraphParts::Family* given, FamilyRecord* record) {
-  const auto num_slots = static_cast<std::size_t>(given->family->num_slots());
-  const auto num_places = static_cast<std::size_t>(given->num_factors);
-  if (!given->free_places.empty()) {
+Status FreePlaces(const std::string& name, FamilyRecord* record) {
+  const auto num_slots = static_cast<std::size_t>(record->family->num_slots());
+  const auto num_places = static_cast<std::size_t>(record->num_factors);
+  if (!record->free_places.empty()) {
     record->places.assign(num_places, PlaceState::kIncremental);
     record->generations.assign(num_places, 0);
   }
-  for (const std::int32_t place : given->free_places) {
+  for (const std::int32_t place : record->free_places) {
     if (place < 0 || IndexOf(place) >= num_places ||
         record->places[IndexOf(place)] == PlaceState::kFree) {
       return Invalid(name + ": place " + std::to_string(place) +
@@ -110,11 +109,11 @@ Status FreePlaces(const std::string& name, GraphParts::Family* given, FamilyReco
     // As after one removal.
     record->generations[IndexOf(place)] = 1;
     // As a removed factor leaves them.
-    std::fill_n(given->variables.begin() +
+    std::fill_n(record->variables.begin() +
                     static_cast<std::ptrdiff_t>(place) * static_cast<std::ptrdiff_t>(num_slots),
                 num_slots, -1);
-    if (!given->losses.empty()) {
-      given->losses[IndexOf(place)] = nullptr;
+    if (!record->losses.empty()) {
+      record->losses[IndexOf(place)] = nullptr;
     }
   }
   return Status::Ok();
@@ -123,34 +122,28 @@ Status FreePlaces(const std::string& name, GraphParts::Family* given, FamilyReco
 }  // namespace
 
 // The family by value: what has passed is moved into the graph.
-Status GraphRestorer::RestoreFamily(GraphParts::Family given, FactorGraph* graph) {
-  if (given.family == nullptr) {
+Status GraphRestorer::RestoreFamily(FamilyRecord record, FactorGraph* graph) {
+  if (record.family == nullptr) {
     return Invalid("family " + std::to_string(graph->num_families()) + " is missing");
   }
-  const FactorFamily& family = *given.family;
+  const FactorFamily& family = *record.family;
   const std::string name = FamilyName(graph->num_families(), family);
   const auto num_slots = static_cast<std::size_t>(family.num_slots());
-  const auto num_places = static_cast<std::size_t>(given.num_factors);
+  const auto num_places = static_cast<std::size_t>(record.num_factors);
   // Sizes of arrays first; the ids in them are for Validate.
-  if (given.num_factors < 0 || given.num_factors > family.size() ||
-      given.variables.size() != num_places * num_slots ||
-      (!given.losses.empty() && given.losses.size() != num_places)) {
+  if (record.num_factors < 0 || record.num_factors > family.size() ||
+      record.variables.size() != num_places * num_slots ||
+      (!record.losses.empty() && record.losses.size() != num_places)) {
     return Invalid(name + " has other factors than measurements, variables or losses");
   }
-  FamilyRecord record;
-  const Status freed = FreePlaces(name, &given, &record);
+  const Status freed = FreePlaces(name, &record);
   if (!freed.ok()) {
     return freed;
   }
   // More measurements than places, or anything free: only an edit leads there, and Validate allows
   // it only then.
-  graph->is_edited_ = graph->is_edited_ || !given.free_places.empty() ||
+  graph->is_edited_ = graph->is_edited_ || !record.free_places.empty() ||
                       static_cast<int>(num_places) < family.size();
-  record.family = std::move(given.family);
-  record.variables = std::move(given.variables);
-  record.losses = std::move(given.losses);
-  record.num_factors = static_cast<int>(num_places);
-  record.free_places = std::move(given.free_places);
   graph->factors_.Restore(std::move(record));
   return Status::Ok();
 }
@@ -162,7 +155,7 @@ Status GraphRestorer::Restore(GraphParts parts, FactorGraph* graph) {
   Status status = RestoreVariables(parts, variables);
   status = status.ok() ? RestoreFree(parts.free_variables, variables) : status;
   status = status.ok() ? RestoreSettings(&parts, variables) : status;
-  for (GraphParts::Family& family : parts.families) {
+  for (FamilyRecord& family : parts.families) {
     status = status.ok() ? RestoreFamily(std::move(family), &restored) : status;
   }
   // An edit is what removes variables.

@@ -1,7 +1,7 @@
-#include "inceres/problem/similarity_manifold.h"
-
 #include <algorithm>
 #include <cmath>
+
+#include "inceres/problem/manifolds.h"
 
 namespace inceres {
 

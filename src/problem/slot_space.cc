@@ -4,11 +4,10 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
-#include <memory>
 #include <typeinfo>
 #include <vector>
 
-#include "inceres/problem/similarity_manifold.h"
+#include "inceres/problem/manifolds.h"
 
 namespace inceres::internal {
 
@@ -28,35 +27,13 @@ namespace {
 constexpr double kStep = 1e-4;
 constexpr double kTolerance = 1e-6;
 
-// The built-in manifold of a space, which is what others are held against.
-std::unique_ptr<Manifold> ManifoldOf(SlotSpace space, int size) {
-  switch (space) {
-    case SlotSpace::kPose:
-      return std::make_unique<PoseManifold>();
-    case SlotSpace::kLeftPose:
-      return std::make_unique<LeftPoseManifold>();
-    case SlotSpace::kSimilarity:
-      return std::make_unique<SimilarityManifold>();
-    default:
-      return std::make_unique<EuclideanManifold>(size);
-  }
-}
-
-// The exact class: one that is derived from a built-in may have another Plus, and is compared.
-bool IsBuiltIn(SlotSpace space, const Manifold& manifold) {
-  switch (space) {
-    case SlotSpace::kAny:
-      return true;
-    case SlotSpace::kEuclidean:
-      return typeid(manifold) == typeid(EuclideanManifold);
-    case SlotSpace::kPose:
-      return typeid(manifold) == typeid(PoseManifold);
-    case SlotSpace::kLeftPose:
-      return typeid(manifold) == typeid(LeftPoseManifold);
-    case SlotSpace::kSimilarity:
-      return typeid(manifold) == typeid(SimilarityManifold);
-  }
-  return false;
+// The built-in manifold of a space, which is what others are held against; null of kAny, and of
+// kEuclidean, whose manifold has any size.
+const Manifold* ManifoldOf(SlotSpace space) {
+  // In the order of the enumeration. Never destroyed, for solves may run while the process ends.
+  static const Manifold* const manifolds[] = {nullptr, nullptr, new PoseManifold,
+                                              new LeftPoseManifold, new SimilarityManifold};
+  return manifolds[static_cast<std::size_t>(space)];
 }
 
 // No coordinate is 0 or that of another; a quaternion has length 1, and a scale is positive. Poses
@@ -94,19 +71,25 @@ bool Move(const Manifold& manifold, const std::vector<double>& x, std::vector<do
 // tolerance of 10⁻⁶ of the derivative is far above the errors of the differences and far below what
 // tells two conventions apart.
 bool MovesIn(SlotSpace space, const Manifold& manifold) {
-  if (IsBuiltIn(space, manifold)) {
+  if (space == SlotSpace::kAny) {
     return true;
   }
-  const std::unique_ptr<Manifold> wanted = ManifoldOf(space, manifold.AmbientSize());
-  if (manifold.AmbientSize() != wanted->AmbientSize() ||
-      manifold.TangentSize() != wanted->TangentSize()) {
+  const EuclideanManifold euclidean(manifold.AmbientSize());
+  const Manifold* const built_in = ManifoldOf(space);
+  const Manifold& wanted = built_in != nullptr ? *built_in : euclidean;
+  // The exact class: one that is derived from a built-in may have another Plus, and is compared.
+  if (typeid(manifold) == typeid(wanted)) {
+    return true;
+  }
+  if (manifold.AmbientSize() != wanted.AmbientSize() ||
+      manifold.TangentSize() != wanted.TangentSize()) {
     return false;
   }
   const std::vector<double> x = PointIn(space, manifold.AmbientSize());
   std::vector<double> delta(static_cast<std::size_t>(manifold.TangentSize()), 0.0);
   std::vector<double> given, known;
   for (std::size_t column = 0; column < delta.size(); ++column) {
-    if (!Move(manifold, x, &delta, column, &given) || !Move(*wanted, x, &delta, column, &known)) {
+    if (!Move(manifold, x, &delta, column, &given) || !Move(wanted, x, &delta, column, &known)) {
       return false;
     }
     for (std::size_t k = 0; k < x.size(); ++k) {

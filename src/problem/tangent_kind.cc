@@ -14,23 +14,9 @@ double EntryOf(const TangentMap& map, int row, int column) {
   return map.plus_jacobian[std::ptrdiff_t{row} * map.tangent_size + column];
 }
 
-// Exact comparison: one that is nearly the identity is a dense map.
-bool IsIdentity(const TangentMap& map) {
-  if (map.ambient_size != map.tangent_size) {
-    return false;
-  }
-  for (int r = 0; r < map.ambient_size; ++r) {
-    for (int c = 0; c < map.tangent_size; ++c) {
-      if (EntryOf(map, r, c) != (r == c ? 1.0 : 0.0)) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-// Finds for each column its single unit entry; false if there is a column without that form, of
-// which and those after it nothing is known.
+// Finds for each column its single unit entry, by exact comparison: a column that is nearly a unit
+// vector is none. False if there is a column without that form, of which and those after it nothing
+// is known.
 bool FindSelection(const TangentMap& map, int* selection) {
   std::fill_n(selection, map.tangent_size, -1);
   for (int c = 0; c < map.tangent_size; ++c) {
@@ -79,20 +65,19 @@ int CountIdentityColumns(const TangentMap& map, const int* selection) {
 
 // From the cheapest kind to the dearest: J M is a copy, a copy of columns, a product.
 void ClassifyTangentMap(TangentMap* map, int* selection) {
-  if (IsIdentity(*map)) {
+  const bool selects = FindSelection(*map, selection);
+  const int num_identity_columns = CountIdentityColumns(*map, selection);
+  if (selects && num_identity_columns == map->ambient_size &&
+      num_identity_columns == map->tangent_size) {
     map->kind = TangentMap::Kind::kIdentity;
-  } else if (FindSelection(*map, selection)) {
+    return;
+  }
+  map->num_identity_columns = num_identity_columns;
+  if (selects) {
     map->kind = TangentMap::Kind::kSelection;
     map->selection = selection;
-    // Leading columns that stay where they are, as those of a product with a Euclidean first part.
-    map->num_identity_columns = 0;
-    while (map->num_identity_columns < map->tangent_size &&
-           selection[map->num_identity_columns] == map->num_identity_columns) {
-      ++map->num_identity_columns;
-    }
   } else {
     map->kind = TangentMap::Kind::kDense;
-    map->num_identity_columns = CountIdentityColumns(*map, selection);
   }
 }
 

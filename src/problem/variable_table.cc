@@ -3,7 +3,7 @@
 #include <limits>
 #include <utility>
 
-#include "problem/edit_state.h"
+#include "problem/edited_graph.h"
 
 // The variables of a graph. Values of all that are not borrowed lie in one array, the state, at an
 // offset each: solvers copy and move all of them at once. Few are bounded or pinned, so these are

@@ -7,6 +7,7 @@
 
 #include "base/sort_unique.h"
 #include "linearize/factor_linearizer.h"
+#include "linearize/jacobian_map.h"
 
 namespace inceres::internal {
 
@@ -62,10 +63,8 @@ Status Foresight::Linearize(const IncrementalSolver& solver, const std::vector<F
       const SlotJacobians& slot = factor.slots[s];
       if (slot.data != nullptr) {
         const auto at = std::lower_bound(variables_.begin(), variables_.end(), ids[s]);
-        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
         J->block(begin_[k], columns[at - variables_.begin()], factor.rows, slot.columns) =
-            Eigen::Map<const RowMajor, 0, Eigen::OuterStride<>>(
-                slot.data, factor.rows, slot.columns, Eigen::OuterStride<>(slot.row_stride));
+            JacobianOf(slot, 0, factor.rows);
       }
     }
   }

@@ -67,32 +67,10 @@ class LivingGnc::Impl {
   Impl(const GncOptions& options, IncrementalSolver* solver)
       : options_(options), solver_(*solver) {}
 
-  // The threshold is found by Prepare, when the factor is in the graph; 0 until then.
-  void Watch(FactorId factor) { suspects_.emplace_back(factor, options_); }
-  // The weight stays until the next Update finds that of a suspect that has just come.
-  void Reset(FactorId factor) {
-    for (Suspect& suspect : suspects_) {
-      if (IsSame(suspect.id, factor)) {
-        suspect.phase = Phase::kNew;
-      }
-    }
-  }
-  // Together: what was taken for right may have to go for what was left out.
-  void ResetAll() {
-    for (Suspect& suspect : suspects_) {
-      suspect.phase = Phase::kUnforeseen;
-    }
-  }
-  void Forget(FactorId factor) {
-    suspects_.erase(
-        std::remove_if(suspects_.begin(), suspects_.end(),
-                       [&](const Suspect& suspect) { return IsSame(suspect.id, factor); }),
-        suspects_.end());
-  }
-  int num_suspects() const { return static_cast<int>(suspects_.size()); }
   void Update(GncSummary* summary);
 
  private:
+  friend class LivingGnc;
   using Suspect = internal::Suspect;
   using Phase = Suspect::Phase;
 
@@ -102,6 +80,7 @@ class LivingGnc::Impl {
     return a.family == b.family && a.index == b.index &&
            (a.generation < 0 || b.generation < 0 || a.generation == b.generation);
   }
+  std::vector<FactorId> Ids() const;
   bool Prepare(GncSummary* summary);
   Status Measure();
   Status ApplyWeights(const std::vector<double>& weights);
@@ -127,28 +106,29 @@ class LivingGnc::Impl {
   bool is_cut_ = false;           // the last round has not come to its minimum
 };
 
-// Whatever may have become wrong since the last Update: options, and suspects that were removed
-// without Forget. False with a message in the summary. A threshold is c² of the truncation: the
-// error that an inlier stays below with the probability asked for, by the chi-square distribution
-// of as many degrees of freedom as the residual has rows, since f is whitened; times the scale of
-// the options. It is found once, when the factor is there.
-bool LivingGnc::Impl::Prepare(GncSummary* summary) {
+std::vector<FactorId> LivingGnc::Impl::Ids() const {
   std::vector<FactorId> ids;
   ids.reserve(suspects_.size());
   for (const Suspect& suspect : suspects_) {
     ids.push_back(suspect.id);
   }
+  return ids;
+}
+
+// Whatever may have become wrong since the last Update: options, and suspects that were removed
+// without Forget. False with a message in the summary. A threshold is found once, when the factor
+// is there.
+bool LivingGnc::Impl::Prepare(GncSummary* summary) {
   Status status = options_.Validate();
-  status = status.ok() ? internal::CheckSuspects(solver_.graph(), ids) : status;
+  status = status.ok() ? internal::CheckSuspects(solver_.graph(), Ids()) : status;
   if (!status.ok()) {
     summary->message = status.message;
     return false;
   }
   for (Suspect& suspect : suspects_) {
     if (suspect.threshold == 0.0) {
-      const int rows = solver_.graph().family(suspect.id.family).residual_size();
       suspect.threshold =
-          options_.threshold_scale * ChiSquareQuantile(options_.inlier_probability, rows);
+          internal::ThresholdOf(options_, solver_.graph().family(suspect.id.family));
     }
   }
   return true;
@@ -156,13 +136,9 @@ bool LivingGnc::Impl::Prepare(GncSummary* summary) {
 
 // At the solver's values, without losses. One residual for each suspect.
 Status LivingGnc::Impl::Measure() {
-  std::vector<FactorId> ids;
-  ids.reserve(suspects_.size());
-  for (const Suspect& suspect : suspects_) {
-    ids.push_back(suspect.id);
-  }
   return internal::SquaredErrors(
-      solver_.graph(), ids, [this](VariableId id) { return solver_.Values(id); }, &squared_errors_);
+      solver_.graph(), Ids(), [this](VariableId id) { return solver_.Values(id); },
+      &squared_errors_);
 }
 
 // Whether a weight is to change; at first only suspects in doubt are looked at, for what was added
@@ -369,15 +345,12 @@ bool LivingGnc::Impl::UpdateSolver(int max_iterations, GncSummary* summary) {
   return true;
 }
 
-// By the last measurement, which is of the final values: the loop ends right after one. By the
-// error and not by the weight: after max_rounds a weight may still be on its way.
+// By the last measurement, which is of the final values: the loop ends right after one.
 void LivingGnc::Impl::Judge(GncSummary* summary) const {
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
     const Suspect& suspect = suspects_[k];
-    const bool inlier = squared_errors_[k] <= suspect.threshold;
-    summary->verdicts.push_back(
-        {suspect.id, squared_errors_[k], suspect.threshold, suspect.weight, inlier});
-    summary->num_outliers += inlier ? 0 : 1;
+    internal::AddVerdict(suspect.id, squared_errors_[k], suspect.threshold, suspect.weight,
+                         summary);
   }
 }
 
@@ -428,20 +401,38 @@ LivingGnc::LivingGnc(const GncOptions& options, IncrementalSolver* solver)
 }
 LivingGnc::~LivingGnc() = default;
 
+// The threshold is found by Prepare, when the factor is in the graph; 0 until then.
 void LivingGnc::Watch(FactorId factor) {
-  impl_->Watch(factor);
+  impl_->suspects_.emplace_back(factor, impl_->options_);
 }
+
+// The weight stays until the next Update finds that of a suspect that has just come.
 void LivingGnc::Reset(FactorId factor) {
-  impl_->Reset(factor);
+  for (Impl::Suspect& suspect : impl_->suspects_) {
+    if (Impl::IsSame(suspect.id, factor)) {
+      suspect.phase = Impl::Phase::kNew;
+    }
+  }
 }
+
+// Together: what was taken for right may have to go for what was left out.
 void LivingGnc::ResetAll() {
-  impl_->ResetAll();
+  for (Impl::Suspect& suspect : impl_->suspects_) {
+    suspect.phase = Impl::Phase::kUnforeseen;
+  }
 }
+
 void LivingGnc::Forget(FactorId factor) {
-  impl_->Forget(factor);
+  std::vector<Impl::Suspect>& suspects = impl_->suspects_;
+  suspects.erase(std::remove_if(suspects.begin(), suspects.end(),
+                                [&](const Impl::Suspect& suspect) {
+                                  return Impl::IsSame(suspect.id, factor);
+                                }),
+                 suspects.end());
 }
+
 int LivingGnc::num_suspects() const {
-  return impl_->num_suspects();
+  return static_cast<int>(impl_->suspects_.size());
 }
 
 GncSummary LivingGnc::Update() {

@@ -1,60 +1,16 @@
 #include "robust/squared_errors.h"
 
-#include <algorithm>
 #include <cmath>
 #include <set>
 #include <string>
 #include <utility>
 
+#include "base/address.h"
+
 // Errors of suspects, ‖f‖² without their losses, at values that need not be the graph's own. One
 // factor a call: suspects are few and scattered among a family's places.
 
 namespace inceres::internal {
-namespace {
-
-// Evaluates one factor of a family. A batch counts from the family's first factor, so there is a
-// pointer for each place up to the factor's, of which only its own are read. The pointers of other
-// places stay null, or are those of suspects that were measured before; a family reads what begin
-// and end name and nothing else. Cost of a measurement: one residual, and room once for as many
-// pointers as the family has places up to it.
-class ErrorMeter {
- public:
-  ErrorMeter(const FactorGraph& graph, const GncValues& values) : graph_(graph), values_(values) {}
-
-  EvaluationFailure Measure(FactorId id, double* squared_error) {
-    const FactorFamily& family = graph_.family(id.family);
-    const auto rows = static_cast<std::size_t>(family.residual_size());
-    const auto slots = static_cast<std::size_t>(family.num_slots());
-    const auto place = static_cast<std::size_t>(id.index);
-    // Grows to the largest place that was asked for.
-    parameters_.resize(std::max(parameters_.size(), (place + 1) * slots));
-    residuals_.resize(std::max(residuals_.size(), (place + 1) * rows));
-    for (std::size_t s = 0; s < slots; ++s) {
-      parameters_[place * slots + s] = values_(graph_.Variables(id.family, id.index)[s]);
-    }
-    FactorBatch batch;
-    // Without jacobians: residuals only, no loss.
-    batch.begin = id.index;
-    batch.end = id.index + 1;
-    batch.parameters = parameters_.data();
-    batch.residuals = residuals_.data();
-    const EvaluationFailure failure = family.Evaluate(batch);
-    // Also after a failure, when it is not used.
-    *squared_error = 0.0;
-    for (std::size_t r = place * rows; r < (place + 1) * rows; ++r) {
-      *squared_error += residuals_[r] * residuals_[r];
-    }
-    return failure;
-  }
-
- private:
-  const FactorGraph& graph_;
-  const GncValues& values_;
-  std::vector<const double*> parameters_;
-  std::vector<double> residuals_;
-};
-
-}  // namespace
 
 std::string NameOfSuspect(const FactorGraph& graph, FactorId factor) {
   // Names are needed for suspects that are not there as well.
@@ -70,8 +26,7 @@ Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& fact
   for (const FactorId& id : factors) {
     // A generation below zero is that of whoever holds the place now.
     const bool there =
-        id.family >= 0 && id.family < graph.num_families() && id.index >= 0 &&
-        id.index < graph.NumFactors(id.family) && graph.HasFactor(id.family, id.index) &&
+        graph.HasFactor(id.family, id.index) &&
         (id.generation < 0 || id.generation == graph.Generation(id.family, id.index));
     if (!there) {
       return Status::Error(StatusCode::kInvalidArgument,
@@ -89,20 +44,55 @@ Status CheckSuspects(const FactorGraph& graph, const std::vector<FactorId>& fact
 // error that the weight may come back.
 Status SquaredErrors(const FactorGraph& graph, const std::vector<FactorId>& factors,
                      const GncValues& values, std::vector<double>* errors) {
+  std::vector<const double*> parameters;
+  std::vector<double> residuals;
+  errors->assign(factors.size(), 0.0);
   // In the order of the list, and up to the first that fails.
-  ErrorMeter meter(graph, values);
-  errors->resize(factors.size());
   for (std::size_t k = 0; k < factors.size(); ++k) {
+    const FactorId id = factors[k];
+    const FactorFamily& family = graph.family(id.family);
+    const VariableId* const ids = graph.Variables(id.family, id.index);
+    parameters.clear();
+    for (int s = 0; s < family.num_slots(); ++s) {
+      parameters.push_back(values(ids[s]));
+    }
+    residuals.resize(static_cast<std::size_t>(family.residual_size()));
+    // A batch counts from the family's first factor, so both arrays pretend to begin where that
+    // one's entries would be: addresses that are numbers only. Without Jacobians: residuals only,
+    // no loss.
+    FactorBatch batch;
+    batch.begin = id.index;
+    batch.end = id.index + 1;
+    batch.parameters =
+        AddressBefore(std::ptrdiff_t{id.index} * family.num_slots(), parameters.data());
+    batch.residuals =
+        AddressBefore(std::ptrdiff_t{id.index} * family.residual_size(), residuals.data());
+    const EvaluationFailure failure = family.Evaluate(batch);
+    double& error = (*errors)[k];
+    for (const double residual : residuals) {
+      error += residual * residual;
+    }
     // Not finite counts as a failure: a weight of it would be NaN.
-    const EvaluationFailure failure = meter.Measure(factors[k], &(*errors)[k]);
-    if (failure.failed() || !std::isfinite((*errors)[k])) {
+    if (failure.failed() || !std::isfinite(error)) {
       return Status::Error(StatusCode::kInvalidArgument,
-                           "the suspect " + NameOfSuspect(graph, factors[k]) +
-                               " cannot be evaluated: " +
+                           "the suspect " + NameOfSuspect(graph, id) + " cannot be evaluated: " +
                                (failure.failed() ? failure.reason : "its error is not finite"));
     }
   }
   return Status::Ok();
+}
+
+// f is whitened: its square is distributed as chi-square.
+double ThresholdOf(const GncOptions& options, const FactorFamily& family) {
+  return options.threshold_scale *
+         ChiSquareQuantile(options.inlier_probability, family.residual_size());
+}
+
+void AddVerdict(FactorId factor, double squared_error, double threshold, double weight,
+                GncSummary* summary) {
+  const bool inlier = squared_error <= threshold;
+  summary->verdicts.push_back({factor, squared_error, threshold, weight, inlier});
+  summary->num_outliers += inlier ? 0 : 1;
 }
 
 }  // namespace inceres::internal

@@ -21,15 +21,13 @@ constexpr double kSparseShare = 0.05;
 
 }  // namespace
 
-// c² is the chi-square quantile for as many degrees of freedom as the factor has residuals.
 WeightedProblem::WeightedProblem(const GncOptions& options, const std::vector<FactorId>& suspects,
                                  const FactorGraph& graph, GncSummary* summary)
     : options_(options), suspects_(suspects), graph_(graph), summary_(*summary) {
   for (const FactorId& id : suspects_) {
     weights_.push_back(std::make_shared<Weight>());
     graph_.SetLoss(id.family, id.index, weights_.back());
-    thresholds_.push_back(options.threshold_scale *
-                          ChiSquareQuantile(options.inlier_probability, ResidualSize(id.family)));
+    thresholds_.push_back(ThresholdOf(options, graph_.family(id.family)));
   }
 }
 
@@ -135,17 +133,12 @@ int WeightedProblem::NumInliers() const {
 void WeightedProblem::Restore(const Snapshot& snapshot) {
   graph_.mutable_state() = snapshot.state;
   squared_errors_ = snapshot.squared_errors;
-  for (std::size_t k = 0; k < weights_.size(); ++k) {
-    weights_[k]->weight = snapshot.weights[k];
-  }
+  SetWeights(snapshot.weights);
 }
 
 void WeightedProblem::Judge() {
   for (std::size_t k = 0; k < suspects_.size(); ++k) {
-    const bool inlier = squared_errors_[k] <= thresholds_[k];
-    summary_.verdicts.push_back(
-        {suspects_[k], squared_errors_[k], thresholds_[k], weights_[k]->weight, inlier});
-    summary_.num_outliers += inlier ? 0 : 1;
+    AddVerdict(suspects_[k], squared_errors_[k], thresholds_[k], weights_[k]->weight, &summary_);
   }
 }
 

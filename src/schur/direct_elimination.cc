@@ -56,30 +56,28 @@ DirectElimination::DirectElimination(Evaluator* evaluator, const LandmarkInciden
     chunks_->Cut(incidences);
     chunks_->ReadBy([this](int chunk) { AddChunk(chunk); });
   }
-  FindOwners();
+  FindOthers();
   FindPattern();
 }
 
-// And which families have factors that touch no landmark, seen by counting: others need no look at
+// Which families have factors that touch no landmark is seen by counting: others need no look at
 // each of theirs.
-void DirectElimination::FindOwners() {
+void DirectElimination::FindOthers() {
   const std::vector<Linearization>& families = evaluator_.families();
   std::vector<int> num_of_landmarks(families.size(), 0);
-  owners_.reserve(incidences_.factors.size());
   for (const LandmarkFactors& entry : incidences_.factors) {
-    owners_.push_back(&OwnerOf(entry, families, owners_.empty() ? nullptr : owners_.back()));
-    num_of_landmarks[owners_.back()->id] += entry.count;
+    num_of_landmarks[incidences_.FamilyOf(entry)] += entry.count;
   }
   others_.resize(families.size());
   for (const Linearization& cache : families) {
     if (num_of_landmarks[cache.id] < cache.num_factors) {
-      FindOthers(cache);
+      FindOthersOf(cache);
     }
   }
 }
 
 // By ascending record, in which chunks are stretches of them.
-void DirectElimination::FindOthers(const Linearization& cache) {
+void DirectElimination::FindOthersOf(const Linearization& cache) {
   const Layout& layout = evaluator_.layout();
   for (int i = 0; i < cache.num_factors; ++i) {
     const VariableId* ids = evaluator_.graph().Variables(cache.id, i);
@@ -111,8 +109,7 @@ void DirectElimination::FindPattern() {
       }
     }
   }
-  pattern_ = PatternWithoutBlocks(
-      {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
+  pattern_ = PatternWithoutBlocks(layout.FrameOffsets());
   pattern_.padded = true;
   RowColumns row(layout.num_frames);
   for (int i = 0; i < layout.num_frames; ++i) {
@@ -203,7 +200,8 @@ void DirectElimination::EliminateLandmark(int landmark) {
 void DirectElimination::ListLandmark(int landmark) {
   for (int k = incidences_.factors_begin[landmark]; k < incidences_.factors_begin[landmark + 1];
        ++k) {
-    ListRecords(*owners_[k], incidences_.factors[k].factors, incidences_.factors[k].count,
+    const LandmarkFactors& entry = incidences_.factors[k];
+    ListRecords(evaluator_.families()[incidences_.FamilyOf(entry)], entry.factors, entry.count,
                 inflation_[landmark]);
   }
   ProductLists& lists = of_sizes_[incidences_.sizes[landmark] - 1];

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/zeroed_array.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "linear/pattern_rows.h"
 #include "linearize/evaluator.h"
 #include "linearize/incidences.h"
@@ -54,8 +54,8 @@ class DirectElimination {
     ProductLists lists;
   };
 
-  void FindOwners();
-  void FindOthers(const Linearization& cache);
+  void FindOthers();
+  void FindOthersOf(const Linearization& cache);
   void FindPattern();
   void MakeSources();
   void AddChunk(int chunk);
@@ -88,7 +88,6 @@ class DirectElimination {
   std::vector<int> block_of_;   // by row_place_ and column; empty if few places have a block
   std::vector<std::int64_t> row_place_;  // where column 0 of a row would be: rows begin with their
                                          // first block
-  std::vector<const Linearization*> owners_;       // per entry of incidences_.factors
   std::vector<std::vector<std::int32_t>> others_;  // per family: records without a landmark
   std::vector<Source> sources_;
   std::vector<std::size_t> first_source_;  // per family

@@ -58,7 +58,8 @@ void AddRows(int rows, int columns, const double* __restrict block, double* __re
 }  // namespace
 
 Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-                         const FramePlans& plans, const Hessian& hessian, const Memory& memory)
+                         const FramePlans& plans, const Hessian& hessian,
+                         const EliminationMemory& memory)
     : evaluator_(evaluator),
       incidences_(incidences),
       plans_(plans),
@@ -77,7 +78,7 @@ Elimination::Elimination(const Evaluator& evaluator, const LandmarkIncidences& i
 }
 
 // Memory is asked for before it is taken, so that a problem that is too large is refused by name.
-void Elimination::TakeMemory(const Memory& memory) {
+void Elimination::TakeMemory(const EliminationMemory& memory) {
   const int num_chunks = incidences_.num_chunks();
   keeps_landmarks_ = !memory.may_forget_landmarks || !keeps_all_ || num_chunks == 1 ||
                      incidences_.num_landmarks() <= kFewLandmarks;

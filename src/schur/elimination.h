@@ -11,6 +11,15 @@
 
 namespace inceres::internal {
 
+/// How much memory an elimination may do without.
+struct EliminationMemory {
+  /// Where S is formed, as the plans' pattern has its blocks; null: in memory of its own.
+  double* S = nullptr;
+  /// Of many landmarks U_inv and z are found again on the way back, and not kept: there is no UInv
+  /// and no SubtractReduced.
+  bool may_forget_landmarks = false;
+};
+
 /// Eliminates the landmarks from (H + Λ) δ = η (docs/algorithms.md, "Schur complement"):
 ///
 ///     [ P + Λ_l   Wᵀ      ] [δ_l]   [l]    U_invᵀ U_inv = (P + Λ_l)⁻¹,  Y = W U_invᵀ,  z = U_inv l
@@ -23,19 +32,9 @@ namespace inceres::internal {
 /// not kept are brought chunk by chunk. Source: Triggs et al. 1999, section 6.1.
 class Elimination {
  public:
-  /// How much memory it may do without.
-  struct Memory {
-    /// Where S is formed, as the plans' pattern has its blocks; null: in memory of its own.
-    double* S = nullptr;
-    /// Of many landmarks U_inv and z are found again on the way back, and not kept: there is no
-    /// UInv and no SubtractReduced.
-    bool may_forget_landmarks = false;
-  };
   Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-              const FramePlans& plans, const Hessian& hessian, const Memory& memory);
-  Elimination(const Evaluator& evaluator, const LandmarkIncidences& incidences,
-              const FramePlans& plans, const Hessian& hessian)
-      : Elimination(evaluator, incidences, plans, hessian, Memory()) {}
+              const FramePlans& plans, const Hessian& hessian,
+              const EliminationMemory& memory = {});
 
   /// Forms S and b with Λ_l = diag(landmark_damping) (packed, landmarks only), which stays where it
   /// is until the way back. kSingular names the variable whose block P + Λ_l has no Cholesky
@@ -78,7 +77,7 @@ class Elimination {
   };
   // Where U_inv and z of a landmark are among those that are there.
   std::ptrdiff_t Kept(int landmark) const { return landmark - first_kept_; }
-  void TakeMemory(const Memory& memory);
+  void TakeMemory(const EliminationMemory& memory);
   void CollectChunkBlocks();
   bool IsOfChunk(int chunk, std::size_t block, int segment) const;
   // U_inv; false if the block is singular

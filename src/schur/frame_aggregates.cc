@@ -92,10 +92,7 @@ void FrameAggregates::Join(const WeightedGraph& covisibility, double numbers_rea
       AggregateByMatching(covisibility, kFirstRound, [&](const WeightedGraph& parts) {
         return IsCheap(parts, numbers_read, executor);
       }).part_of;
-  // Parts are numbered without gaps.
-  for (const int part : clusters.cluster_of) {
-    count = std::max(count, part + 1);
-  }
+  count = clusters.num_clusters();
 }
 
 // Cost: the incidences of each aggregate's landmarks, once an aggregate that sees them.
@@ -107,13 +104,13 @@ AggregateReach::AggregateReach(const FrameAggregates& aggregates, std::vector<in
   std::vector<std::vector<int>> direct(aggregates.count);  // frames by blocks of the pattern
   for (int i = 0; i < num_frames; ++i) {
     members[part_of[i]].push_back(i);
-    for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-      // Both ways, for the pattern is a lower triangle. The diagonal block makes an aggregate reach
-      // its own frames.
-      direct[part_of[i]].push_back(pattern.columns[k]);
-      direct[part_of[pattern.columns[k]]].push_back(i);
-    }
   }
+  // Both ways, for the pattern is a lower triangle. The diagonal block makes an aggregate reach its
+  // own frames.
+  ForEachBlock(pattern, [&](int i, int j, int /*block*/) {
+    direct[part_of[i]].push_back(j);
+    direct[part_of[j]].push_back(i);
+  });
   shape.aggregate_of = part_of;
   shape.widths = std::move(widths);
   shape.coupled_begin.push_back(0);

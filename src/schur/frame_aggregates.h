@@ -4,7 +4,6 @@
 
 #include "linear/aggregation.h"
 #include "linear/coarse_columns.h"
-#include "linear/frame_clusters.h"
 #include "linearize/incidences.h"
 #include "linearize/product_plan.h"
 

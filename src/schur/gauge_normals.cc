@@ -4,8 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
-#include "linearize/widened.h"
+#include "linearize/single_jacobians.h"
 
 namespace inceres::internal {
 
@@ -17,6 +18,9 @@ namespace inceres::internal {
 // The factor's corrected Jacobians are read, so a loss has its say in what counts. A row of R and
 // of C belongs to a frame, and a frame to one task, which sums over sources and factors in their
 // order: no task adds to another's rows, and the bits do not depend on the number of threads.
+//
+// What depends on the structure is set up once: by family and pair of slots, the factors that
+// count, sorted by frame; and the pattern of J_cᵀJ_c over these factors, for the sparse Cholesky.
 
 namespace {
 
@@ -65,6 +69,71 @@ int GaugeNormals::LandmarkThrough(const Linearization& cache, int factor, int sl
   const bool euclidean = landmark >= 0 && evaluator_.graph().AmbientSize(id) == kPoint &&
                          evaluator_.graph().manifold(id) == nullptr;
   return euclidean ? landmark : -1;
+}
+
+// A source for each pair of a slot with a Euclidean landmark and another slot that has a frame.
+void GaugeNormals::CollectSources() {
+  for (const Linearization& cache : evaluator_.families()) {
+    for (int p = 0; p < cache.num_slots; ++p) {
+      std::vector<std::int32_t> factors;
+      for (int i = 0; i < cache.num_factors; ++i) {
+        const VariableId id = evaluator_.graph().Variables(cache.id, 0)[cache.Entry(i) + p];
+        // Of all landmarks, Euclidean or not: the share decides whether modes are of any use.
+        num_of_landmarks_ += evaluator_.layout().LandmarkOf(id) >= 0 ? 1.0 : 0.0;
+        if (LandmarkThrough(cache, i, p) >= 0) {
+          factors.push_back(i);
+        }
+      }
+      num_of_points_ += static_cast<double>(factors.size());
+      for (int s = 0; !factors.empty() && s < cache.num_slots; ++s) {
+        if (s != p) {
+          AddSource(cache, s, p, factors);
+        }
+      }
+    }
+  }
+}
+
+void GaugeNormals::AddSource(const Linearization& cache, int slot, int landmark_slot,
+                             const std::vector<std::int32_t>& factors) {
+  Source source{cache.id, slot, landmark_slot, {}, {}};
+  // No frame: that of a constant, or a shared one.
+  const auto for_each_factor = [&](const auto& add) {
+    for (const std::int32_t i : factors) {
+      const int frame = FrameThrough(cache, i, slot);
+      if (frame >= 0) {
+        add(frame, i);
+      }
+    }
+  };
+  CountingSort(evaluator_.layout().num_frames, for_each_factor, &source.begin, &source.factors);
+  // The slot may belong to shared frames only: such a source would have nothing to say.
+  if (!source.factors.empty()) {
+    sources_.push_back(std::move(source));
+  }
+}
+
+// Two frames are coupled if a factor of a source touches both. The diagonal block is there for all
+// frames, also for those without such a factor, and is last in its row.
+void GaugeNormals::BuildPattern() {
+  const Layout& layout = evaluator_.layout();
+  pattern_ = PatternWithoutBlocks(layout.FrameOffsets());
+  RowColumns columns(layout.num_frames);
+  for (int row = 0; row < layout.num_frames; ++row) {
+    columns.Begin(row);
+    for (const Source& source : sources_) {
+      const Linearization& cache = evaluator_.families()[source.family];
+      for (int k = source.begin[row]; k < source.begin[row + 1]; ++k) {
+        for (int s = 0; s < cache.num_slots; ++s) {
+          const int other = FrameThrough(cache, source.factors[k], s);
+          if (other >= 0) {
+            columns.Add(other);
+          }
+        }
+      }
+    }
+    AppendRow(columns.Ascending(), &pattern_);
+  }
 }
 
 // Medians, for a few points far away would otherwise set both center and radius.

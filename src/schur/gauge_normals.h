@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "linearize/incidences.h"
 
 namespace inceres::internal {

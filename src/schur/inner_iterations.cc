@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/counting_sort.h"
 #include "linear/small_cholesky.h"
 
 namespace inceres::internal {
@@ -116,37 +117,36 @@ void InnerIterations::BuildJacobians(const std::vector<SlotUse>& uses, const Lin
   jacobians.blocks = {jacobians.values.data(), factor_stride, kQuad, kQuad};
 }
 
-// By landmark, of each by family, of each ascending: counted, then placed.
+// By landmark, of each by family, of each ascending.
 void InnerIterations::BuildGroups() {
+  struct Sighting {
+    FamilyId family;
+    std::int32_t factor;
+  };
   const auto for_each_sighting = [this](const auto& visit) {
     for (const LandmarkJacobians& jacobians : jacobians_) {
       for (std::size_t i = 0; i < jacobians.landmarks.size(); ++i) {
         if (jacobians.landmarks[i] >= 0) {
-          visit(jacobians.landmarks[i], static_cast<FamilyId>(&jacobians - jacobians_.data()),
-                static_cast<std::int32_t>(i));
+          visit(jacobians.landmarks[i],
+                Sighting{static_cast<FamilyId>(&jacobians - jacobians_.data()),
+                         static_cast<std::int32_t>(i)});
         }
       }
     }
   };
-  std::vector<int> next(layout_.num_landmarks() + 1, 0);
-  for_each_sighting(
-      [&](int landmark, FamilyId /*family*/, std::int32_t /*factor*/) { ++next[landmark + 1]; });
-  std::partial_sum(next.begin(), next.end(), next.begin());
-  sightings_.resize(next.back());
-  std::vector<FamilyId> families(next.back());
-  for_each_sighting([&](int landmark, FamilyId family, std::int32_t factor) {
-    families[next[landmark]] = family;
-    sightings_[next[landmark]++] = factor;
-  });
-  // next[l] is the end of landmark l by now, and with that the beginning of the one behind it.
+  std::vector<int> begin;
+  std::vector<Sighting> sightings;
+  CountingSort(layout_.num_landmarks(), for_each_sighting, &begin, &sightings);
+  sightings_.reserve(sightings.size());
   groups_begin_.push_back(0);
-  for (int landmark = 0, at = 0; landmark < layout_.num_landmarks(); ++landmark) {
-    while (at < next[landmark]) {
-      const int begin = at;
-      while (at < next[landmark] && families[at] == families[begin]) {
-        ++at;
+  for (int landmark = 0; landmark < layout_.num_landmarks(); ++landmark) {
+    for (int k = begin[landmark]; k < begin[landmark + 1]; ++k) {
+      const auto [family, factor] = sightings[k];
+      if (k == begin[landmark] || family != groups_.back().family) {
+        groups_.push_back({family, k, k});
       }
-      groups_.push_back({families[begin], begin, at});
+      ++groups_.back().end;
+      sightings_.push_back(factor);
     }
     groups_begin_.push_back(static_cast<int>(groups_.size()));
   }
@@ -183,7 +183,7 @@ double InnerIterations::Run(double min_gain, double step_gain) {
     trial.gain = 0.0;
   }
   // The families read and write the candidate from here on.
-  evaluator_.PointToCandidate();
+  evaluator_.points().PointTo(/*candidate=*/true);
   // Where all would be asked, and there are enough for a sample to say something: every eighth
   // first.
   const bool samples =
@@ -355,12 +355,12 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
   constexpr std::int32_t kHasJacobian = 0;
   for (int k = group.begin; k < group.end; ++k) {
     const std::int32_t factor = sightings_[k];
-    const Loss* loss = cache.graph->loss(cache.id, factor);
     double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
-    equations->cost +=
-        // First order in the loss: LossCurvature::kNone leaves P = Σ ρ' J_lᵀJ_l, which is never
-        // indefinite.
-        RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
+    const LossValue loss(cache.graph->loss(cache.id, factor), f, rows);
+    equations->cost += loss.cost();
+    // First order in the loss: LossCurvature::kNone leaves P = Σ ρ' J_lᵀJ_l, which is never
+    // indefinite.
+    RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
   }
   LandmarkFactors factors;
   factors.factors = sightings_.data() + group.begin;
@@ -378,9 +378,8 @@ double InnerIterations::Cost(int landmark) const {
     const Linearization& cache = evaluator_.families()[groups_[k].family];
     const int rows = cache.residual_size;
     for (int at = groups_[k].begin; at < groups_[k].end; ++at) {
-      const Loss* loss = cache.graph->loss(cache.id, sightings_[at]);
-      cost += RobustCost(
-          loss, cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows, rows);
+      const double* f = cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows;
+      cost += LossValue(cache.graph->loss(cache.id, sightings_[at]), f, rows).cost();
     }
   }
   return cost;

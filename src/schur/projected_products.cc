@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/counting_sort.h"
-
 namespace inceres::internal {
 
 // A V for the coarse space, A = S + Λ_c, aggregate by aggregate: an aggregate's columns of A V are
@@ -44,24 +42,11 @@ struct ProjectedProducts::Scratch {
 ProjectedProducts::ProjectedProducts(const LandmarkIncidences& incidences, const FramePlans& plans,
                                      std::vector<const double*> blocks,
                                      const Elimination* without_S)
-    : incidences_(incidences), plans_(plans), blocks_(std::move(blocks)), elimination_(without_S) {
-  const BlockPattern& pattern = plans.pattern;
-  // Every block twice, by its row and by its column, but for those on the diagonal: rows of the
-  // whole matrix from its lower triangle. Zero blocks are left out. By counting sort.
-  const auto for_each_place = [&](const auto& visit) {
-    for (int i = 0; i < pattern.num_blocks(); ++i) {
-      for (int k = pattern.row_begin[i]; k < pattern.row_begin[i + 1]; ++k) {
-        if (blocks_[k] == nullptr) {
-          continue;
-        }
-        visit(i, Place{k, pattern.columns[k]});
-        if (pattern.columns[k] != i) {
-          visit(pattern.columns[k], Place{k, i});
-        }
-      }
-    }
-  };
-  CountingSort(pattern.num_blocks(), for_each_place, &row_begin_, &places_);
+    : incidences_(incidences),
+      plans_(plans),
+      blocks_(std::move(blocks)),
+      elimination_(without_S),
+      rows_(plans.pattern, /*keeps=*/[this](int block) { return blocks_[block] != nullptr; }) {
 }
 
 void ProjectedProducts::Form(const AggregateReach& reach, const double* damping,
@@ -114,8 +99,8 @@ void ProjectedProducts::AddFrameBlocks(int frame, int stride, const double* damp
   for (int r = 0; r < size; ++r) {
     AddScaled(lambda[r], V + r * stride, stride, own + r * stride);
   }
-  for (int k = row_begin_[frame]; k < row_begin_[frame + 1]; ++k) {
-    const auto [block, other] = places_[k];
+  for (int k = rows_.begin[frame]; k < rows_.begin[frame + 1]; ++k) {
+    const auto [block, other] = rows_.places[k];
     const double* const A = blocks_[block];
     double* const out = columns->AV(scratch.place_of[other]);
     const int other_size = columns->block_size(other);

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "linear/block_neighbors.h"
 #include "linear/coarse_columns.h"
 #include "linearize/incidences.h"
 #include "linearize/product_plan.h"
@@ -29,10 +30,6 @@ class ProjectedProducts {
             CoarseColumns* columns) const;
 
  private:
-  struct Place {
-    int block;
-    int column;
-  };
   struct Scratch;
   void FormAggregate(int aggregate, const AggregateReach& reach, const double* damping,
                      CoarseColumns* columns, Scratch* scratch) const;
@@ -45,8 +42,7 @@ class ProjectedProducts {
   const FramePlans& plans_;
   const std::vector<const double*> blocks_;
   const Elimination* const elimination_;
-  std::vector<int> row_begin_;  // per frame, one more: its blocks of the whole matrix
-  std::vector<Place> places_;
+  const WholeRows rows_;  // without zero blocks
 };
 
 }  // namespace inceres::internal

@@ -123,22 +123,14 @@ ReducedPrediction SceneShape::PredictEnvelope(const Extent& extent) const {
   return cost.prediction();
 }
 
-// For the symbolic analysis, where that may decide. `seen_by` has the last row that met a frame.
+// For the symbolic analysis, where that may decide.
 BlockPattern SceneShape::Pattern() const {
-  BlockPattern pattern = PatternWithoutBlocks(
-      {layout_.packed_offset.begin(), layout_.packed_offset.begin() + layout_.num_frames + 1});
-  std::vector<int> columns;
-  std::vector<int> seen_by(layout_.num_frames, -1);
+  BlockPattern pattern = PatternWithoutBlocks(layout_.FrameOffsets());
+  RowColumns columns(layout_.num_frames);
   for (int row = 0; row < layout_.num_frames; ++row) {
-    columns.assign(1, row);
-    seen_by[row] = row;
-    ForEachCoupled(row, [&](int other) {
-      if (other < row && std::exchange(seen_by[other], row) != row) {
-        columns.push_back(other);
-      }
-    });
-    std::sort(columns.begin(), columns.end());
-    AppendRow(columns, &pattern);
+    columns.Begin(row);
+    ForEachCoupled(row, [&columns](int other) { columns.Add(other); });
+    AppendRow(columns.Ascending(), &pattern);
   }
   return pattern;
 }

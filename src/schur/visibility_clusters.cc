@@ -263,11 +263,7 @@ FrameClusters FindVisibilityClusters(const Visibility& visibility, bool single_l
   clusters.cluster_of =
       Renumber(order, single_linkage ? SingleLinkage(graph) : CanonicalViews(graph).Cluster(order));
   if (tridiagonal) {
-    int count = 0;
-    for (const int cluster : clusters.cluster_of) {
-      count = std::max(count, cluster + 1);
-    }
-    clusters.neighbors = FindPaths(visibility, clusters.cluster_of, count);
+    clusters.neighbors = FindPaths(visibility, clusters.cluster_of, clusters.num_clusters());
   }
   return clusters;
 }

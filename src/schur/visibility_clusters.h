@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "linear/frame_clusters.h"
+#include "linear/aggregation.h"
 
 namespace inceres::internal {
 

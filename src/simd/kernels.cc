@@ -2,8 +2,6 @@
 
 #include <initializer_list>
 
-#include "simd/small_kernels.h"
-
 namespace inceres::internal {
 
 // The choice of an instruction set at run time. One table of kernels a set, each made of the same
@@ -18,22 +16,18 @@ namespace inceres::internal {
 
 namespace kernels_generic {
 extern const Kernels kKernels;
-extern const SmallKernels kSmallKernels;
 }  // namespace kernels_generic
 #ifdef INCERES_ARM64_KERNELS
 namespace kernels_neon {
 extern const Kernels kKernels;
-extern const SmallKernels kSmallKernels;
 }  // namespace kernels_neon
 #endif
 #ifdef INCERES_X86_KERNELS
 namespace kernels_avx2 {
 extern const Kernels kKernels;
-extern const SmallKernels kSmallKernels;
 }  // namespace kernels_avx2
 namespace kernels_avx512 {
 extern const Kernels kKernels;
-extern const SmallKernels kSmallKernels;
 }  // namespace kernels_avx512
 #endif
 
@@ -64,48 +58,17 @@ const Kernels* KernelsFor(InstructionSet set) {
   }
 }
 
-const SmallKernels* SmallKernelsFor(InstructionSet set) {
-  if (KernelsFor(set) == nullptr) {
-    return nullptr;
-  }
-  switch (set) {
-#ifdef INCERES_X86_KERNELS
-    case InstructionSet::kAvx2:
-      return &kernels_avx2::kSmallKernels;
-    case InstructionSet::kAvx512:
-      return &kernels_avx512::kSmallKernels;
-#endif
-#ifdef INCERES_ARM64_KERNELS
-    case InstructionSet::kNeon:
-      return &kernels_neon::kSmallKernels;
-#endif
-    default:
-      return &kernels_generic::kSmallKernels;
-  }
-}
-
-namespace {
-
 // The one with the largest tiles first: 32 registers of four doubles, 16 of them, 32 of two.
-InstructionSet BestSet() {
-  for (const InstructionSet set :
-       {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
-    if (KernelsFor(set) != nullptr) {
-      return set;
-    }
-  }
-  return InstructionSet::kGeneric;
-}
-
-}  // namespace
-
 const Kernels& BestKernels() {
-  static const Kernels& best = *KernelsFor(BestSet());
-  return best;
-}
-
-const SmallKernels& BestSmallKernels() {
-  static const SmallKernels& best = *SmallKernelsFor(BestSet());
+  static const Kernels& best = []() -> const Kernels& {
+    for (const InstructionSet set :
+         {InstructionSet::kAvx512, InstructionSet::kAvx2, InstructionSet::kNeon}) {
+      if (const Kernels* kernels = KernelsFor(set)) {
+        return *kernels;
+      }
+    }
+    return kernels_generic::kKernels;
+  }();
   return best;
 }
 

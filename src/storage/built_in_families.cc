@@ -3,22 +3,18 @@
 #include <cstring>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <type_traits>
 
 #include "inceres/factors/bal_reprojection.h"
-#include "inceres/factors/bearing.h"
 #include "inceres/factors/body_reprojection.h"
-#include "inceres/factors/center_distance.h"
 #include "inceres/factors/equidistant_reprojection.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/gauge.h"
 #include "inceres/factors/landmark_position.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/relative_similarity.h"
-#include "inceres/factors/stereo_reprojection.h"
 #include "storage/built_in.h"
 
 namespace inceres::internal {
@@ -85,31 +81,34 @@ void Add(const char* name, GraphFormats* formats, Write write, Make make) {
       });
 }
 
-// A family that is made with nothing.
-template <typename Family>
-void AddPlainFamily(const char* name, GraphFormats* formats) {
-  Add<Family>(
-      name, formats, [](const Family&, GraphWriter*) {},
-      [](GraphReader*) { return std::make_shared<Family>(); });
-}
+// An enumeration that a family is made with, which `get` reads, and what a failure calls it.
+// ReadEnum takes `last` for the limit: an enumerator that is added behind it belongs here as well.
+template <typename Owner, typename Enum>
+struct Kind {
+  Enum (Owner::*get)() const;
+  Enum last;
+  const char* what;
+};
+template <typename Owner, typename Enum>
+Kind(Enum (Owner::*)() const, Enum, const char*) -> Kind<Owner, Enum>;
 
-// Of families that see a landmark: its parametrization, and on which side a pose is perturbed.
-template <typename Family>
-void WriteLandmark(const Family& family, GraphWriter* writer) {
-  writer->WriteInt(static_cast<std::int32_t>(family.landmark()));
-  writer->WriteInt(static_cast<std::int32_t>(family.perturbation()));
-}
-
-// ReadEnum takes the last enumerator for the limit: one that is added behind it belongs here as
-// well.
-LandmarkKind ReadLandmark(GraphReader* reader) {
-  return reader->ReadEnum(LandmarkKind::kHomogeneous, "the kind of landmark");
-}
-
+constexpr const char* kLandmark = "the kind of landmark";
 constexpr const char* kSide = "the side of perturbation";
 
-Perturbation ReadSide(GraphReader* reader) {
-  return reader->ReadEnum(Perturbation::kLeft, kSide);
+// A family that is made with these enumerations, in the order of the constructor, or with nothing.
+template <typename Family, typename... Owners, typename... Enums>
+void AddMadeOf(const char* name, GraphFormats* formats, const Kind<Owners, Enums>&... kinds) {
+  Add<Family>(
+      name, formats,
+      [kinds...](const Family& family, GraphWriter* writer) {
+        (writer->WriteInt(static_cast<std::int32_t>((family.*kinds.get)())), ...);
+      },
+      [kinds...](GraphReader* reader) {
+        // In braces, for arguments in parentheses are evaluated in no order that is known.
+        const std::tuple<Enums...> read{reader->ReadEnum(kinds.last, kinds.what)...};
+        return std::apply([](auto... made_of) { return std::make_shared<Family>(made_of...); },
+                          read);
+      });
 }
 
 void AddReprojections(GraphFormats* formats) {
@@ -126,42 +125,33 @@ void AddReprojections(GraphFormats* formats) {
         const int point = reader->ReadIntIn(0, 3, "the tangent size of a point");
         return std::make_shared<BalReprojectionFamily>(camera, point);
       });
-  Add<BodyReprojectionFamily>(
-      "body_reprojection", formats,
-      [](const BodyReprojectionFamily& family, GraphWriter* writer) {
-        // All that decides its slots and its formula, in the order of the constructor.
-        writer->WriteInt(static_cast<std::int32_t>(family.time_offset()));
-        writer->WriteInt(static_cast<std::int32_t>(family.feature()));
-        writer->WriteInt(static_cast<std::int32_t>(family.views()));
-        writer->WriteInt(static_cast<std::int32_t>(family.error()));
-      },
-      [](GraphReader* reader) {
-        using Body = BodyReprojectionFamily;
-        // One read a statement, for the order of arguments is not known.
-        const auto offset = reader->ReadEnum(Body::TimeOffset::kEstimated, "the time offset");
-        const auto feature = reader->ReadEnum(Body::Feature::kBearing, "the kind of feature");
-        const auto views = reader->ReadEnum(Body::Views::kOnePoseTwoCameras, "the views");
-        const auto error = reader->ReadEnum(Body::Error::kUnitSphere, "the kind of error");
-        return std::make_shared<Body>(offset, feature, views, error);
-      });
-  AddPlainFamily<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
+  using Body = BodyReprojectionFamily;
+  // All that decides its slots and its formula.
+  AddMadeOf<Body>("body_reprojection", formats,
+                  Kind{&Body::time_offset, Body::TimeOffset::kEstimated, "the time offset"},
+                  Kind{&Body::feature, Body::Feature::kBearing, "the kind of feature"},
+                  Kind{&Body::views, Body::Views::kOnePoseTwoCameras, "the views"},
+                  Kind{&Body::error, Body::Error::kUnitSphere, "the kind of error"});
+  AddMadeOf<InverseDepthReprojectionFamily>("inverse_depth_reprojection", formats);
 }
 
-// A family that sees landmarks with one camera, whose fields stand in the file in this order.
+// A family that sees landmarks with one camera. In the file: the landmark's parametrization, on
+// which side a pose is perturbed, and the camera's fields in this order.
 template <typename Family, typename Camera, std::size_t num_fields>
 void AddCameraFamily(const char* name, const std::array<double Camera::*, num_fields>& fields,
                      GraphFormats* formats) {
   Add<Family>(
       name, formats,
       [fields](const Family& family, GraphWriter* writer) {
-        WriteLandmark(family, writer);
+        writer->WriteInt(static_cast<std::int32_t>(family.landmark()));
+        writer->WriteInt(static_cast<std::int32_t>(family.perturbation()));
         for (double Camera::*const field : fields) {
           writer->WriteDouble(family.camera().*field);
         }
       },
       [fields](GraphReader* reader) {
-        const LandmarkKind landmark = ReadLandmark(reader);
-        const Perturbation side = ReadSide(reader);
+        const auto landmark = reader->ReadEnum(LandmarkKind::kHomogeneous, kLandmark);
+        const auto side = reader->ReadEnum(Perturbation::kLeft, kSide);
         Camera camera;
         for (double Camera::*const field : fields) {
           camera.*field = reader->ReadDouble();
@@ -171,11 +161,9 @@ void AddCameraFamily(const char* name, const std::array<double Camera::*, num_fi
 }
 
 void AddPointFamilies(GraphFormats* formats) {
-  Add<BearingFamily>("bearing", formats, WriteLandmark<BearingFamily>, [](GraphReader* reader) {
-    const LandmarkKind landmark = ReadLandmark(reader);
-    // One read a statement: arguments are evaluated in no order that is known.
-    return std::make_shared<BearingFamily>(landmark, ReadSide(reader));
-  });
+  AddMadeOf<BearingFamily>("bearing", formats,
+                           Kind{&BearingFamily::landmark, LandmarkKind::kHomogeneous, kLandmark},
+                           Kind{&BearingFamily::perturbation, Perturbation::kLeft, kSide});
   using Pinhole = PinholeCamera;
   AddCameraFamily<PointReprojectionFamily>(
       "point_reprojection",
@@ -196,38 +184,30 @@ void AddPointFamilies(GraphFormats* formats) {
       formats);
 }
 
-// A family that is made with one enumeration, which `get` reads: `last` is its last enumerator.
-template <typename Family, typename Enum>
-void AddKind(const char* name, Enum (Family::*get)() const, Enum last, const char* what,
-             GraphFormats* formats) {
-  Add<Family>(
-      name, formats,
-      [get](const Family& family, GraphWriter* writer) {
-        writer->WriteInt(static_cast<std::int32_t>((family.*get)()));
-      },
-      [last, what](GraphReader* reader) {
-        return std::make_shared<Family>(reader->ReadEnum(last, what));
-      });
-}
-
 // Families between poses and of single variables; most are told apart by one enumeration, if by
 // any.
 void AddPoseFamilies(GraphFormats* formats) {
-  AddPlainFamily<RelativePoseFamily>("relative_pose", formats);
-  AddPlainFamily<PlanarRelativePoseFamily>("planar_relative_pose", formats);
-  AddPlainFamily<SpeedBiasPriorFamily>("speed_bias_prior", formats);
-  AddPlainFamily<SpatialLandmarkFamily>("spatial_landmark", formats);
-  AddPlainFamily<PositionPriorFamily>("position_prior", formats);
-  AddKind("planar_landmark", &PlanarLandmarkFamily::sighting, PlanarSighting::kRangeBearing,
-          "the kind of sighting", formats);
+  AddMadeOf<RelativePoseFamily>("relative_pose", formats);
+  AddMadeOf<PlanarRelativePoseFamily>("planar_relative_pose", formats);
+  AddMadeOf<SpeedBiasPriorFamily>("speed_bias_prior", formats);
+  AddMadeOf<SpatialLandmarkFamily>("spatial_landmark", formats);
+  AddMadeOf<PositionPriorFamily>("position_prior", formats);
+  AddMadeOf<PlanarLandmarkFamily>(
+      "planar_landmark", formats,
+      Kind{&PlanarLandmarkFamily::sighting, PlanarSighting::kRangeBearing, "the kind of sighting"});
   // The side of the perturbation decides how the residual is measured, not only its Jacobian.
-  AddKind("pose_prior", &PosePriorFamily::side, Perturbation::kLeft, kSide, formats);
-  AddKind("pose_edge", &PoseEdgeFamily::convention, PoseErrorConvention::kGtsam,
-          "the convention of the error", formats);
-  AddKind("relative_similarity", &RelativeSimilarityFamily::convention,
-          SimilarityErrorConvention::kLogarithm, "the convention of the error", formats);
-  AddKind("center_distance", &CenterDistanceFamily::kind, CenterKind::kPlanarPose,
-          "the kind of center", formats);
+  AddMadeOf<PosePriorFamily>("pose_prior", formats,
+                             Kind{&PosePriorFamily::side, Perturbation::kLeft, kSide});
+  constexpr const char* kConvention = "the convention of the error";
+  AddMadeOf<PoseEdgeFamily>(
+      "pose_edge", formats,
+      Kind{&PoseEdgeFamily::convention, PoseErrorConvention::kGtsam, kConvention});
+  AddMadeOf<RelativeSimilarityFamily>("relative_similarity", formats,
+                                      Kind{&RelativeSimilarityFamily::convention,
+                                           SimilarityErrorConvention::kLogarithm, kConvention});
+  AddMadeOf<CenterDistanceFamily>(
+      "center_distance", formats,
+      Kind{&CenterDistanceFamily::kind, CenterKind::kPlanarPose, "the kind of center"});
 }
 
 }  // namespace

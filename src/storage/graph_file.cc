@@ -7,10 +7,8 @@
 #include <new>
 #include <utility>
 
-#include "io/byte_sink.h"
-#include "io/byte_source.h"
-#include "storage/parse_graph.h"
-#include "storage/print_graph.h"
+#include "io/byte_stream.h"
+#include "storage/graph_layout.h"
 
 // A graph in a file: a heading of fixed size, then what print_graph.cc writes. The heading has the
 // size and the CRC-32 of the rest, so that a file that was cut or damaged is told as such, before

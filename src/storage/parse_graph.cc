@@ -1,11 +1,9 @@
-#include "storage/parse_graph.h"
-
 #include <cstdint>
 #include <string>
 #include <utility>
 
 #include "inceres/storage/graph_formats.h"
-#include "storage/print_graph.h"
+#include "storage/graph_layout.h"
 
 // Reads the parts of a graph in the order in which print_graph.cc writes them. A parser takes care
 // of one thing only: that nothing in the bytes makes it ask for too much memory or look where there
@@ -39,8 +37,7 @@ class GraphParser {
     // Shared objects come before variables and factors, which name them by number; variables before
     // what belongs to some of them.
     ParseVariables();
-    ParseBounds();
-    ParsePins();
+    ParseBoundsAndPins();
     // In the order in which edits will take them, the last one first.
     parts_.free_variables = ParseIds(reader_.ReadCount(4));
     // A family is an object too: 16 bytes at least.
@@ -49,7 +46,9 @@ class GraphParser {
       ParseFamily();
     }
     if (reader_.ok() && reader_.remaining() > 0) {
-      ParseGroups();
+      // A graph without groups ends before.
+      ParseThoseThatHave(
+          4, [this](VariableId id, std::size_t) { parts_.groups[id] = reader_.ReadInt(); });
     }
     if (reader_.ok() && reader_.remaining() > 0) {
       reader_.Fail(std::to_string(reader_.remaining()) + " bytes are left over");
@@ -58,13 +57,13 @@ class GraphParser {
 
  private:
   void ParseVariables();
-  void ParseBounds();
-  void ParsePins();
+  // Variables that have something: their number, and of each its id and what read(id, its ambient
+  // size) takes, at least so many bytes. The size is 0 after a failure.
+  template <typename Read>
+  void ParseThoseThatHave(std::size_t bytes, const Read& read);
+  void ParseBoundsAndPins();
   void ParseFamily();
-  void ParseGroups();
   std::vector<std::int32_t> ParseIds(std::size_t count);
-  // The ambient size of a variable whose id is read; 0 after a failure.
-  std::size_t ParseSizeOf(VariableId* id);
   // The object of a number that is read; null for −1.
   template <typename T>
   std::shared_ptr<const T> ParseShared(const std::vector<std::shared_ptr<const T>>& objects,
@@ -104,7 +103,7 @@ void GraphParser::ParseVariables() {
   }
   std::size_t num_values = 0;
   for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
-    GraphParts::Variable variable;
+    VariableRecord variable;
     // Unknown bits are ignored: version 1 has three.
     const std::uint8_t flags = reader_.ReadByte();
     variable.role = (flags & kIsLandmark) != 0 ? Role::kLandmark : Role::kFrame;
@@ -120,35 +119,25 @@ void GraphParser::ParseVariables() {
   parts_.state = reader_.ReadVector(num_values);
 }
 
-std::size_t GraphParser::ParseSizeOf(VariableId* id) {
+template <typename Read>
+void GraphParser::ParseThoseThatHave(std::size_t bytes, const Read& read) {
+  const std::size_t count = reader_.ReadCount(4 + bytes);
   const auto num_variables = static_cast<std::int32_t>(parts_.variables.size());
-  *id = reader_.ReadIntIn(0, num_variables - 1, "a variable");
-  return reader_.ok() ? static_cast<std::size_t>(
-                            parts_.variables[static_cast<std::size_t>(*id)].ambient_size)
-                      : 0;
+  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
+    const VariableId id = reader_.ReadIntIn(0, num_variables - 1, "a variable");
+    read(id, reader_.ok() ? IndexOf(parts_.variables[IndexOf(id)].ambient_size) : 0);
+  }
 }
 
-// An id and at least one value each of two bounds: 20 bytes.
-void GraphParser::ParseBounds() {
-  const std::size_t count = reader_.ReadCount(20);
-  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
-    VariableId id = -1;
-    const std::size_t size = ParseSizeOf(&id);
-    VariableBounds bounds;
+void GraphParser::ParseBoundsAndPins() {
+  // At least one value each of two bounds.
+  ParseThoseThatHave(16, [this](VariableId id, std::size_t size) {
+    VariableBounds& bounds = parts_.bounds[id];
     bounds.lower = reader_.ReadVector(size);
     bounds.upper = reader_.ReadVector(size);
-    parts_.bounds[id] = std::move(bounds);
-  }
-}
-
-// An id and at least one value: 12 bytes.
-void GraphParser::ParsePins() {
-  const std::size_t count = reader_.ReadCount(12);
-  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
-    VariableId id = -1;
-    const std::size_t size = ParseSizeOf(&id);
-    parts_.pins[id] = reader_.ReadVector(size);
-  }
+  });
+  ParseThoseThatHave(
+      8, [this](VariableId id, std::size_t size) { parts_.pins[id] = reader_.ReadVector(size); });
 }
 
 void GraphParser::ParseFamily() {
@@ -158,7 +147,7 @@ void GraphParser::ParseFamily() {
   if (!reader_.ok()) {
     return;
   }
-  GraphParts::Family family;
+  FamilyRecord family;
   family.family = families_.back();
   const auto num_slots = static_cast<std::size_t>(family.family->num_slots());
   const std::size_t num_factors = reader_.ReadCount(4 * num_slots);
@@ -168,7 +157,7 @@ void GraphParser::ParseFamily() {
                  std::to_string(family.family->size()) + " measurements");
     return;
   }
-  family.num_factors = static_cast<std::int64_t>(num_factors);
+  family.num_factors = static_cast<int>(num_factors);
   // Bounded by ReadCount, for it has multiplied by the slots.
   family.variables = ParseIds(num_factors * num_slots);
   // A family whose factors have no losses says so in one byte.
@@ -180,16 +169,6 @@ void GraphParser::ParseFamily() {
   }
   family.free_places = ParseIds(reader_.ReadCount(4));
   parts_.families.push_back(std::move(family));
-}
-
-// An id and a group: 8 bytes. A graph without groups ends before.
-void GraphParser::ParseGroups() {
-  const std::size_t count = reader_.ReadCount(8);
-  for (std::size_t k = 0; k < count && reader_.ok(); ++k) {
-    VariableId id = -1;
-    ParseSizeOf(&id);
-    parts_.groups[id] = reader_.ReadInt();
-  }
 }
 
 }  // namespace

@@ -1,5 +1,3 @@
-#include "storage/print_graph.h"
-
 #include <algorithm>
 #include <cstddef>
 #include <map>
@@ -8,8 +6,9 @@
 #include <vector>
 
 #include "inceres/storage/graph_formats.h"
+#include "storage/graph_layout.h"
 
-// Writes the parts of a graph (print_graph.h has their order; parse_graph.cc reads them). What
+// Writes the parts of a graph (graph_layout.h has their order; parse_graph.cc reads them). What
 // variables and factors share is written once and named by number, so that it is shared again when
 // it is loaded. Ids and places that are free are written in the order in which they will be given
 // out: edits of the loaded graph then get the ids that edits of the saved one would, which keeps
@@ -61,24 +60,30 @@ class GraphPrinter {
     manifolds_.Print("manifold", &writer_);
     losses_.Print("loss", &writer_);
     PrintVariables();
-    PrintBounds();
-    PrintPins();
+    PrintBoundsAndPins();
     PrintFreeVariables();
     writer_.WriteLong(graph_.num_families());
     for (FamilyId id = 0; id < graph_.num_families(); ++id) {
       PrintFamily(id);
     }
-    PrintGroups();
+    // Nothing at all where there are none: such a file is as it was before groups.
+    if (graph_.HasEliminationGroups()) {
+      PrintThoseThatHave(
+          true, [this](VariableId id) { return graph_.elimination_group(id) != 0; },
+          [this](VariableId id) { writer_.WriteInt(graph_.elimination_group(id)); });
+    }
   }
 
  private:
   void Collect();
   void PrintVariables();
-  void PrintBounds();
-  void PrintPins();
+  // Of the few variables that have something their number, and each with what write(id) adds to its
+  // id. Without `any` there are none: most graphs need no walk.
+  template <typename Has, typename Write>
+  void PrintThoseThatHave(bool any, const Has& has, const Write& write);
+  void PrintBoundsAndPins();
   void PrintFreeVariables();
   void PrintFamily(FamilyId id);
-  void PrintGroups();
   std::size_t SizeOf(VariableId id) const {
     return static_cast<std::size_t>(graph_.AmbientSize(id));
   }
@@ -124,37 +129,33 @@ void GraphPrinter::PrintVariables() {
   }
 }
 
-// Of the few variables that have any, with their ids.
-void GraphPrinter::PrintBounds() {
+template <typename Has, typename Write>
+void GraphPrinter::PrintThoseThatHave(bool any, const Has& has, const Write& write) {
   // Listed first, since their number stands before them.
-  std::vector<VariableId> bounded;
-  // HasBounds, HasPins and HasLosses are asked first: most graphs have none, and need no walk.
-  for (VariableId id = 0; graph_.HasBounds() && id < graph_.num_variables(); ++id) {
-    if (graph_.bounds(id) != nullptr) {
-      bounded.push_back(id);
+  std::vector<VariableId> ids;
+  for (VariableId id = 0; any && id < graph_.num_variables(); ++id) {
+    if (has(id)) {
+      ids.push_back(id);
     }
   }
-  writer_.WriteLong(static_cast<std::int64_t>(bounded.size()));
-  for (const VariableId id : bounded) {
+  writer_.WriteLong(static_cast<std::int64_t>(ids.size()));
+  for (const VariableId id : ids) {
     writer_.WriteInt(id);
-    writer_.WriteDoubles(graph_.bounds(id)->lower.data(), SizeOf(id));
-    writer_.WriteDoubles(graph_.bounds(id)->upper.data(), SizeOf(id));
+    write(id);
   }
 }
 
-// The values that a pinned variable is linearized at.
-void GraphPrinter::PrintPins() {
-  std::vector<VariableId> pinned;
-  for (VariableId id = 0; graph_.HasPins() && id < graph_.num_variables(); ++id) {
-    if (graph_.PinnedValues(id) != nullptr) {
-      pinned.push_back(id);
-    }
-  }
-  writer_.WriteLong(static_cast<std::int64_t>(pinned.size()));
-  for (const VariableId id : pinned) {
-    writer_.WriteInt(id);
-    writer_.WriteDoubles(graph_.PinnedValues(id), SizeOf(id));
-  }
+void GraphPrinter::PrintBoundsAndPins() {
+  PrintThoseThatHave(
+      graph_.HasBounds(), [this](VariableId id) { return graph_.bounds(id) != nullptr; },
+      [this](VariableId id) {
+        writer_.WriteDoubles(graph_.bounds(id)->lower.data(), SizeOf(id));
+        writer_.WriteDoubles(graph_.bounds(id)->upper.data(), SizeOf(id));
+      });
+  // The values that a pinned variable is linearized at.
+  PrintThoseThatHave(
+      graph_.HasPins(), [this](VariableId id) { return graph_.PinnedValues(id) != nullptr; },
+      [this](VariableId id) { writer_.WriteDoubles(graph_.PinnedValues(id), SizeOf(id)); });
 }
 
 // Of each size those that were borrowed first: what is loaded owns all, and takes the last first.
@@ -205,24 +206,6 @@ void GraphPrinter::PrintFamily(FamilyId id) {
   // Backwards for the same reason.
   for (int k = num_free - 1; k >= 0; --k) {
     writer_.WriteInt(graph_.FreePlace(id, k));
-  }
-}
-
-// At the end, and nothing at all where there are none: such a file is as it was before groups.
-void GraphPrinter::PrintGroups() {
-  if (!graph_.HasEliminationGroups()) {
-    return;
-  }
-  std::vector<VariableId> grouped;
-  for (VariableId id = 0; id < graph_.num_variables(); ++id) {
-    if (graph_.elimination_group(id) != 0) {
-      grouped.push_back(id);
-    }
-  }
-  writer_.WriteLong(static_cast<std::int64_t>(grouped.size()));
-  for (const VariableId id : grouped) {
-    writer_.WriteInt(id);
-    writer_.WriteInt(graph_.elimination_group(id));
   }
 }
 

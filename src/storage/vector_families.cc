@@ -6,7 +6,7 @@
 
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "storage/built_in.h"
 
 // The formats of families whose measurements differ in size from family to family or from factor to

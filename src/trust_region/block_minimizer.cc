@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "base/address.h"
 #include "inceres/problem/constant_size.h"
 #include "linearize/robustify.h"
 #include "simd/kernels.h"
@@ -45,10 +46,6 @@ constexpr double kLastPromise = 0.1;
 // Sightings from the one that is evaluated to the one whose memory is asked for. Factors of a
 // variable lie apart where they are stored by another one, and their cost functions anywhere.
 constexpr int kAhead = 8;
-
-double NormOf(const std::vector<double>& x) {
-  return std::sqrt(std::inner_product(x.begin(), x.end(), x.begin(), 0.0));
-}
 
 }  // namespace
 
@@ -179,10 +176,7 @@ void BlockMinimizer::AskForJacobians(Asked asked, const Sighting& sighting, int 
   }
   maps_[sighting.slot] = &tangent_.map();
   // The table pretends to begin where the maps of factor 0 would be. That address is a number only.
-  const auto of_zero = reinterpret_cast<std::uintptr_t>(maps_.data()) -
-                       static_cast<std::uintptr_t>(entry) * sizeof(void*);
-  // NOLINTNEXTLINE(performance-no-int-to-ptr)
-  batch->tangent_maps = reinterpret_cast<const TangentMap* const*>(of_zero);
+  batch->tangent_maps = AddressBefore(entry, maps_.data());
   // A factor stride of 0: a batch of one, whatever the factor's place.
   const int stride = PadToQuad(size_);
   views_[sighting.slot] = {rows_.data() + std::ptrdiff_t{row} * stride, 0, stride};
@@ -239,9 +233,7 @@ bool BlockMinimizer::MoveFromCurrent(const double* step) {
     return false;
   }
   if (const VariableBounds* bounds = graph_.bounds(id_)) {
-    for (std::size_t k = 0; k < bounds->lower.size(); ++k) {
-      values_[k] = std::min(std::max(values_[k], bounds->lower[k]), bounds->upper[k]);
-    }
+    ClampToBounds(*bounds, values_);
   }
   return true;
 }
@@ -331,7 +323,8 @@ bool BlockMinimizer::TryStep(bool* successful) {
   }
   current_.assign(values_, values_ + current_.size());
   // Before the first accepted step it is −1, so that the test of the parameters is not reached.
-  state_norm_ = NormOf(current_);
+  state_norm_ =
+      std::sqrt(std::inner_product(current_.begin(), current_.end(), current_.begin(), 0.0));
   if (has_jacobians) {
     cost_ = candidate_cost;
     FormColumns();

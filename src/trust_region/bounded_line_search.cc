@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <optional>
 
 #include "base/stopwatch.h"
 #include "linearize/row_products.h"
-#include "trust_region/armijo_search.h"
 
 namespace inceres::internal {
 
@@ -15,15 +13,77 @@ namespace inceres::internal {
 // for bounds"): φ(t) = F(Plus(x, tδ)) with Plus clamped, slope gᵀδ at 0. The slope is that of the
 // unclamped line, so a step that runs along a bound may gain less than the slope says, and is
 // shortened.
+//
+// The search is Armijo's, φ(t) ≤ φ(0) + c₁ φ'(0) t from t = 1 downward (Nocedal & Wright, sections
+// 3.1 and 3.5). The order of tests, and what is counted when, are those of Ceres 2.1: with the same
+// numbers the same t are tried.
+
+namespace {
+
+// A quadratic is fitted to values, and the slope at 0; a cubic to everything.
+FunctionSample Reduce(FunctionSample sample, LineSearchInterpolation interpolation) {
+  sample.slope_is_valid = sample.slope_is_valid && interpolation == LineSearchInterpolation::kCubic;
+  return sample;
+}
+
+double NextStepSize(const SolverOptions& options, const FunctionSample& start,
+                    const FunctionSample& previous, const FunctionSample& current) {
+  // Contraction is a factor: the "largest contraction" is the smallest step.
+  const double smallest = options.max_line_search_step_contraction * current.x;
+  const double largest = options.min_line_search_step_contraction * current.x;
+  // Half, within the limits, where no polynomial can be fitted.
+  if (!current.value_is_valid ||
+      options.line_search_interpolation == LineSearchInterpolation::kBisection) {
+    return std::min(std::max(0.5 * current.x, smallest), largest);
+  }
+  // The start has value and slope, so that there is a parabola from the first trial on; the trial
+  // before the last adds to its degree.
+  std::vector<FunctionSample> samples = {start, Reduce(current, options.line_search_interpolation)};
+  if (previous.value_is_valid) {
+    samples.push_back(Reduce(previous, options.line_search_interpolation));
+  }
+  return MinimizeInterpolant(samples, smallest, largest);
+}
+
+}  // namespace
+
+std::optional<double> SearchArmijo(const SolverOptions& options, const LineFunction& function,
+                                   LineSearchSummary* summary) {
+  const FunctionSample start = {0.0, function.value, function.slope, true, true};
+  FunctionSample previous;
+  // The full step is a trial like the others.
+  FunctionSample current = function.sample(1.0);
+  const double wanted_slope = options.line_search_sufficient_function_decrease * function.slope;
+  int num_steps = 0;
+  // A value that is not finite has no valid flag: the comparison never sees NaN.
+  while (!current.value_is_valid || current.value > function.value + wanted_slope * current.x) {
+    ++summary->num_steps;
+    if (++num_steps >= options.max_num_line_search_step_size_iterations) {
+      return std::nullopt;
+    }
+    double t = 0.0;
+    {
+      const StageTimer timer(&summary->polynomial_seconds);
+      t = NextStepSize(options, start, previous, current);
+    }
+    // The step in the variable that it moves most.
+    if (t * function.step_max_norm < options.min_line_search_step_size) {
+      return std::nullopt;
+    }
+    previous = current;
+    current = function.sample(t);
+  }
+  return current.x;
+}
 
 // The model's decrease is not computed again for a shortened step: Ceres leaves it, too.
 void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
-  LineSearchSummary& search = summary_.line_search;
+  LineSearchSummary& search = parts_.summary.line_search;
   const StageTimer timer(&search.total_seconds);
   // Evaluations charge their own stages; what they took here is told apart afterwards.
-  const double residuals_before = summary_.seconds.residuals;
-  const double jacobians_before = summary_.seconds.jacobians;
-  const std::vector<double>& g = model_.Gradient();
+  const double residuals_before = parts_.summary.seconds.residuals;
+  const double jacobians_before = parts_.summary.seconds.jacobians;
+  const std::vector<double>& g = parts_.model.Gradient();
   LineFunction function;
   // Slope and largest entry are those of the unscaled step at t = 0.
   function.value = cost;
@@ -33,25 +93,26 @@ void BoundedLineSearch::Shorten(double cost, std::vector<double>* step) {
     function.step_max_norm = std::max(function.step_max_norm, std::fabs(entry));
   }
   // Without a t the step stays as it was, which Ceres tries, too.
-  if (const std::optional<double> t = SearchArmijo(options_, function, &search)) {
+  if (const std::optional<double> t = SearchArmijo(parts_.options, function, &search)) {
     std::transform(step->begin(), step->end(), step->begin(),
                    [&](double entry) { return entry * *t; });
   }
-  search.cost_seconds += summary_.seconds.residuals - residuals_before;
-  search.gradient_seconds += summary_.seconds.jacobians - jacobians_before;
+  search.cost_seconds += parts_.summary.seconds.residuals - residuals_before;
+  search.gradient_seconds += parts_.summary.seconds.jacobians - jacobians_before;
 }
 
 FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double t) {
   FunctionSample sample;
   sample.x = t;
-  scaled_step_.resize(step.size());
-  std::transform(step.begin(), step.end(), scaled_step_.begin(),
+  std::vector<double>& scaled_step = parts_.memory.scaled_step;
+  scaled_step.resize(step.size());
+  std::transform(step.begin(), step.end(), scaled_step.begin(),
                  [t](double entry) { return t * entry; });
   // A trial where Plus fails has no value and is found wanting.
-  if (!evaluation_.evaluator().points().MoveCandidate(scaled_step_.data())) {
+  if (!parts_.evaluator.points().MoveCandidate(scaled_step.data())) {
     return sample;
   }
-  if (options_.line_search_interpolation == LineSearchInterpolation::kCubic) {
+  if (parts_.options.line_search_interpolation == LineSearchInterpolation::kCubic) {
     SampleSlope(step, &sample);
   } else {
     sample.value_is_valid = evaluation_.CandidateCost(&sample.value) && std::isfinite(sample.value);
@@ -61,8 +122,8 @@ FunctionSample BoundedLineSearch::Sample(const std::vector<double>& step, double
 
 // Value and slope at the candidate.
 void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSample* sample) {
-  Evaluator& evaluator = evaluation_.evaluator();
-  ++summary_.work.num_jacobian_evaluations;
+  Evaluator& evaluator = parts_.evaluator;
+  ++parts_.summary.work.num_jacobian_evaluations;
   // An evaluator of its own, made at the first use: a gradient there needs Jacobians, and those of
   // the current point must stay for the step that follows.
   if (trial_ == nullptr) {
@@ -75,9 +136,10 @@ void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSam
   trial_->points().SetCurrent(evaluator.points().candidate());
   Status status = trial_->points().ComputeTangents();
   // Told like any evaluation with Jacobians, for Ceres evaluates the gradient there.
-  if (status.ok() && options_.observer != nullptr) {
-    options_.observer->BeforeEvaluation(evaluator.points().candidate().data(), /*jacobians=*/true,
-                                        /*new_point=*/true);
+  if (status.ok() && parts_.options.observer != nullptr) {
+    parts_.options.observer->BeforeEvaluation(evaluator.points().candidate().data(),
+                                              /*jacobians=*/true,
+                                              /*new_point=*/true);
   }
   if (status.ok()) {
     status = trial_->EvaluateJacobians(/*known_point=*/false, &sample->value,
@@ -90,7 +152,7 @@ void BoundedLineSearch::SampleSlope(const std::vector<double>& step, FunctionSam
     sample->slope = -products.model_decrease - 0.5 * products.squared_norm;
     sample->slope_is_valid = std::isfinite(sample->slope);
   }
-  evaluation_.clock().Charge(&summary_.seconds.jacobians);
+  parts_.clock.Charge(&parts_.summary.seconds.jacobians);
 }
 
 }  // namespace inceres::internal

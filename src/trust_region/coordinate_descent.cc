@@ -51,7 +51,7 @@ void CoordinateDescent::CollectSightings() {
 
 void CoordinateDescent::Run() {
   // Parameters of all factors point to the candidate, which variables are moved in.
-  evaluator_.PointToCandidate();
+  evaluator_.points().PointTo(/*candidate=*/true);
   // Where a group leaves its variables the next one begins, or the next iteration.
   KeepEvaluations(!descent_.asks_as_ceres, &evaluator_.families());
   const Executor& executor = evaluator_.executor();

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include <Eigen/QR>
+
 #include "inceres/problem/constant_size.h"
 #include "linear/small_cholesky.h"
 #include "trust_region/small_qr.h"
@@ -13,6 +15,21 @@ namespace inceres::internal {
 // The small dense problem: J is one matrix of whole rows, turned into columns once a
 // linearization. H and Jᵀf are dot products of columns, J v a sum of them, and with so few
 // unknowns no symbolic work is needed. H is kept negative because the kernel subtracts.
+//
+// The models of DENSE_QR factor [J; √Λ], of whole rows or of Jacobians by slot: rounding acts on J
+// and not on JᵀJ, so that a problem with condition number κ loses digits by κ and not by κ².
+
+namespace {
+
+// Full rank is not tested for: a zero on the diagonal of R gives a step that is not finite.
+Status StatusOfQr(const double* step, int size) {
+  return std::all_of(step, step + size, [](double entry) { return std::isfinite(entry); })
+             ? Status::Ok()
+             : Status::Error(StatusCode::kSingular,
+                             "the columns of the Jacobian are linearly dependent");
+}
+
+}  // namespace
 
 DenseModel::DenseModel(const Evaluator& evaluator)
     : LinearModel(evaluator), size_(evaluator.layout().size()) {
@@ -126,12 +143,73 @@ Status DenseColumnsQrModel::Solve(const double* damping, double* step) {
   }
   SolveDampedColumns(num_rows_, size_, reflected_.data(), scratch_.data(), step);
   clock_->Charge(&seconds_->factorization);
-  // Full rank is not tested for: a zero on the diagonal of R gives a step that is not finite.
-  if (!std::all_of(step, step + size_, [](double entry) { return std::isfinite(entry); })) {
-    return Status::Error(StatusCode::kSingular,
-                         "the columns of the Jacobian are linearly dependent");
+  return StatusOfQr(step, size_);
+}
+
+// J is formed dense at each linearization, and copied for each damping.
+DenseQrModel::DenseQrModel(const Evaluator& evaluator) : LinearModel(evaluator) {
+  for (const Linearization& cache : evaluator.families()) {
+    num_residuals_ += cache.num_factors * cache.residual_size;
   }
-  return Status::Ok();
+  J_.resize(num_residuals_, evaluator.layout().size());
+  f_.resize(num_residuals_);
+  gradient_.resize(evaluator.layout().size());
+  diagonal_.resize(gradient_.size());
+}
+
+// J row by row, family by family: entries of factors go to the columns of their variables.
+void DenseQrModel::Refresh() {
+  const Layout& layout = evaluator_.layout();
+  // Blocks between are zero; blocks that are there are written over.
+  J_.setZero();
+  int row = 0;
+  for (const Linearization& cache : evaluator_.families()) {
+    const int rows = cache.residual_size;
+    for (int i = 0; i < cache.num_factors; ++i, row += rows) {
+      f_.segment(row, rows) = Eigen::Map<const Eigen::VectorXd>(
+          cache.residuals.data() + static_cast<std::ptrdiff_t>(i) * rows, rows);
+      for (int s = 0; s < cache.num_slots; ++s) {
+        const int position = layout.Position(cache.graph->Variables(cache.id, i)[s]);
+        // A constant has no columns.
+        if (position < 0) {
+          continue;
+        }
+        const SlotJacobians& slot = cache.slots[s];
+        const double* block = slot.data + i * slot.factor_stride;
+        const int column = layout.packed_offset[position];
+        for (int r = 0; r < rows; ++r) {
+          for (int c = 0; c < cache.family->slot(s).tangent_size; ++c) {
+            J_(row + r, column + c) = block[r * slot.row_stride + c];
+          }
+        }
+      }
+    }
+  }
+  // The strategies ask for gradient and column norms, which are of J and not of the damped rows.
+  Eigen::Map<Eigen::VectorXd>(gradient_.data(), J_.cols()) = J_.transpose() * f_;
+  Eigen::Map<Eigen::VectorXd>(diagonal_.data(), J_.cols()) = J_.colwise().squaredNorm().transpose();
+  clock_->Charge(&seconds_->hessian);
+}
+
+Status DenseQrModel::Solve(const double* damping, double* step) {
+  const Eigen::Index n = J_.cols();
+  stacked_.resize(num_residuals_ + n, n);
+  stacked_.topRows(num_residuals_) = J_;
+  // √Λ below, with a right-hand side of zeros.
+  stacked_.bottomRows(n) = Eigen::Map<const Eigen::VectorXd>(damping, n).cwiseSqrt().asDiagonal();
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(num_residuals_ + n);
+  rhs.head(num_residuals_) = -f_;
+  // In place: stacked_ is overwritten, J_ stays.
+  const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(stacked_);
+  Eigen::Map<Eigen::VectorXd>(step, n) = qr.solve(rhs);
+  clock_->Charge(&seconds_->factorization);
+  return StatusOfQr(step, static_cast<int>(n));
+}
+
+void DenseQrModel::Describe(WorkCounts* work) const {
+  work->num_frames = static_cast<int>(evaluator_.layout().variables.size());
+  work->reduced_size = static_cast<int>(J_.cols());
+  work->bytes += static_cast<std::int64_t>(sizeof(double)) * (J_.size() + stacked_.size());
 }
 
 }  // namespace inceres::internal

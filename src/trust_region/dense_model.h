@@ -2,6 +2,8 @@
 
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "base/aligned_vector.h"
 #include "trust_region/linear_model.h"
 
@@ -40,7 +42,7 @@ class DenseModel : public LinearModel {
   std::vector<double> diagonal_;
 };
 
-/// The same for DENSE_QR: the step is that of the rows, not of H (see DenseQrModel).
+/// The same for DENSE_QR: the step is that of the rows, not of H, as DenseQrModel's.
 class DenseColumnsQrModel final : public DenseModel {
  public:
   explicit DenseColumnsQrModel(const Evaluator& evaluator);
@@ -51,6 +53,30 @@ class DenseColumnsQrModel final : public DenseModel {
  private:
   AlignedVector<double> reflected_;  // [J f; √Λ 0]
   std::vector<double> scratch_;
+};
+
+/// min ‖Jδ + f‖² + ‖√Λ δ‖² by Householder QR of the stacked rows [J; √Λ], without forming H: the
+/// condition number is not squared. For small, ill-conditioned problems (curve fitting with
+/// tolerances near machine precision) whose Jacobians are by slot. Single-threaded. Source: Golub &
+/// Van Loan, section 5.3.
+class DenseQrModel final : public LinearModel {
+ public:
+  explicit DenseQrModel(const Evaluator& evaluator);
+
+  void Refresh() override;
+  const std::vector<double>& Gradient() const override { return gradient_; }
+  const std::vector<double>& Diagonal() const override { return diagonal_; }
+  Status Solve(const double* damping, double* step) override;
+  const char* SolverName() const override { return "dense QR"; }
+  void Describe(WorkCounts* work) const override;
+
+ private:
+  int num_residuals_ = 0;
+  Eigen::MatrixXd J_;  // rows of the evaluator's factors, family by family
+  Eigen::VectorXd f_;
+  Eigen::MatrixXd stacked_;
+  std::vector<double> gradient_;
+  std::vector<double> diagonal_;
 };
 
 }  // namespace inceres::internal

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "trust_region/dogleg_point.h"
-
 namespace inceres::internal {
 
 // Powell's dog-leg as in Ceres 2.1's DoglegStrategy (docs/algorithms.md, "Dog-leg", and

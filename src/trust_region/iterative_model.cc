@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "schur/visibility_clusters.h"
-#include "trust_region/cg_step.h"
 #include "trust_region/schur_model.h"
 #include "trust_region/subset_preconditioner.h"
 #include "trust_region/two_level_preconditioner.h"
@@ -80,8 +79,7 @@ std::int64_t QuadsPerChunk(const ConjugateGradientsOptions& options) {
 
 IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinished unfinished,
                                const Evaluator& evaluator, Status* status)
-    : LinearModel(evaluator),
-      options_(options),
+    : ConjugateGradientsModel(options, evaluator),
       unfinished_(unfinished),
       has_landmarks_(evaluator.layout().num_landmarks() > 0),
       // Others than the elimination read Y where S is not formed, and these do not know of a tail:
@@ -91,8 +89,7 @@ IterativeModel::IterativeModel(const ConjugateGradientsOptions& options, Unfinis
       plans_(evaluator, incidences_, BlocksToForm(options_), FindClusters()),
       hessian_(evaluator, incidences_, plans_),
       elimination_(evaluator, incidences_, plans_, hessian_),
-      product_(plans_.pattern),
-      eta_(options_.eta) {
+      product_(plans_.pattern) {
   *status = CheckBlockOffsets(evaluator, incidences_);
   for (std::size_t k = 0; k < plans_.block_row.size(); ++k) {
     // Addresses stay for good: S and C are written anew in place.
@@ -133,7 +130,7 @@ void IterativeModel::MakePreconditioner(Status* status) {
   // FindClusters has filled this for both kinds of clusters.
   if (!clusters_.cluster_of.empty()) {
     preconditioner_ = std::make_unique<ClusterPreconditioner>(
-        plans_.pattern, clusters_, elimination_, evaluator_.executor(), status);
+        plans_.pattern, clusters_, elimination_.S(), evaluator_.executor(), status);
     return;
   }
   if (kind == PreconditionerKind::kTwoLevel) {
@@ -218,11 +215,7 @@ const char* IterativeModel::SolverName() const {
 // elimination, and its Λ_c into the preconditioner and each product.
 Status IterativeModel::Solve(const double* damping, double* step) {
   const int frame_size = plans_.pattern.size();
-  damping_ = damping;
-  num_iterations_ = 0;
-  // Of a system without frames as well, which takes no iteration.
-  converged_ = true;
-  leaves_landmarks_ = false;
+  BeginStep(damping);
   Status status = elimination_.Eliminate(damping + frame_size);
   clock_->Charge(&seconds_->elimination);
   if (status.ok() && frame_size > 0) {
@@ -256,19 +249,12 @@ Status IterativeModel::SolveReduced(double* step) {
                                   iteration_.b() + padded[i]);
     std::fill(end, iteration_.b() + padded[i + 1], 0.0);
   }
-  CgOutcome outcome;
-  const Status iterated = IterateAsCeres(this, options_.max_iterations, options_.min_iterations,
-                                         eta_, &iteration_, &outcome);
-  num_iterations_ = outcome.num_iterations;
-  converged_ = outcome.converged;
-  if (!iterated.ok()) {
-    return iterated;
-  }
-  for (int i = 0; i < product_.num_rows(); ++i) {
+  const Status iterated = Iterate();
+  for (int i = 0; iterated.ok() && i < product_.num_rows(); ++i) {
     const double* const x = iteration_.x() + padded[i];
     std::copy(x, x + product_.block_size(i), step + packed[i]);
   }
-  return Status::Ok();
+  return iterated;
 }
 
 // y −= (S + Λ_c) v. Damping comes first, as in Ceres: with a weak preconditioner iterations may
@@ -300,11 +286,6 @@ bool IterativeModel::Precondition(const double* r, double* z) {
     std::fill(z + padded[i] + product_.block_size(i), z + padded[i + 1], 0.0);
   }
   return true;
-}
-
-// Asked by the iteration after each step it takes.
-bool IterativeModel::IsGoodEnough(const ConjugateGradients& iteration) const {
-  return IsGoodEnoughForCeres(iteration, options_.min_iterations, eta_);
 }
 
 // Products are those of the blocks of S that are formed; C has the blocks that factors reach.

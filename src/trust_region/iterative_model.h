@@ -4,11 +4,10 @@
 #include <vector>
 
 #include "linear/block_product.h"
-#include "linear/conjugate_gradients.h"
 #include "linearize/hessian.h"
 #include "schur/elimination.h"
 #include "schur/frame_aggregates.h"
-#include "trust_region/linear_model.h"
+#include "trust_region/conjugate_gradients_model.h"
 #include "trust_region/preconditioner.h"
 
 namespace inceres::internal {
@@ -25,7 +24,7 @@ enum class Unfinished { kMovesAll, kAsCeres };
 /// a pass over the Jacobians. An iteration's cost: those, and the preconditioner. Threads: those of
 /// the evaluator; the same bits for any number. Source: Agarwal et al. 2010, "Bundle Adjustment in
 /// the Large"; docs/ceres_contract.md, "Conjugate gradients".
-class IterativeModel final : public LinearModel, private ConjugateGradients::System {
+class IterativeModel final : public ConjugateGradientsModel {
  public:
   IterativeModel(const ConjugateGradientsOptions& options, Unfinished unfinished,
                  const Evaluator& evaluator, Status* status);
@@ -37,10 +36,6 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   Status Solve(const double* damping, double* step) override;
   const char* SolverName() const override;
   void Describe(WorkCounts* work) const override;
-  void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
-  bool left_out_landmarks() const override { return leaves_landmarks_; }
-  bool is_iterative() const override { return true; }
-  int num_iterations() const override { return num_iterations_; }
 
  private:
   bool is_formed() const { return options_.explicit_schur_complement; }
@@ -50,9 +45,7 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   Status SolveReduced(double* step);
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
-  bool IsGoodEnough(const ConjugateGradients& iteration) const override;
 
-  const ConjugateGradientsOptions options_;
   const Unfinished unfinished_;
   const bool has_landmarks_;
   LandmarkIncidences incidences_;
@@ -62,16 +55,9 @@ class IterativeModel final : public LinearModel, private ConjugateGradients::Sys
   Hessian hessian_;
   Elimination elimination_;
   BlockProduct product_;
-  ConjugateGradients iteration_;
   std::vector<const double*> blocks_;  // of the matrix that is multiplied, by the pattern
   std::unique_ptr<Preconditioner> preconditioner_;  // null: the identity
-  const double* damping_ = nullptr;
-  const double* scale_ = nullptr;
-  double eta_;                  // of the next step
-  double gradient_norm_ = 0.0;  // where eta_ was found; 0: nowhere yet
-  int num_iterations_ = 0;
-  bool converged_ = false;
-  bool leaves_landmarks_ = false;
+  double gradient_norm_ = 0.0;                      // where eta_ was found; 0: nowhere yet
 };
 
 }  // namespace inceres::internal

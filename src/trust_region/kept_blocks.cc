@@ -4,7 +4,6 @@
 #include <memory>
 #include <numeric>
 
-#include "base/counting_sort.h"
 #include "linear/pattern_rows.h"
 #include "schur/visibility_clusters.h"
 
@@ -23,7 +22,7 @@ namespace inceres::internal {
 // block Jacobi needs no analysis, and its inverses no memory until there are values.
 KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, const KeptStructure& structure,
                        const Executor& executor, Status* status)
-    : kind_(options.preconditioner), executor_(executor) {
+    : kind_(options.preconditioner) {
   if (kind_ == PreconditionerKind::kSubset || kind_ == PreconditionerKind::kTwoLevel) {
     *status = Status::Error(StatusCode::kInvalidArgument,
                             "large blocks are eliminated without the preconditioners kSubset and "
@@ -36,7 +35,16 @@ KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, const KeptStruc
   values_.resize(static_cast<std::size_t>(pattern_.value_begin.back()));
   zeros_.resize(static_cast<std::size_t>(pattern_.size()));
   if (IsByClusters() && pattern_.num_blocks() > 0) {
-    factor_ = std::make_unique<ClusterCholesky>(pattern_, clusters_, executor, status);
+    preconditioner_ = std::make_unique<ClusterPreconditioner>(pattern_, clusters_, values_.data(),
+                                                              executor, status);
+  } else if (!IsEmpty()) {
+    std::vector<const double*> diagonal;
+    for (int i = 0; i < pattern_.num_blocks(); ++i) {
+      // The last block of a row is the one on the diagonal.
+      diagonal.push_back(values_.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1]);
+    }
+    preconditioner_ =
+        std::make_unique<BlockPreconditioner>(pattern_.offsets, std::move(diagonal), executor);
   }
 }
 
@@ -65,40 +73,30 @@ FrameClusters KeptBlocks::FindClusters(const KeptStructure& structure, bool sing
 // then. Rows are gathered one by one, each column once. Cost: Σ over eliminated variables of the
 // square of what they are seen by.
 BlockPattern KeptBlocks::FindPattern(const KeptStructure& structure) const {
-  const std::size_t num_kept = structure.offsets.size() - 1;
+  const auto num_kept = static_cast<int>(structure.offsets.size()) - 1;
+  const std::vector<int>& begin = structure.seen_begin;
   // Per kept variable: those that share a factor with it, and the eliminated ones that do.
-  std::vector<int> coupled_begin, coupled, seen_by_begin, seen_by;
-  CountingSort(
-      num_kept,
-      [&](const auto& add) {
-        for (const auto& [i, j] : structure.between) {
-          add(i, j);
-        }
-      },
-      &coupled_begin, &coupled);
-  CountingSort(
-      num_kept,
-      [&](const auto& add) {
-        for (std::size_t e = 0; IsByClusters() && e + 1 < structure.seen_begin.size(); ++e) {
-          for (int k = structure.seen_begin[e]; k < structure.seen_begin[e + 1]; ++k) {
-            add(structure.seen[k], static_cast<int>(e));
-          }
-        }
-      },
-      &seen_by_begin, &seen_by);
-  RowColumns row(static_cast<int>(num_kept));
+  std::vector<std::vector<int>> coupled(num_kept), seen_by(num_kept);
+  for (const auto& [i, j] : structure.between) {
+    coupled[i].push_back(j);
+  }
+  for (int e = 0; IsByClusters() && e + 1 < static_cast<int>(begin.size()); ++e) {
+    for (int k = begin[e]; k < begin[e + 1]; ++k) {
+      seen_by[structure.seen[k]].push_back(e);
+    }
+  }
+  RowColumns row(num_kept);
   BlockPattern pattern = PatternWithoutBlocks(structure.offsets);
-  for (int i = 0; i < static_cast<int>(num_kept); ++i) {
+  for (int i = 0; i < num_kept; ++i) {
     row.Begin(i);
     const auto add = [&](int j) {
       if (Keeps(i, j)) {
         row.Add(j);
       }
     };
-    std::for_each(coupled.begin() + coupled_begin[i], coupled.begin() + coupled_begin[i + 1], add);
-    for (int k = seen_by_begin[i]; k < seen_by_begin[i + 1]; ++k) {
-      std::for_each(structure.seen.begin() + structure.seen_begin[seen_by[k]],
-                    structure.seen.begin() + structure.seen_begin[seen_by[k] + 1], add);
+    std::for_each(coupled[i].begin(), coupled[i].end(), add);
+    for (const int e : seen_by[i]) {
+      std::for_each(structure.seen.begin() + begin[e], structure.seen.begin() + begin[e + 1], add);
     }
     AppendRow(row.Ascending(), &pattern);
   }
@@ -116,35 +114,10 @@ void KeptBlocks::Add(int i, int j, const Eigen::MatrixXd& block) {
   Eigen::Map<RowMajor>(values, block.rows(), block.cols()) += block;
 }
 
-// Λ_c is in the blocks on the diagonal already. Hence zeros in the place of a diagonal that both
-// ways to factor would add. The diagonal block is the last one of its row.
-Status KeptBlocks::Factorize() {
-  if (factor_ != nullptr) {
-    return factor_->Factorize(values_.data(), zeros_.data());
-  }
-  std::vector<const double*> diagonal;
-  diagonal.reserve(static_cast<std::size_t>(pattern_.num_blocks()));
-  for (int i = 0; i < pattern_.num_blocks(); ++i) {
-    diagonal.push_back(values_.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1]);
-  }
-  return inverses_.Invert(pattern_.offsets, diagonal, zeros_.data(), executor_) < 0
-             ? Status::Ok()
-             : Status::Error(StatusCode::kSingular,
-                             "a block of the preconditioner is not positive definite");
-}
-
-void KeptBlocks::Apply(const double* r, double* z) {
-  if (factor_ != nullptr) {
-    factor_->Apply(r, z);
-  } else {
-    inverses_.Apply(executor_, r, z);
-  }
-}
-
 std::int64_t KeptBlocks::Bytes() const {
   return static_cast<std::int64_t>((values_.size() + zeros_.size()) * sizeof(double) +
                                    pattern_.columns.size() * (sizeof(int) + sizeof(std::int64_t))) +
-         inverses_.Bytes() + (factor_ != nullptr ? factor_->Bytes() : 0);
+         (preconditioner_ != nullptr ? preconditioner_->Bytes() : 0);
 }
 
 }  // namespace inceres::internal

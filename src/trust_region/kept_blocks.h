@@ -10,9 +10,8 @@
 #include "base/executor.h"
 #include "inceres/solver/options.h"
 #include "inceres/status.h"
-#include "linear/block_inverses.h"
-#include "linear/cluster_cholesky.h"
-#include "linear/frame_clusters.h"
+#include "linear/aggregation.h"
+#include "trust_region/preconditioner.h"
 
 namespace inceres::internal {
 
@@ -46,9 +45,9 @@ class KeptBlocks {
   /// Adds to the block (i, j), i ≥ j, which is kept.
   void Add(int i, int j, const Eigen::MatrixXd& block);
   /// Once all are there.
-  Status Factorize();
+  Status Factorize() { return preconditioner_->Prepare(zeros_.data()); }
   /// z = M⁻¹ r, padded.
-  void Apply(const double* r, double* z);
+  void Apply(const double* r, double* z) { preconditioner_->Apply(r, z); }
   std::int64_t Bytes() const;
 
  private:
@@ -56,13 +55,11 @@ class KeptBlocks {
   BlockPattern FindPattern(const KeptStructure& structure) const;
 
   const PreconditionerKind kind_;
-  const Executor& executor_;
   FrameClusters clusters_;
   BlockPattern pattern_;
   std::vector<double> values_;
-  std::vector<double> zeros_;  // what is still to be added to the diagonal
-  BlockInverses inverses_;
-  std::unique_ptr<ClusterCholesky> factor_;  // of clusters
+  std::vector<double> zeros_;  // in the place of Λ_c, which is in the blocks already
+  std::unique_ptr<Preconditioner> preconditioner_;  // null: the identity
 };
 
 }  // namespace inceres::internal

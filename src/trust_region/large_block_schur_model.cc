@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 
-#include "trust_region/cg_step.h"
 #include "trust_region/schur_model.h"
 
 namespace inceres::internal {
@@ -61,8 +60,7 @@ using Eigen::VectorXd;
 LargeBlockSchurModel::LargeBlockSchurModel(const SolverOptions& options, const Evaluator& evaluator,
                                            const std::vector<VariableId>& eliminated,
                                            Status* status)
-    : LinearModel(evaluator),
-      options_(options.conjugate_gradients),
+    : ConjugateGradientsModel(options.conjugate_gradients, evaluator),
       // The layout has no landmarks: there are no incidences, and the pattern is that of H.
       incidences_(evaluator),
       plans_(evaluator, incidences_),
@@ -255,10 +253,7 @@ void LargeBlockSchurModel::SubtractCoupledBlocks(std::size_t e) {
 
 // As IterativeModel::Solve. A failure at any stage leaves no step.
 Status LargeBlockSchurModel::Solve(const double* damping, double* step) {
-  damping_ = damping;
-  num_iterations_ = 0;
-  converged_ = true;
-  leaves_landmarks_ = false;
+  BeginStep(damping);
   Status status = FactorEliminated();
   clock_->Charge(&seconds_->elimination);
   if (status.ok() && !kept_.empty()) {
@@ -294,11 +289,7 @@ Status LargeBlockSchurModel::SolveKept(double* step) {
       Multiply(entry, variable, x.data(), 1.0, iteration_.b() + padded_[place_[variable]]);
     }
   }
-  CgOutcome outcome;
-  const Status iterated = IterateAsCeres(this, options_.max_iterations, options_.min_iterations,
-                                         options_.eta, &iteration_, &outcome);
-  num_iterations_ = outcome.num_iterations;
-  converged_ = outcome.converged;
+  const Status iterated = Iterate();
   for (std::size_t f = 0; iterated.ok() && f < kept_.size(); ++f) {
     std::copy_n(iteration_.x() + padded_[f], Size(kept_[f]), step + Offset(kept_[f]));
   }
@@ -370,10 +361,6 @@ bool LargeBlockSchurModel::Precondition(const double* r, double* z) {
             .cwiseProduct(Eigen::Map<const VectorXd>(r + padded_[f], size));
   }
   return true;
-}
-
-bool LargeBlockSchurModel::IsGoodEnough(const ConjugateGradients& iteration) const {
-  return IsGoodEnoughForCeres(iteration, options_.min_iterations, options_.eta);
 }
 
 // δ_e; with a Schur complement that Ceres would form nothing where it did not converge, as there.

@@ -6,10 +6,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
-#include "linear/conjugate_gradients.h"
 #include "linearize/hessian.h"
+#include "trust_region/conjugate_gradients_model.h"
 #include "trust_region/kept_blocks.h"
-#include "trust_region/linear_model.h"
 
 namespace inceres::internal {
 
@@ -23,7 +22,7 @@ namespace inceres::internal {
 /// H damped, H_ee block-diagonal. A product takes H_ff, and H_ef twice. Cost: that of the blocks of
 /// H. Single-threaded but for H itself. Preconditioners: all but kSubset and kTwoLevel. Source:
 /// Ceres's implicit_schur_complement.cc; docs/ceres_contract.md, "Conjugate gradients".
-class LargeBlockSchurModel final : public LinearModel, private ConjugateGradients::System {
+class LargeBlockSchurModel final : public ConjugateGradientsModel {
  public:
   /// Of an evaluator whose layout eliminates nothing.
   LargeBlockSchurModel(const SolverOptions& options, const Evaluator& evaluator,
@@ -37,10 +36,6 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
     return "conjugate gradients on the reduced system, by products, large blocks eliminated";
   }
   void Describe(WorkCounts* work) const override;
-  void ScaleColumnsBy(const std::vector<double>& scale) override { scale_ = scale.data(); }
-  bool left_out_landmarks() const override { return leaves_landmarks_; }
-  bool is_iterative() const override { return true; }
-  int num_iterations() const override { return num_iterations_; }
 
  private:
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -66,12 +61,10 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   void SubtractDiagonal(int variable, const double* v, double* y) const;
   void SubtractProduct(const double* v, double* y) const override;
   bool Precondition(const double* r, double* z) override;
-  bool IsGoodEnough(const ConjugateGradients& iteration) const override;
   void BackSubstitute(double* step) const;
   int Size(int variable) const { return plans_.pattern.block_size(variable); }
   int Offset(int variable) const { return plans_.pattern.offsets[variable]; }
 
-  const ConjugateGradientsOptions options_;
   LandmarkIncidences incidences_;
   FramePlans plans_;
   Hessian hessian_;
@@ -86,12 +79,6 @@ class LargeBlockSchurModel final : public LinearModel, private ConjugateGradient
   std::vector<Eigen::MatrixXd> eliminated_inverse_;  // of H_ee
   std::unique_ptr<KeptBlocks> preconditioner_;
   mutable std::vector<double> coupled_;  // scratch of AddCoupled
-  ConjugateGradients iteration_;
-  const double* damping_ = nullptr;
-  const double* scale_ = nullptr;
-  int num_iterations_ = 0;
-  bool converged_ = false;
-  bool leaves_landmarks_ = false;
 };
 
 }  // namespace inceres::internal

@@ -3,11 +3,10 @@
 #include <utility>
 
 #include "trust_region/dense_model.h"
-#include "trust_region/dense_qr_model.h"
-#include "trust_region/dynamic_model.h"
 #include "trust_region/iterative_model.h"
 #include "trust_region/large_block_schur_model.h"
 #include "trust_region/schur_model.h"
+#include "trust_region/strategy.h"
 
 namespace inceres::internal {
 
@@ -22,9 +21,7 @@ namespace {
 // Whether steps may come from conjugate gradients where these are cheaper.
 bool MayBeIterative(const SolverOptions& options, const Evaluator& evaluator) {
   // Dog-Leg goes with a factor only, as in Ceres.
-  const bool damped = options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
-                      options.strategy == TrustRegionStrategyKind::kMarquardt;
-  return damped && options.linear_model == LinearModelKind::kAutomatic &&
+  return IsDamped(options.strategy) && options.linear_model == LinearModelKind::kAutomatic &&
          options.reduced_solver == ReducedSolverKind::kAutomaticInexact &&
          !options.reduced_solver_factory && !evaluator.leaves_out_zero_blocks() &&
          evaluator.layout().num_landmarks() > 0;

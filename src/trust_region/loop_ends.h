@@ -1,8 +1,10 @@
 #pragma once
 
 #include <initializer_list>
+#include <string>
 
 #include "inceres/solver/options.h"
+#include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
 #include "trust_region/loop_options.h"
 
@@ -26,5 +28,22 @@ bool EndsByParameterTolerance(double step_norm, double state_norm, double tolera
 /// A step whose gain is that small next to what of the cost can change. True: ended, without it.
 bool EndsByFunctionTolerance(double cost_change, double cost, double fixed_cost, double tolerance,
                              Summary* summary);
+
+/// Whether an observer lets a solve go on. If not, the solve ends like this, in Ceres's words.
+inline bool GoesOn(ObserverAction action, Termination* termination, std::string* message) {
+  switch (action) {
+    case ObserverAction::kTerminateSuccessfully:
+      *termination = Termination::kUserSuccess;
+      *message = "User callback returned SOLVER_TERMINATE_SUCCESSFULLY.";
+      return false;
+    case ObserverAction::kAbort:
+      *termination = Termination::kUserFailure;
+      *message = "User callback returned SOLVER_ABORT.";
+      return false;
+    case ObserverAction::kContinue:
+      break;
+  }
+  return true;
+}
 
 }  // namespace inceres::internal

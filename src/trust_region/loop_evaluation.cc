@@ -24,17 +24,10 @@ auto Entries(const std::vector<double>& state, std::int64_t begin, std::int64_t 
 
 }  // namespace
 
-LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& loop,
-                               Evaluator* evaluator, std::vector<StateRun>* runs, StageClock* clock,
-                               Summary* summary)
-    : options_(options),
-      loop_(loop),
-      evaluator_(*evaluator),
-      clock_(*clock),
-      summary_(*summary),
-      agreement_(loop.agreement != nullptr ? *loop.agreement : alone_),
-      has_observers_(!agreement_.All(options.observer == nullptr)),
-      runs_(*runs) {
+LoopEvaluation::LoopEvaluation(const LoopParts& parts)
+    : parts_(parts),
+      agreement_(parts.loop.agreement != nullptr ? *parts.loop.agreement : alone_),
+      has_observers_(!agreement_.All(parts.options.observer == nullptr)) {
   FindRuns();
 }
 
@@ -42,10 +35,10 @@ LoopEvaluation::LoopEvaluation(const SolverOptions& options, const LoopOptions& 
 // observer is.
 bool LoopEvaluation::MoveCandidate(const std::vector<double>& step) {
   // Those of a candidate before.
-  KeepEvaluations(false, &evaluator_.families());
+  KeepEvaluations(false, &parts_.evaluator.families());
   const auto move = [this, &step] {
-    return evaluator_.points().MoveCandidate(step.data()) ? ObserverAction::kContinue
-                                                          : ObserverAction::kAbort;
+    return parts_.evaluator.points().MoveCandidate(step.data()) ? ObserverAction::kContinue
+                                                                : ObserverAction::kAbort;
   };
   return agreement_.Ask(move) == ObserverAction::kContinue;
 }
@@ -59,7 +52,7 @@ Status LoopEvaluation::ComputeTangents(bool candidate) const {
   double none = 0.0;
   const auto compute = [this, candidate](double* own) {
     *own = 0.0;
-    PointPair& points = evaluator_.points();
+    PointPair& points = parts_.evaluator.points();
     return candidate ? points.ComputeCandidateTangents() : points.ComputeTangents();
   };
   return agreement_.Evaluate(compute, &none);
@@ -73,9 +66,9 @@ void LoopEvaluation::TellObservers(bool jacobians, bool new_point) const {
     return;
   }
   agreement_.Ask([this, jacobians, new_point] {
-    if (options_.observer != nullptr) {
-      const PointPair& points = evaluator_.points();
-      options_.observer->BeforeEvaluation(
+    if (parts_.options.observer != nullptr) {
+      const PointPair& points = parts_.evaluator.points();
+      parts_.options.observer->BeforeEvaluation(
           (jacobians ? points.current() : points.candidate()).data(), jacobians, new_point);
     }
     return ObserverAction::kContinue;
@@ -86,7 +79,7 @@ void LoopEvaluation::TellObservers(bool jacobians, bool new_point) const {
 int LoopEvaluation::Recenter() {
   int own = 0;
   agreement_.Ask([this, &own] {
-    own = evaluator_.Recenter();
+    own = parts_.evaluator.Recenter();
     return ObserverAction::kContinue;
   });
   return static_cast<int>(agreement_.Sum(own));
@@ -95,29 +88,29 @@ int LoopEvaluation::Recenter() {
 // Only the first failure of the solve keeps its reason.
 bool LoopEvaluation::CandidateCost(double* cost) {
   // Counted before the pass, so that one that fails counts.
-  ++summary_.work.num_residual_evaluations;
+  ++parts_.summary.work.num_residual_evaluations;
   const auto evaluation = [this](double* own) {
-    return evaluator_.EvaluateCandidateCost(own, /*knows_tangents=*/has_observers_);
+    return parts_.evaluator.EvaluateCandidateCost(own, /*knows_tangents=*/has_observers_);
   };
   Status evaluated = ComputeTangents(/*candidate=*/true);
   if (evaluated.ok()) {
     TellObservers(/*jacobians=*/false, /*new_point=*/true);
     evaluated = agreement_.Evaluate(evaluation, cost);
   }
-  clock_.Charge(&summary_.seconds.residuals);
+  parts_.clock.Charge(&parts_.summary.seconds.residuals);
   const bool usable = evaluated.ok() && IsUsable(*cost);
-  if (!usable && summary_.failed_step.empty()) {
-    summary_.failed_step = evaluated.ok() ? kNotFinite : evaluated.message;
+  if (!usable && parts_.summary.failed_step.empty()) {
+    parts_.summary.failed_step = evaluated.ok() ? kNotFinite : evaluated.message;
   }
   return usable;
 }
 
 // A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
-  ++summary_.work.num_jacobian_evaluations;
+  ++parts_.summary.work.num_jacobian_evaluations;
   const auto evaluation = [this, new_point](double* own) {
-    return evaluator_.EvaluateJacobians(/*known_point=*/!new_point, own,
-                                        /*knows_tangents=*/has_observers_);
+    return parts_.evaluator.EvaluateJacobians(/*known_point=*/!new_point, own,
+                                              /*knows_tangents=*/has_observers_);
   };
   // Tangent maps of an accepted candidate were computed with its cost.
   Status evaluated = new_point ? ComputeTangents(/*candidate=*/false) : Status::Ok();
@@ -127,42 +120,42 @@ bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
     TellObservers(/*jacobians=*/true, new_point);
     evaluated = agreement_.Evaluate(evaluation, cost);
   }
-  clock_.Charge(&summary_.seconds.jacobians);
+  parts_.clock.Charge(&parts_.summary.seconds.jacobians);
   const bool usable = evaluated.ok() && IsUsable(*cost);
   if (!usable) {
-    summary_.detail = evaluated.ok() ? kNotFinite : evaluated.message;
+    parts_.summary.detail = evaluated.ok() ? kNotFinite : evaluated.message;
   }
   return usable;
 }
 
 // 2.1 does not look at the sum.
 bool LoopEvaluation::IsUsable(double cost) const {
-  return loop_.rules == CeresRules::k21 || std::isfinite(cost);
+  return parts_.loop.rules == CeresRules::k21 || std::isfinite(cost);
 }
 
 // Neighbors in memory are one run.
 void LoopEvaluation::FindRuns() {
-  runs_.clear();
-  const FactorGraph& graph = evaluator_.graph();
-  const std::vector<VariableId>& variables = evaluator_.layout().variables;
+  parts_.memory.runs.clear();
+  const FactorGraph& graph = parts_.evaluator.graph();
+  const std::vector<VariableId>& variables = parts_.evaluator.layout().variables;
   for (std::size_t i = 0; i < variables.size(); ++i) {
     // A variable that several processes have is counted by one of them.
     if (agreement_.CountsElsewhere(i)) {
       continue;
     }
     const std::int64_t offset = graph.StateOffset(variables[i]);
-    if (runs_.empty() || runs_.back().end != offset) {
-      runs_.push_back({offset, offset});
+    if (parts_.memory.runs.empty() || parts_.memory.runs.back().end != offset) {
+      parts_.memory.runs.push_back({offset, offset});
     }
-    runs_.back().end += graph.AmbientSize(variables[i]);
+    parts_.memory.runs.back().end += graph.AmbientSize(variables[i]);
   }
 }
 
 // Over values, not tangents: Ceres's ‖x‖.
 double LoopEvaluation::StateNorm() const {
   double sum = 0.0;
-  for (const StateRun& run : runs_) {
-    sum += Entries(evaluator_.points().current(), run.begin, run.end).squaredNorm();
+  for (const StateRun& run : parts_.memory.runs) {
+    sum += Entries(parts_.evaluator.points().current(), run.begin, run.end).squaredNorm();
   }
   return std::sqrt(agreement_.Sum(sum));
 }
@@ -172,14 +165,14 @@ double LoopEvaluation::StateNorm() const {
 double LoopEvaluation::CandidateDistance(double* max_norm) const {
   double sum = 0.0;
   double largest = 0.0;
-  for (const StateRun& run : runs_) {
-    const auto difference = Entries(evaluator_.points().current(), run.begin, run.end) -
-                            Entries(evaluator_.points().candidate(), run.begin, run.end);
+  for (const StateRun& run : parts_.memory.runs) {
+    const auto difference = Entries(parts_.evaluator.points().current(), run.begin, run.end) -
+                            Entries(parts_.evaluator.points().candidate(), run.begin, run.end);
     sum += difference.squaredNorm();
     if (max_norm != nullptr) {
       // Ceres's is Eigen's, which passes over what is no number unless it comes first.
       const double of_run = difference.lpNorm<Eigen::Infinity>();
-      largest = &run == &runs_.front() ? of_run : std::max(largest, of_run);
+      largest = &run == &parts_.memory.runs.front() ? of_run : std::max(largest, of_run);
     }
   }
   // Every process asks in this order, or one would wait for another.

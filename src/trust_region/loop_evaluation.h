@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/stopwatch.h"
@@ -8,7 +9,9 @@
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
 #include "trust_region/agreement.h"
+#include "trust_region/linear_model.h"
 #include "trust_region/loop_options.h"
+#include "trust_region/strategy.h"
 
 namespace inceres::internal {
 
@@ -18,21 +21,39 @@ struct StateRun {
   std::int64_t end;
 };
 
+/// What a minimizer works in. Handed on to the next one of the same sizes, which then asks for no
+/// memory.
+struct TrustRegionMemory {
+  std::vector<double> scale;
+  std::vector<double> best_state;
+  std::vector<double> step;
+  std::vector<double> scaled_step;
+  std::vector<StateRun> runs;  // what moves and is counted here, in the order of the variables
+  std::unique_ptr<TrustRegionStrategy> strategy;
+};
+
+/// What all parts of the loop of one solve work with. All of it outlives them.
+struct LoopParts {
+  const SolverOptions& options;
+  const LoopOptions& loop;
+  Evaluator& evaluator;
+  LinearModel& model;
+  TrustRegionMemory& memory;
+  StageClock& clock;
+  Summary& summary;
+};
+
 /// What the trust-region loop asks of the cost: observers hear of each evaluation before it is
 /// made, all processes agree on what came of it, and the summary has its count and time, and the
 /// first candidate that could not be evaluated.
 class LoopEvaluation {
  public:
-  /// All of them outlive this. `runs` is memory that it fills. All processes make theirs at once.
-  LoopEvaluation(const SolverOptions& options, const LoopOptions& loop, Evaluator* evaluator,
-                 std::vector<StateRun>* runs, StageClock* clock, Summary* summary);
+  /// All processes make theirs at once.
+  explicit LoopEvaluation(const LoopParts& parts);
   LoopEvaluation(const LoopEvaluation&) = delete;
   LoopEvaluation& operator=(const LoopEvaluation&) = delete;
 
-  Evaluator& evaluator() { return evaluator_; }
-  const Evaluator& evaluator() const { return evaluator_; }
   const Agreement& agreement() const { return agreement_; }
-  StageClock& clock() { return clock_; }
 
   /// The candidate is where this step leads from the current point; false: nowhere.
   bool MoveCandidate(const std::vector<double>& step);
@@ -56,15 +77,10 @@ class LoopEvaluation {
   bool IsUsable(double cost) const;
   void FindRuns();
 
-  const SolverOptions& options_;
-  const LoopOptions& loop_;
-  Evaluator& evaluator_;
-  StageClock& clock_;
-  Summary& summary_;
+  const LoopParts& parts_;
   const Agreement alone_;
   const Agreement& agreement_;
-  const bool has_observers_;     // in any process
-  std::vector<StateRun>& runs_;  // what moves and is counted here, in the order of the variables
+  const bool has_observers_;  // in any process
 };
 
 }  // namespace inceres::internal

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/option_rules.h"
+#include "trust_region/strategy.h"
 
 namespace inceres {
 
@@ -47,9 +48,8 @@ Status CheckIterative(const SolverOptions& options) {
   const bool maybe = iterative || (options.linear_model == LinearModelKind::kAutomatic &&
                                    options.reduced_solver == ReducedSolverKind::kAutomaticInexact);
   return OptionRules("SolverOptions")
-      .Require(!iterative || options.strategy == TrustRegionStrategyKind::kLevenbergMarquardt ||
-                   options.strategy == TrustRegionStrategyKind::kMarquardt,
-               "strategy", static_cast<double>(options.strategy),
+      .Require(!iterative || internal::IsDamped(options.strategy), "strategy",
+               static_cast<double>(options.strategy),
                "Levenberg–Marquardt or Marquardt with an iterative linear_model")
       .Require(!maybe || cg.eta >= 0.0, "conjugate_gradients.eta", cg.eta, ">= 0")
       .Require(!maybe || cg.min_iterations >= 0, "conjugate_gradients.min_iterations",

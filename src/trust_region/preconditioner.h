@@ -1,13 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "inceres/solver/options.h"
 #include "linear/block_inverses.h"
 #include "linear/cluster_cholesky.h"
-#include "linearize/hessian.h"
-#include "schur/elimination.h"
 
 namespace inceres::internal {
 
@@ -24,13 +24,22 @@ class Preconditioner {
   virtual std::int64_t Bytes() const = 0;
 };
 
-/// Diagonal blocks: Ceres's JACOBI, of C, and SCHUR_JACOBI, of S.
+/// Diagonal blocks: Ceres's JACOBI, of C, and SCHUR_JACOBI, of S. They are read where C or S has
+/// them; their inverses are made for each damping, since Λ_c is added before.
 class BlockPreconditioner final : public Preconditioner {
  public:
   /// `blocks`: per frame. `offsets`: the pattern's.
   BlockPreconditioner(const std::vector<int>& offsets, std::vector<const double*> blocks,
-                      const Executor& executor);
-  Status Prepare(const double* damping) override;
+                      const Executor& executor)
+      : offsets_(offsets), blocks_(std::move(blocks)), executor_(executor) {}
+  /// A block without a factor is an invalid step, named by its number in the pattern.
+  Status Prepare(const double* damping) override {
+    const int singular = inverses_.Invert(offsets_, blocks_, damping, executor_);
+    return singular < 0 ? Status::Ok()
+                        : Status::Error(StatusCode::kSingular,
+                                        "the preconditioner is not positive definite at frame " +
+                                            std::to_string(singular));
+  }
   void Apply(const double* r, double* z) override { inverses_.Apply(executor_, r, z); }
   std::int64_t Bytes() const override { return inverses_.Bytes(); }
 
@@ -45,18 +54,16 @@ class BlockPreconditioner final : public Preconditioner {
 /// CLUSTER_TRIDIAGONAL.
 class ClusterPreconditioner final : public Preconditioner {
  public:
-  /// `elimination`: forms the blocks that the clusters keep, in this pattern.
-  ClusterPreconditioner(const BlockPattern& pattern, const FrameClusters& clusters,
-                        const Elimination& elimination, const Executor& executor, Status* status)
-      : elimination_(elimination), factor_(pattern, clusters, executor, status) {}
-  Status Prepare(const double* damping) override {
-    return factor_.Factorize(elimination_.S(), damping);
-  }
+  /// `S`: where the blocks that the clusters keep are written, in this pattern.
+  ClusterPreconditioner(const BlockPattern& pattern, const FrameClusters& clusters, const double* S,
+                        const Executor& executor, Status* status)
+      : S_(S), factor_(pattern, clusters, executor, status) {}
+  Status Prepare(const double* damping) override { return factor_.Factorize(S_, damping); }
   void Apply(const double* r, double* z) override { factor_.Apply(r, z); }
   std::int64_t Bytes() const override { return factor_.Bytes(); }
 
  private:
-  const Elimination& elimination_;
+  const double* S_;
   ClusterCholesky factor_;
 };
 

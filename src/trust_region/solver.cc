@@ -6,6 +6,7 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "base/executor.h"
@@ -128,24 +129,27 @@ const char* NeedsJacobians(const SolverOptions& options, const LoopOptions& loop
   return graph.HasBounds() ? "bounds" : JacobianChunks::Obstacle(graph);
 }
 
+// Of the options those that set-up depends on; tolerances, radii and strategies are of each solve.
+auto KeyOf(const SolverOptions& options) {
+  return std::tie(options.num_threads, options.linear_model, options.reduced_solver,
+                  options.dynamic_sparsity, options.conjugate_gradients,
+                  options.recompute_jacobians, options.max_memory_bytes);
+}
+
 // What a structure is set up with.
 struct Workspace {
   Workspace(const SolverOptions& options, const LoopOptions& loop, const FactorGraph& graph,
             bool recomputes)
       : layout(graph, EliminatesLandmarks(options, loop)),
         executor(options.num_threads),
-        linear_model(options.linear_model),
-        reduced_solver(options.reduced_solver),
-        dynamic_sparsity(options.dynamic_sparsity),
-        conjugate_gradients(options.conjugate_gradients),
-        recompute_jacobians(options.recompute_jacobians),
-        max_memory_bytes(options.max_memory_bytes),
+        key(KeyOf(options)),
         eliminated(EliminatedBy(loop)) {
     const JacobianStorage storage =
         recomputes ? JacobianStorage::kInChunks : StorageOf(options, loop, graph, layout);
     evaluator.emplace(graph, layout, executor, storage);
     // Whole rows of a dense model have no blocks to leave out.
-    evaluator->set_leaves_out_zero_blocks(dynamic_sparsity && storage == JacobianStorage::kBySlot);
+    evaluator->set_leaves_out_zero_blocks(options.dynamic_sparsity &&
+                                          storage == JacobianStorage::kBySlot);
   }
 
   // Coordinate descent ends where the next Jacobians are taken.
@@ -253,16 +257,10 @@ struct Workspace {
     const bool remembers = options.reduced_solver_factory ||
                            options.reduced_solver == ReducedSolverKind::kPcg ||
                            options.reduced_solver == ReducedSolverKind::kAutomaticInexact;
-    // Of the options those that set-up depends on; tolerances, radii and strategies are of each
-    // solve. The comparison of structures is the dearest, and last.
-    return !remembers && options.num_threads == executor.num_threads() &&
-           options.linear_model == linear_model && options.reduced_solver == reduced_solver &&
-           options.dynamic_sparsity == dynamic_sparsity &&
-           options.conjugate_gradients == conjugate_gradients &&
-           options.recompute_jacobians == recompute_jacobians &&
-           options.max_memory_bytes == max_memory_bytes &&
+    // The comparison of structures is the dearest, and last.
+    return !remembers && key == KeyOf(options) &&
            // Without a budget it recomputes where memory was short then, which it may not be now.
-           (max_memory_bytes > 0 || recompute_jacobians || !Recomputes()) &&
+           (options.max_memory_bytes > 0 || options.recompute_jacobians || !Recomputes()) &&
            structure.has_value() && structure->IsThatOf(graph);
   }
 
@@ -270,12 +268,10 @@ struct Workspace {
   std::optional<Structure> structure;
   Layout layout;
   Executor executor;
-  LinearModelKind linear_model;
-  ReducedSolverKind reduced_solver;
-  bool dynamic_sparsity;
-  ConjugateGradientsOptions conjugate_gradients;
-  bool recompute_jacobians;
-  std::int64_t max_memory_bytes;
+  // KeyOf, copied
+  std::tuple<int, LinearModelKind, ReducedSolverKind, bool, ConjugateGradientsOptions, bool,
+             std::int64_t>
+      key;
   std::vector<VariableId> eliminated;  // LoopOptions::eliminated
   VariableLookUp look_up;              // unbound: families have tables
   std::optional<Evaluator> evaluator;
@@ -287,19 +283,9 @@ struct Workspace {
 
 }  // namespace
 
-class Solver::Impl {
- public:
-  explicit Impl(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
-
+struct Solver::Impl {
   void Solve(const SolverOptions& options, const LoopOptions& loop, FactorGraph* graph,
              Summary* summary);
-  bool IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
-    return workspace_ != nullptr && workspace_->Suits(options, graph);
-  }
-  std::int64_t Bytes() const { return workspace_ == nullptr ? 0 : workspace_->bytes; }
-  std::vector<VariableId> EliminationOrder() const;
-
- private:
   std::unique_ptr<Workspace> Prepare(const SolverOptions& options, const LoopOptions& loop,
                                      const FactorGraph& graph, Summary* summary);
   static std::unique_ptr<Workspace> SetUp(const SolverOptions& options, const LoopOptions& loop,
@@ -308,17 +294,17 @@ class Solver::Impl {
   void SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
                   Summary* summary, double start);
 
-  std::int64_t max_bytes_;  // to be held from solve to solve
-  std::unique_ptr<Workspace> workspace_;
+  std::int64_t max_bytes;  // to be held from solve to solve
+  std::unique_ptr<Workspace> held;
 };
 
 // The old workspace, bound to the graph, or a new one; null, with the reason in the summary, if
 // there is nothing to solve with.
-// workspace_ is empty meanwhile: a solve that throws leaves nothing behind that is half of it.
+// `held` is empty meanwhile: a solve that throws leaves nothing behind that is half of it.
 std::unique_ptr<Workspace> Solver::Impl::Prepare(const SolverOptions& options,
                                                  const LoopOptions& loop, const FactorGraph& graph,
                                                  Summary* summary) {
-  std::unique_ptr<Workspace> workspace = std::move(workspace_);
+  std::unique_ptr<Workspace> workspace = std::move(held);
   const char* const needs_jacobians = NeedsJacobians(options, loop, graph);
   // IsReadyFor has no LoopOptions: what they eliminate is compared here alone.
   summary->structure_reused =
@@ -384,16 +370,6 @@ std::unique_ptr<Workspace> Solver::Impl::SetUp(const SolverOptions& options,
   return workspace;
 }
 
-std::vector<VariableId> Solver::Impl::EliminationOrder() const {
-  std::vector<VariableId> ids;
-  if (workspace_ != nullptr) {
-    for (const int frame : workspace_->model->EliminationOrder()) {
-      ids.push_back(workspace_->layout.variables[frame]);
-    }
-  }
-  return ids;
-}
-
 // Of valid options and a valid graph. May throw MemoryExceeded, bad_alloc, and what a factor
 // throws.
 void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, FactorGraph* graph,
@@ -429,15 +405,15 @@ void Solver::Impl::SolveValid(const SolverOptions& options, LoopOptions loop, Fa
     graph->mutable_state() = minimizer.best_state();
   }
   // A solver of max_bytes 0, as the free function makes it, never takes the structure of the graph.
-  if (summary->work.bytes <= max_bytes_) {
+  if (summary->work.bytes <= max_bytes) {
     // Of a workspace that was reused it is there already.
     if (!workspace->structure.has_value()) {
       workspace->structure.emplace(*graph);
     }
     workspace->bytes = summary->work.bytes + workspace->structure->Bytes();
     // Once more, with the structure itself.
-    if (workspace->bytes <= max_bytes_) {
-      workspace_ = std::move(workspace);  // not if something was thrown on the way
+    if (workspace->bytes <= max_bytes) {
+      held = std::move(workspace);  // not if something was thrown on the way
     }
   }
 }
@@ -476,7 +452,7 @@ void Solver::Impl::Solve(const SolverOptions& options, const LoopOptions& loop, 
   summary->seconds.total = NowInSeconds() - start;
 }
 
-Solver::Solver(std::int64_t max_bytes) : impl_(std::make_unique<Impl>(max_bytes)) {
+Solver::Solver(std::int64_t max_bytes) : impl_(new Impl{max_bytes, nullptr}) {
 }
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -500,21 +476,25 @@ void internal::SolveWith(const SolverOptions& options, const LoopOptions& loop, 
 
 // Whether a solve would be set up by what is held.
 bool Solver::IsReadyFor(const SolverOptions& options, const FactorGraph& graph) const {
-  return impl_->IsReadyFor(options, graph);
+  return impl_->held != nullptr && impl_->held->Suits(options, graph);
 }
 
 std::int64_t Solver::Bytes() const {
-  return impl_->Bytes();
+  return impl_->held == nullptr ? 0 : impl_->held->bytes;
 }
 
 std::vector<VariableId> Solver::EliminationOrder() const {
-  return impl_->EliminationOrder();
+  std::vector<VariableId> ids;
+  if (impl_->held != nullptr) {
+    for (const int frame : impl_->held->model->EliminationOrder()) {
+      ids.push_back(impl_->held->layout.variables[frame]);
+    }
+  }
+  return ids;
 }
 
 Summary Solve(const SolverOptions& options, FactorGraph* graph) {
-  Summary summary;
-  Solver::Impl(/*max_bytes=*/0).Solve(options, internal::LoopOptions(), graph, &summary);
-  return summary;
+  return Solver(/*max_bytes=*/0).Solve(options, graph);
 }
 
 }  // namespace inceres

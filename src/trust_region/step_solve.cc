@@ -61,29 +61,30 @@ void AddBlocksOf(const Evaluator& evaluator, const Linearization& factors, StepS
 
 }  // namespace
 
-bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteration) {
-  StageClock& clock = evaluation_.clock();
+bool StepSolve::Run(IterationSummary* iteration) {
+  StageClock& clock = parts_.clock;
   const double start = clock.now();
   int num_solves = 0;
   // After a rejected Dog-Leg step none may be needed: num_solves is then 0.
-  const Status solved = strategy_->ComputeStep(&model_, trial_.step().data(), &num_solves);
+  const Status solved =
+      parts_.memory.strategy->ComputeStep(&parts_.model, trial_.step().data(), &num_solves);
   // The time of everything the strategy does, which for Dog-Leg is more than a solve.
   iteration->step_solver_time_in_seconds = clock.Read() - start;
   Count(num_solves, iteration);
   if (num_solves > 0) {
-    ShowSystem(scale, iteration->iteration);
+    ShowSystem(iteration->iteration);
   }
   // A singular system is a matter of damping; anything else is not.
   if (!solved.ok() && solved.code != StatusCode::kSingular) {
-    summary_.detail = solved.message;
+    parts_.summary.detail = solved.message;
     return EndSolve(Termination::kFailure,
                     {"Linear solver failed due to unrecoverable non-numeric "
                      "causes. Please see the error log for clues. "},
-                    &summary_);
+                    &parts_.summary);
   }
   // An invalid step is no end: the caller asks GoOnWithout.
-  if (!solved.ok() || !model_.IsFinite(trial_.step())) {
-    summary_.detail = solved.ok() ? "the step is not finite" : solved.message;
+  if (!solved.ok() || !parts_.model.IsFinite(trial_.step())) {
+    parts_.summary.detail = solved.ok() ? "the step is not finite" : solved.message;
     return true;
   }
   // The model decrease is a pass over J of its own, and decides whether the step is valid.
@@ -102,40 +103,40 @@ bool StepSolve::Run(const std::vector<double>& scale, IterationSummary* iteratio
 void StepSolve::Count(int num_solves, IterationSummary* iteration) {
   // Ceres counts no iteration where no system was solved, and one for a direct solver.
   iteration->linear_solver_iterations =
-      num_solves > 0 && summary_.work.reduced_size > 0 ? model_.num_iterations() : 0;
-  summary_.work.num_linear_solves += num_solves;
-  summary_.work.num_conjugate_gradients +=
-      model_.is_iterative() ? iteration->linear_solver_iterations : 0;
-  summary_.work.num_steps_without_landmarks += model_.left_out_landmarks() ? 1 : 0;
+      num_solves > 0 && parts_.summary.work.reduced_size > 0 ? parts_.model.num_iterations() : 0;
+  parts_.summary.work.num_linear_solves += num_solves;
+  parts_.summary.work.num_conjugate_gradients +=
+      parts_.model.is_iterative() ? iteration->linear_solver_iterations : 0;
+  parts_.summary.work.num_steps_without_landmarks += parts_.model.left_out_landmarks() ? 1 : 0;
 }
 
 bool StepSolve::GoOnWithout() {
   // The limit itself is one too many.
-  if (++num_invalid_ >= options_.max_num_consecutive_invalid_steps) {
+  if (++num_invalid_ >= parts_.options.max_num_consecutive_invalid_steps) {
     // A step with whatever damping promises something but for rounding. By Ceres's own rules the
     // gradient's tolerance has ended the solve before.
-    if (loop_.judge != nullptr && num_empty_ == num_invalid_) {
+    if (parts_.loop.judge != nullptr && num_empty_ == num_invalid_) {
       return EndSolve(Termination::kConvergence, {"Steps promise no more than rounding."},
-                      &summary_);
+                      &parts_.summary);
     }
     return EndSolve(Termination::kFailure,
                     {"Number of consecutive invalid steps more than "
                      "Solver::Options::max_num_consecutive_invalid_steps: ",
-                     std::to_string(options_.max_num_consecutive_invalid_steps).c_str()},
-                    &summary_);
+                     std::to_string(parts_.options.max_num_consecutive_invalid_steps).c_str()},
+                    &parts_.summary);
   }
   // More damping, or more regularization, for the next one.
-  strategy_->StepIsInvalid();
+  parts_.memory.strategy->StepIsInvalid();
   return true;
 }
 
-void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) const {
+void StepSolve::ShowSystem(int iteration) const {
   // Only asked for, as every field is filled for it alone.
-  StepSystemObserver* const observer = loop_.system_observer;
+  StepSystemObserver* const observer = parts_.loop.system_observer;
   if (observer == nullptr || !observer->Wants(iteration)) {
     return;
   }
-  const Evaluator& evaluator = evaluation_.evaluator();
+  const Evaluator& evaluator = parts_.evaluator;
   const Layout& layout = evaluator.layout();
   StepSystem system;
   system.iteration = iteration;
@@ -148,10 +149,10 @@ void StepSolve::ShowSystem(const std::vector<double>& scale, int iteration) cons
   std::transform(
       layout.position.begin(), layout.position.end(), system.first_entry.begin(),
       [&layout](int position) { return position < 0 ? -1 : layout.packed_offset[position]; });
-  system.scale = scale;
+  system.scale = parts_.memory.scale;
   // Dog-Leg has solved for the Gauss–Newton step, and overwrites this.
   system.solution = trial_.step();
-  strategy_->GetLastSolve(&system.damping, &system.solution);
+  parts_.memory.strategy->GetLastSolve(&system.damping, &system.solution);
   observer->See(system);
 }
 

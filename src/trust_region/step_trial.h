@@ -1,15 +1,17 @@
 #pragma once
 
 #include <limits>
+#include <memory>
+#include <numeric>
 #include <vector>
 
 #include "inceres/solver/options.h"
 #include "inceres/solver/summary.h"
-#include "trust_region/candidate_refinement.h"
+#include "schur/inner_iterations.h"
+#include "trust_region/coordinate_descent.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_evaluation.h"
 #include "trust_region/loop_options.h"
-#include "trust_region/refusing_variables.h"
 
 namespace inceres::internal {
 
@@ -17,13 +19,13 @@ namespace inceres::internal {
 ///
 /// By Marquardt's rule a step whose end cannot be evaluated is cut, and one that is too long for
 /// its model is shortened: more damping would cost a linear solve for each of these lengths.
-/// Landmarks, or coordinate descent, may move the end on.
+///
+/// Its end may move on before the step is judged: landmarks one by one, with the frames held
+/// (ours), or rounds of coordinate descent (Ceres's inner iterations). What either gains counts as
+/// promised, as in Ceres: it says nothing about the step's model.
 class StepTrial {
  public:
-  /// `step`, `scaled_step`: memory to work in. All of them outlive this.
-  StepTrial(const SolverOptions& options, const LoopOptions& loop, LoopEvaluation* evaluation,
-            LinearModel* model, std::vector<double>* step, std::vector<double>* scaled_step,
-            Summary* summary);
+  StepTrial(const LoopParts& parts, LoopEvaluation* evaluation);
 
   /// The step; who writes it asks for its promise next.
   std::vector<double>& step() { return step_; }
@@ -49,18 +51,22 @@ class StepTrial {
   /// whole step was last taken, or they do not: which ones, by flags.
   const std::vector<char>& Hold(bool holds);
   /// The degrees of freedom of those variables.
-  int num_refusing() const { return refusing_.size(); }
-  /// The point that was accepted cannot be evaluated after all.
-  void NoteRefusal() { refusing_.Add(evaluation_.evaluator()); }
+  int num_refusing() const { return std::accumulate(refusing_.begin(), refusing_.end(), 0); }
+  /// Those of the factor at which the last pass that failed did so are of these from now on: the
+  /// end of the step, or the point that was accepted, cannot be evaluated.
+  void NoteRefusal();
   /// Whether coordinate descent has led below where the step began: such a step is taken whatever
   /// its gain ratio.
   bool descent_was_useful() const { return descent_was_useful_; }
   /// Whether the cost is a sum from which gains were taken off.
-  bool RefinesLandmarks() const { return refinement_.RefinesLandmarks(); }
+  bool RefinesLandmarks() const { return inner_iterations_ != nullptr; }
 
  private:
-  bool IsByMarquardt() const { return options_.strategy == TrustRegionStrategyKind::kMarquardt; }
+  bool IsByMarquardt() const {
+    return parts_.options.strategy == TrustRegionStrategyKind::kMarquardt;
+  }
   void Follow(double start_cost, IterationSummary* iteration);
+  void RefineLandmarks(double start_cost, IterationSummary* iteration);
   void Descend(double start_cost, IterationSummary* iteration);
   bool EvaluateAlong(double t, double* cost);
   void TakeShare(double t, IterationSummary* iteration);
@@ -68,17 +74,17 @@ class StepTrial {
   double GoUpToBorder(double t, double beyond, double* cost, double* last_tried);
   void Shorten(double start_cost, double* cost, IterationSummary* iteration);
 
-  const SolverOptions& options_;
+  const LoopParts& parts_;
   LoopEvaluation& evaluation_;
-  LinearModel& model_;
   std::vector<double>& step_;
   std::vector<double>& scaled_step_;
-  Summary& summary_;
-  CandidateRefinement refinement_;
+  std::unique_ptr<InnerIterations> inner_iterations_;      // null: none
+  std::unique_ptr<CoordinateDescent> coordinate_descent_;  // null: none, or no more
   double promise_ = 0.0;
   double cost_ = 0.0;
   bool is_cut_ = false;
-  RefusingVariables refusing_;
+  // per entry of a packed vector whether it is of a variable that has refused; empty: none is
+  std::vector<char> refusing_;
   bool holds_ = false;
   const std::vector<char> no_flags_;
   bool descent_was_useful_ = false;

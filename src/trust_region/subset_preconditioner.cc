@@ -76,8 +76,7 @@ void SubsetPreconditioner::CollectTerms(const std::vector<FactorId>& subset) {
 
 void SubsetPreconditioner::BuildPattern() {
   const Layout& layout = evaluator_.layout();
-  pattern_ = PatternWithoutBlocks(
-      {layout.packed_offset.begin(), layout.packed_offset.begin() + layout.num_frames + 1});
+  pattern_ = PatternWithoutBlocks(layout.FrameOffsets());
   RowColumns columns(layout.num_frames);
   for (int row = 0; row < layout.num_frames; ++row) {
     columns.Begin(row);

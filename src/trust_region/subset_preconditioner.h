@@ -6,6 +6,7 @@
 
 #include "inceres/problem/factor_graph.h"
 #include "linear/cluster_cholesky.h"
+#include "linearize/evaluator.h"
 #include "trust_region/preconditioner.h"
 
 namespace inceres::internal {

@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "trust_region/loop_ends.h"
-#include "trust_region/observer_verdict.h"
 
 namespace inceres::internal {
 
@@ -111,11 +110,11 @@ TrustRegionMinimizer::TrustRegionMinimizer(const SolverOptions& options, const L
       model_(*model),
       summary_(*summary),
       start_time_(clock_.now()),
-      evaluation_(options, loop, evaluator, &memory->runs, &clock_, summary),
-      trial_(options, loop, &evaluation_, model, &memory->step, &memory->scaled_step, summary),
-      step_solve_(options, loop, &evaluation_, model, &memory->strategy, &trial_, summary),
-      line_search_(options, &evaluation_, model, &memory->scaled_step, summary),
-      scale_(memory->scale),
+      parts_{options, loop, *evaluator, *model, *memory, clock_, *summary},
+      evaluation_(parts_),
+      trial_(parts_, &evaluation_),
+      step_solve_(parts_, &trial_),
+      line_search_(parts_, &evaluation_),
       best_state_(evaluator->points(), &memory->best_state),
       strategy_(memory->strategy),
       best_cost_(std::numeric_limits<double>::max()) {
@@ -138,7 +137,7 @@ void TrustRegionMinimizer::Minimize() {
   }
   while (FinalizeIterationAndContinue()) {
     BeginIteration();
-    if (!step_solve_.Run(scale_, &iteration_)) {
+    if (!step_solve_.Run(&iteration_)) {
       return;
     }
     if (!iteration_.step_is_valid) {
@@ -231,14 +230,15 @@ bool TrustRegionMinimizer::EvaluateStart() {
     }
     return false;
   }
-  JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale_);
+  std::vector<double>& scale = parts_.memory.scale;
+  JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale);
   // The scale is that of the solve's own iteration 0, not of the point where it goes on.
   if (loop_.resume != nullptr) {
-    scale_ = loop_.resume->scale;
+    scale = loop_.resume->scale;
   }
-  model_.ScaleColumnsBy(scale_);
-  // scale_ stays where it is: model and strategy keep its address.
-  StartStrategy(options_, scale_, &strategy_);
+  model_.ScaleColumnsBy(scale);
+  // It stays where it is: model and strategy keep its address.
+  StartStrategy(options_, scale, &strategy_);
   quality_ = JudgeFromHere();
   summary_.initial_cost = cost_;
   iteration_.cost = summary_.initial_cost;
@@ -280,7 +280,7 @@ void TrustRegionMinimizer::KeepPosition() {
   position.num_successful_steps = summary_.num_successful_steps;
   position.num_unsuccessful_steps = summary_.num_unsuccessful_steps;
   position.strategy = strategy_->Save();
-  position.scale = scale_;
+  position.scale = parts_.memory.scale;
   loop_.keeper->Keep(position, evaluator_.points().current());
 }
 

@@ -10,7 +10,6 @@
 #include "inceres/solver/solver.h"
 #include "inceres/solver/summary.h"
 #include "linearize/evaluator.h"
-#include "trust_region/best_state.h"
 #include "trust_region/bounded_line_search.h"
 #include "trust_region/linear_model.h"
 #include "trust_region/loop_evaluation.h"
@@ -22,15 +21,31 @@
 
 namespace inceres::internal {
 
-/// What a minimizer works in. Handed on to the next one of the same sizes, which then asks for no
-/// memory.
-struct TrustRegionMemory {
-  std::vector<double> scale;
-  std::vector<double> best_state;
-  std::vector<double> step;
-  std::vector<double> scaled_step;
-  std::vector<StateRun> runs;
-  std::unique_ptr<TrustRegionStrategy> strategy;
+/// The cheapest state that a solve has accepted. Where that is the current point, as mostly, there
+/// is no copy of it.
+class BestState {
+ public:
+  /// At first the current point. Of the memory for a copy nothing is touched yet.
+  BestState(const PointPair& points, std::vector<double>* memory)
+      : points_(points), copy_(*memory) {
+    copy_.reserve(points.current().size());
+  }
+
+  /// Until the current point moves.
+  const std::vector<double>& get() const { return is_current_ ? points_.current() : copy_; }
+
+  /// The current point is a new one, while the candidate still is the one before.
+  void Follow(bool current_is_best) {
+    if (is_current_ && !current_is_best) {
+      copy_ = points_.candidate();
+    }
+    is_current_ = current_is_best;
+  }
+
+ private:
+  const PointPair& points_;
+  std::vector<double>& copy_;
+  bool is_current_ = true;
 };
 
 /// The trust-region loop in exact mode: Ceres's order of evaluations, tests, callbacks and messages
@@ -89,12 +104,12 @@ class TrustRegionMinimizer {
   Summary& summary_;
   StageClock clock_;
   const double start_time_;
+  const LoopParts parts_;
   LoopEvaluation evaluation_;
   StepTrial trial_;
   StepSolve step_solve_;
   BoundedLineSearch line_search_;
 
-  std::vector<double>& scale_;
   BestState best_state_;
   std::unique_ptr<TrustRegionStrategy>& strategy_;
   std::optional<StepQuality> quality_;

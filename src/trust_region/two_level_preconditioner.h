@@ -8,7 +8,6 @@
 #include "linear/coarse_space.h"
 #include "schur/frame_aggregates.h"
 #include "schur/gauge_modes.h"
-#include "schur/mode_columns.h"
 #include "schur/projected_products.h"
 #include "trust_region/preconditioner.h"
 

@@ -106,14 +106,14 @@ Problem BoundedWindow() {
   return test;
 }
 
-struct Case {
+struct BoundedCase {
   const char* name;
   Problem (*recipe)();
   ceres::LinearSolverType linear_solver;
 };
 
-using Parameters =
-    std::tuple<Case, ceres::LineSearchInterpolationType, ceres::TrustRegionStrategyType, bool>;
+using Parameters = std::tuple<BoundedCase, ceres::LineSearchInterpolationType,
+                              ceres::TrustRegionStrategyType, bool>;
 
 class Bounds : public ::testing::TestWithParam<Parameters> {};
 
@@ -134,13 +134,13 @@ TEST_P(Bounds, FollowStock) {
 INSTANTIATE_TEST_SUITE_P(
     Problems, Bounds,
     ::testing::Combine(
-        ::testing::Values(Case{"Valley", BoundedValley, ceres::DENSE_QR},
-                          Case{"StartOutside", StartOutside, ceres::DENSE_QR},
-                          Case{"Inactive", InactiveBounds, ceres::DENSE_NORMAL_CHOLESKY},
-                          Case{"Powell", BoundedPowell, ceres::DENSE_QR},
-                          Case{"Curve", BoundedCurve, ceres::DENSE_QR},
-                          Case{"Bundle", BoundedBundle, ceres::DENSE_SCHUR},
-                          Case{"Window", BoundedWindow, ceres::SPARSE_SCHUR}),
+        ::testing::Values(BoundedCase{"Valley", BoundedValley, ceres::DENSE_QR},
+                          BoundedCase{"StartOutside", StartOutside, ceres::DENSE_QR},
+                          BoundedCase{"Inactive", InactiveBounds, ceres::DENSE_NORMAL_CHOLESKY},
+                          BoundedCase{"Powell", BoundedPowell, ceres::DENSE_QR},
+                          BoundedCase{"Curve", BoundedCurve, ceres::DENSE_QR},
+                          BoundedCase{"Bundle", BoundedBundle, ceres::DENSE_SCHUR},
+                          BoundedCase{"Window", BoundedWindow, ceres::SPARSE_SCHUR}),
         ::testing::Values(ceres::BISECTION, ceres::QUADRATIC, ceres::CUBIC),
         ::testing::Values(ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG), ::testing::Bool()),
     [](const ::testing::TestParamInfo<Parameters>& instance) {

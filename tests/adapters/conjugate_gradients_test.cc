@@ -17,6 +17,8 @@ namespace inceres {
 namespace {
 
 using testing::BothSolved;
+using testing::MediumBundle;
+using testing::MediumWindow;
 using testing::TestProblem;
 
 // How far costs may lie apart, relative, for the iterations behind them to be counted the same.
@@ -29,14 +31,6 @@ ceres::Solver::Options Iterative(ceres::LinearSolverType type,
   options.preconditioner_type = preconditioner;
   options.max_num_iterations = 12;
   return options;
-}
-
-std::unique_ptr<TestProblem> Bundle() {
-  return testing::MakeBundle(6, 80, /*first_camera_constant=*/true);
-}
-
-std::unique_ptr<TestProblem> Window() {
-  return testing::MakeWindow(6, 40, /*huber=*/true);
 }
 
 // Blocks of these sizes in the first group, the others in one.
@@ -86,13 +80,13 @@ void ExpectStocksIterations(const BothSolved& both, std::size_t at_least) {
 }
 
 // In the last one of CLUSTER_…: SINGLE_LINKAGE; of others: explicit.
-using Way = std::tuple<ceres::LinearSolverType, ceres::PreconditionerType, bool>;
+using IterativeWay = std::tuple<ceres::LinearSolverType, ceres::PreconditionerType, bool>;
 
-bool IsByClusters(const Way& way) {
+bool IsByClusters(const IterativeWay& way) {
   return std::get<1>(way) == ceres::CLUSTER_JACOBI ||
          std::get<1>(way) == ceres::CLUSTER_TRIDIAGONAL;
 }
-class ConjugateGradientsTrace : public ::testing::TestWithParam<Way> {
+class ConjugateGradientsTrace : public ::testing::TestWithParam<IterativeWay> {
  protected:
   // Without a preconditioner conjugate gradients lose their digits in the first steps.
   static std::size_t AtLeast(std::size_t count) {
@@ -116,11 +110,11 @@ class ConjugateGradientsTrace : public ::testing::TestWithParam<Way> {
 };
 
 TEST_P(ConjugateGradientsTrace, IsStocksOnABundle) {
-  ExpectStocksIterations(testing::SolveBoth(Bundle, Options()), AtLeast(4));
+  ExpectStocksIterations(testing::SolveBoth(MediumBundle, Options()), AtLeast(4));
 }
 
 TEST_P(ConjugateGradientsTrace, IsStocksInAWindowWithManifoldsLossesAndConstants) {
-  ExpectStocksIterations(testing::SolveBoth(Window, Options(), Order({1})), AtLeast(3));
+  ExpectStocksIterations(testing::SolveBoth(MediumWindow, Options(), Order({1})), AtLeast(3));
 }
 
 // Cameras first: blocks of nine are eliminated, and the points are what is left.
@@ -128,7 +122,7 @@ TEST_P(ConjugateGradientsTrace, IsStocksWithCamerasEliminated) {
   for (const int max_iterations : {500, 6}) {
     ceres::Solver::Options options = Options();
     options.max_linear_solver_iterations = max_iterations;
-    ExpectStocksIterations(testing::SolveBoth(Bundle, options, Order({9})), AtLeast(3));
+    ExpectStocksIterations(testing::SolveBoth(MediumBundle, options, Order({9})), AtLeast(3));
   }
 }
 
@@ -136,25 +130,25 @@ TEST_P(ConjugateGradientsTrace, IsStocksWithOtherLimits) {
   ceres::Solver::Options options = Options();
   options.eta = 1e-3;
   options.max_linear_solver_iterations = 7;
-  ExpectStocksIterations(testing::SolveBoth(Bundle, options), AtLeast(3));
+  ExpectStocksIterations(testing::SolveBoth(MediumBundle, options), AtLeast(3));
   options.eta = 0.9;
   options.min_linear_solver_iterations = 25;  // the residual is computed anew twice
   options.max_linear_solver_iterations = 500;
-  ExpectStocksIterations(testing::SolveBoth(Bundle, options), AtLeast(3));
+  ExpectStocksIterations(testing::SolveBoth(MediumBundle, options), AtLeast(3));
 }
 
 TEST_P(ConjugateGradientsTrace, HasTheSameBitsForTwoThreads) {
   ceres::Solver::Options options = Options();
-  const BothSolved one = testing::SolveBoth(Bundle, options);
+  const BothSolved one = testing::SolveBoth(MediumBundle, options);
   options.num_threads = 2;
-  const BothSolved two = testing::SolveBoth(Bundle, options);
+  const BothSolved two = testing::SolveBoth(MediumBundle, options);
   ASSERT_EQ(one.ours.iterations.size(), two.ours.iterations.size());
   for (std::size_t k = 0; k < one.ours.iterations.size(); ++k) {
     EXPECT_EQ(one.ours.iterations[k].cost, two.ours.iterations[k].cost) << k;
   }
 }
 
-std::string NameOf(const ::testing::TestParamInfo<Way>& info) {
+std::string NameOf(const ::testing::TestParamInfo<IterativeWay>& info) {
   return std::string(ceres::LinearSolverTypeToString(std::get<0>(info.param))) + "_" +
          ceres::PreconditionerTypeToString(std::get<1>(info.param)) +
          (!std::get<2>(info.param)   ? ""
@@ -173,7 +167,7 @@ TEST(ConjugateGradients, ByASubsetAreStocks) {
       }
     }
   };
-  for (const auto& make : {Bundle, Window}) {
+  for (const auto& make : {MediumBundle, MediumWindow}) {
     const BothSolved both =
         testing::SolveBoth(make, Iterative(ceres::CGNR, ceres::SUBSET), four_fifths);
     ExpectStocksIterations(both, 3);
@@ -207,7 +201,7 @@ TEST(ConjugateGradients, ByASubsetThatLeavesABlockOutAreStocks) {
     }
     EXPECT_GT(num_left_out, 1);
   };
-  for (const auto& make : {Bundle, Window}) {
+  for (const auto& make : {MediumBundle, MediumWindow}) {
     ceres::Solver::Options options = Iterative(ceres::CGNR, ceres::SUBSET);
     options.initial_trust_region_radius = 1.0;
     options.max_trust_region_radius = 10.0;
@@ -223,7 +217,7 @@ TEST(ConjugateGradients, LargeBlocksAreEliminatedWhereNobodySaysWhich) {
   for (const auto preconditioner :
        {ceres::JACOBI, ceres::CLUSTER_JACOBI, ceres::CLUSTER_TRIDIAGONAL}) {
     const BothSolved both =
-        testing::SolveBoth(Window, Iterative(ceres::ITERATIVE_SCHUR, preconditioner));
+        testing::SolveBoth(MediumWindow, Iterative(ceres::ITERATIVE_SCHUR, preconditioner));
     ASSERT_FALSE(both.report.used_stock) << both.report.fallback_reason;
     EXPECT_NE(std::string(both.report.core.reduced_solver).find("large blocks"), std::string::npos)
         << both.report.core.reduced_solver;
@@ -235,7 +229,7 @@ TEST(ConjugateGradients, LargeBlocksAreEliminatedWhereNobodySaysWhich) {
 // A first group of constants only leaves nothing to eliminate: Ceres takes CGNR with JACOBI.
 TEST(ConjugateGradients, WithoutAFirstGroupItIsTheNormalEquations) {
   const auto make = [] {
-    auto test = Window();
+    auto test = MediumWindow();
     for (std::vector<double>& block : test->blocks) {
       if (block.size() == 1) {
         test->problem.SetParameterBlockConstant(block.data());
@@ -252,16 +246,16 @@ TEST(ConjugateGradients, WithoutAFirstGroupItIsTheNormalEquations) {
 
 INSTANTIATE_TEST_SUITE_P(
     Exact, ConjugateGradientsTrace,
-    ::testing::Values(Way{ceres::ITERATIVE_SCHUR, ceres::IDENTITY, false},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::JACOBI, false},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, false},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, true},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, false},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, true},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, false},
-                      Way{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, true},
-                      Way{ceres::CGNR, ceres::IDENTITY, false},
-                      Way{ceres::CGNR, ceres::JACOBI, false}),
+    ::testing::Values(IterativeWay{ceres::ITERATIVE_SCHUR, ceres::IDENTITY, false},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::JACOBI, false},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, false},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::SCHUR_JACOBI, true},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, false},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_JACOBI, true},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, false},
+                      IterativeWay{ceres::ITERATIVE_SCHUR, ceres::CLUSTER_TRIDIAGONAL, true},
+                      IterativeWay{ceres::CGNR, ceres::IDENTITY, false},
+                      IterativeWay{ceres::CGNR, ceres::JACOBI, false}),
     NameOf);
 
 }  // namespace

@@ -53,7 +53,7 @@ ceres::CostFunction* PreparedCost(const SharedWork* work, std::size_t row, doubl
                               });
 }
 
-struct Case {
+struct CallbackCase {
   bool fixed_block = false;  // one residual block that touches only a constant
   double fail_beyond = 1e9;  // trial points with a larger |x| cannot be evaluated
   bool bounded = false;  // x at most 0.5: a line search evaluates too, and the start is projected
@@ -63,7 +63,7 @@ struct Case {
 struct Callbacks {
   std::vector<std::unique_ptr<SharedWork>> all;
 
-  testing::Recipe Recipe(const Case& which) {
+  testing::Recipe Recipe(const CallbackCase& which) {
     return [this, which] {
       SharedWork* work = all.emplace_back(std::make_unique<SharedWork>()).get();
       ceres::Problem::Options options;
@@ -101,19 +101,19 @@ void ExpectSameCalls(const SharedWork& stock, const SharedWork& ours) {
   }
 }
 
-Options Tight() {
+Options DenseQr() {
   Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 100;
   return options;
 }
 
-class EvaluationCallbacks : public ::testing::TestWithParam<Case> {};
+class EvaluationCallbacks : public ::testing::TestWithParam<CallbackCase> {};
 
 TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
   for (const bool dogleg : {false, true}) {
     Callbacks callbacks;
-    Options options = Tight();
+    Options options = DenseQr();
     options.trust_region_strategy_type = dogleg ? ceres::DOGLEG : ceres::LEVENBERG_MARQUARDT;
     const BothSolved both = SolveBoth(callbacks.Recipe(GetParam()), options);
     ExpectSameSummary(both, 1e-9, true);
@@ -128,9 +128,10 @@ TEST_P(EvaluationCallbacks, AreToldWhatStockTells) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Problems, EvaluationCallbacks,
-                         ::testing::Values(Case{}, Case{true, 1e9}, Case{true, 1.21},
-                                           Case{false, 1e9, true}, Case{true, 1.21, true}),
-                         [](const ::testing::TestParamInfo<Case>& instance) {
+                         ::testing::Values(CallbackCase{}, CallbackCase{true, 1e9},
+                                           CallbackCase{true, 1.21}, CallbackCase{false, 1e9, true},
+                                           CallbackCase{true, 1.21, true}),
+                         [](const ::testing::TestParamInfo<CallbackCase>& instance) {
                            return std::string(instance.param.fixed_block ? "FixedBlock" : "Plain") +
                                   (instance.param.fail_beyond < 2.0 ? "FailingTrials" : "") +
                                   (instance.param.bounded ? "Bounded" : "");
@@ -143,7 +144,7 @@ TEST(EvaluationCallback, MemoryAfterATerminationAndAnAbort) {
       lambdas::Callback stop([at = at, with = with](const ceres::IterationSummary& summary) {
         return summary.iteration == at ? with : ceres::SOLVER_CONTINUE;
       });
-      Options options = Tight();
+      Options options = DenseQr();
       options.callbacks.push_back(&stop);
       const BothSolved both = SolveBoth(callbacks.Recipe({}), options);
       ExpectSameSummary(both, 1e-9, true);
@@ -158,7 +159,7 @@ TEST(EvaluationCallback, MemoryAfterATerminationAndAnAbort) {
 
 TEST(EvaluationCallback, FailureAtTheStartPutsTheStartBack) {
   Callbacks callbacks;
-  const BothSolved both = SolveBoth(callbacks.Recipe({true, 0.5}), Tight());
+  const BothSolved both = SolveBoth(callbacks.Recipe({true, 0.5}), DenseQr());
   EXPECT_EQ(both.ours.termination_type, ceres::FAILURE);
   ExpectSameSummary(both, 1e-9, true);
   ExpectSameCalls(*callbacks.all[0], *callbacks.all[1]);
@@ -209,7 +210,7 @@ TEST(EvaluationCallback, IsNotToldOfAPointWherePlusJacobianFails) {
         is_drawn = callbacks.size() == 2;  // both problems are there
         return test;
       };
-      Options options = Tight();
+      Options options = DenseQr();
       options.max_num_iterations = 3;
       const BothSolved both = SolveBoth(recipe, options);
       ExpectSameSummary(both, 1e-9, true);
@@ -227,7 +228,7 @@ TEST(EvaluationCallback, NotTold) {
   const auto test = callbacks.Recipe({})();
   ceres::Solver::Summary summary;
   SolveReport report;
-  Solve(Tight(), &test->problem, &summary, {}, &report);
+  Solve(DenseQr(), &test->problem, &summary, {}, &report);
   EXPECT_FALSE(report.used_stock) << report.fallback_reason;
   EXPECT_EQ(callbacks.all[0]->calls.empty(), CERES_VERSION_MINOR < 2);
   EXPECT_EQ(summary.initial_cost < 100.0, CERES_VERSION_MINOR >= 2);

@@ -1,14 +1,11 @@
-// How and when cost functions and manifolds are called, and what happens when they fail; stock
-// Ceres is the oracle.
-#include <algorithm>
+// How and when cost functions are called, and what happens when they fail; stock Ceres is the
+// oracle.
 #include <cmath>
-#include <functional>
 #include <thread>
 
 #include <gtest/gtest.h>
 
 #include "adapters/compare_with_stock.h"
-#include "support/ceres_manifolds.h"
 
 namespace inceres {
 namespace {
@@ -166,64 +163,6 @@ TEST(Evaluation, MostlyConstantProblem) {
       EXPECT_EQ(by_us[r].num_cost_only, 1) << r;
     }
   }
-}
-
-// Euclidean, but fails in the given call of Plus or PlusJacobian (counted from 1; 0: never).
-class FailingManifold : public manifolds::Manifold {
- public:
-  FailingManifold(int bad_plus, int bad_jacobian)
-      : bad_plus_(bad_plus), bad_jacobian_(bad_jacobian) {}
-  int AmbientSize() const override { return 3; }
-  int TangentSize() const override { return 3; }
-  bool Plus(const double* x, const double* delta, double* out) const override {
-    std::transform(x, x + 3, delta, out, std::plus<double>());
-    return ++num_plus_ != bad_plus_;
-  }
-  bool PlusJacobian(const double* /*x*/, double* jacobian) const override {
-    for (int i = 0; i < 9; ++i) {
-      jacobian[i] = i % 4 == 0 ? 1.0 : 0.0;
-    }
-    return ++num_jacobian_ != bad_jacobian_;
-  }
-  bool Minus(const double*, const double*, double*) const override { return false; }
-  bool MinusJacobian(const double*, double*) const override { return false; }
-
- private:
-  int bad_plus_, bad_jacobian_;
-  mutable int num_plus_ = 0;
-  mutable int num_jacobian_ = 0;
-};
-
-testing::Recipe WithFailingManifold(int bad_plus, int bad_jacobian) {
-  return [=] {
-    auto test = Misbehaving(Misbehavior::kReturnsFalse, 0, 0)();
-    manifolds::Set(&test->problem, test->blocks[0].data(),
-                   new FailingManifold(bad_plus, bad_jacobian));
-    return test;
-  };
-}
-
-// The first call moves along the gradient, the second makes the first candidate, the third moves
-// along the gradient there.
-TEST(Evaluation, PlusThatFails) {
-  for (const int bad_plus : {1, 2, 3}) {
-    SCOPED_TRACE(bad_plus);
-    const BothSolved both = SolveBoth(WithFailingManifold(bad_plus, 0), Tight());
-    ExpectSameSummary(both, 1e-9, true);
-    EXPECT_EQ(both.ours.termination_type == ceres::FAILURE, bad_plus != 2) << both.ours.message;
-    ExpectSameParameters(both, 1e-9);
-  }
-}
-
-// The first call is made by SetManifold. Stock Ceres makes one more before its first evaluation and
-// ignores its result, so no comparison is possible call by call.
-TEST(Evaluation, PlusJacobianThatFailsIsAFailure) {
-  const auto test = WithFailingManifold(0, 2)();
-  ceres::Solver::Summary summary;
-  inceres::Solve(Tight(), &test->problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(summary.message, kStartFailed);
-  EXPECT_EQ(test->blocks, WithFailingManifold(0, 0)()->blocks);
 }
 
 // A wrapper may hand the array on in another order to what it wraps: it is given a fresh one for

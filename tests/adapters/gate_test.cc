@@ -12,7 +12,6 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
-#include "adapters/ceres/fallback/decline.h"
 #include "adapters/compare_with_stock.h"
 #include "support/ceres_manifolds.h"
 
@@ -371,8 +370,7 @@ TEST(Gate, OrderingThatLacksABlockUnderDynamicSparsityIsNoObstacle) {
 }
 
 std::string ReasonFor(const Options& options, ceres::Problem* problem) {
-  const internal::ProblemView view = internal::Introspect(*problem);
-  return internal::ProblemObstacle(options, view, internal::ReadOrdering(options, view));
+  return internal::FindObstacle(options, /*incremental=*/false, nullptr, *problem);
 }
 
 TEST(Gate, DenseQrForWhichThereIsNoMemory) {

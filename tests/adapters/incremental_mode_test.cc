@@ -454,6 +454,9 @@ TEST(IncrementalOptionMapping, NamesWhatHasNoEffect) {
   options.max_trust_region_radius = 1e3;
   EXPECT_EQ(names(options),
             (std::vector<std::string>{"max_trust_region_radius", "initial_trust_region_radius"}));
+  options = Options();
+  options.dynamic_sparsity = true;
+  EXPECT_EQ(names(options), std::vector<std::string>{"dynamic_sparsity"});
 }
 
 // Where the batch solver may take conjugate gradients they end by the user's options.

@@ -17,6 +17,8 @@ namespace inceres {
 namespace {
 
 using testing::BothSolved;
+using testing::MediumBundle;
+using testing::MediumWindow;
 using testing::TestProblem;
 
 ceres::Solver::Options WithInnerIterations(ceres::LinearSolverType type) {
@@ -25,14 +27,6 @@ ceres::Solver::Options WithInnerIterations(ceres::LinearSolverType type) {
   options.use_inner_iterations = true;
   options.max_num_iterations = 8;
   return options;
-}
-
-std::unique_ptr<TestProblem> Bundle() {
-  return testing::MakeBundle(6, 80, /*first_camera_constant=*/true);
-}
-
-std::unique_ptr<TestProblem> Window() {
-  return testing::MakeWindow(6, 40, /*huber=*/true);
 }
 
 void ExpectStocks(const BothSolved& both, double tolerance) {
@@ -69,7 +63,7 @@ void GiveAll(TestProblem* test, ceres::Solver::Options* options) {
 TEST(InnerIterations, TraceIsStocksWithTheOrderingThatIsChosen) {
   for (const ceres::LinearSolverType type :
        {ceres::DENSE_SCHUR, ceres::SPARSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY, ceres::DENSE_QR}) {
-    const BothSolved both = testing::SolveBoth(Bundle, WithInnerIterations(type));
+    const BothSolved both = testing::SolveBoth(MediumBundle, WithInnerIterations(type));
     ExpectStocks(both, 1e-6);
     testing::ExpectSameParameters(both, 1e-5);
     EXPECT_EQ(both.ours.inner_iteration_ordering_used.size(), 2U);
@@ -79,14 +73,14 @@ TEST(InnerIterations, TraceIsStocksWithTheOrderingThatIsChosen) {
 
 TEST(InnerIterations, TraceIsStocksWithGivenPointsOnly) {
   const BothSolved both =
-      testing::SolveBoth(Bundle, WithInnerIterations(ceres::DENSE_SCHUR), GivePoints);
+      testing::SolveBoth(MediumBundle, WithInnerIterations(ceres::DENSE_SCHUR), GivePoints);
   ExpectStocks(both, 1e-6);
   testing::ExpectSameParameters(both, 1e-5);
 }
 
 TEST(InnerIterations, TraceIsStocksInAWindowWithManifoldsLossesAndConstants) {
   for (const ceres::LinearSolverType type : {ceres::DENSE_SCHUR, ceres::SPARSE_NORMAL_CHOLESKY}) {
-    const BothSolved both = testing::SolveBoth(Window, WithInnerIterations(type), GiveAll);
+    const BothSolved both = testing::SolveBoth(MediumWindow, WithInnerIterations(type), GiveAll);
     EXPECT_FALSE(both.report.used_stock) << both.report.fallback_reason;
     testing::ExpectSameSummary(both, 1e-6, /*same_elimination=*/false);
     EXPECT_EQ(both.ours.num_inner_iteration_steps, both.stock.num_inner_iteration_steps);
@@ -97,20 +91,20 @@ TEST(InnerIterations, TraceIsStocksInAWindowWithManifoldsLossesAndConstants) {
 TEST(InnerIterations, TraceIsStocksWithDoglegNonmonotonicStepsAndAnyTolerance) {
   ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
   options.trust_region_strategy_type = ceres::DOGLEG;
-  ExpectStocks(testing::SolveBoth(Bundle, options), 1e-5);
+  ExpectStocks(testing::SolveBoth(MediumBundle, options), 1e-5);
   options = WithInnerIterations(ceres::DENSE_SCHUR);
   options.use_nonmonotonic_steps = true;
-  ExpectStocks(testing::SolveBoth(Bundle, options), 1e-6);
+  ExpectStocks(testing::SolveBoth(MediumBundle, options), 1e-6);
   options = WithInnerIterations(ceres::DENSE_SCHUR);
   options.inner_iteration_tolerance = 0.9;  // one round, then no more
-  const BothSolved both = testing::SolveBoth(Bundle, options);
+  const BothSolved both = testing::SolveBoth(MediumBundle, options);
   ExpectStocks(both, 1e-6);
   EXPECT_LT(both.ours.num_inner_iteration_steps + 2, static_cast<int>(both.ours.iterations.size()));
 }
 
 TEST(InnerIterations, TraceIsStocksWithBounds) {
   const auto bounded = [] {
-    auto test = Bundle();
+    auto test = MediumBundle();
     for (std::vector<double>& block : test->blocks) {
       if (block.size() == 3) {
         test->problem.SetParameterLowerBound(block.data(), 2, block[2] - 0.005);
@@ -128,7 +122,7 @@ TEST(InnerIterations, SameBitsForAnyNumberOfThreads) {
   for (int threads = 1; threads <= 3; ++threads) {
     ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
     options.num_threads = threads;
-    const auto test = Bundle();
+    const auto test = MediumBundle();
     ceres::Solver::Summary summary;
     inceres::Solve(options, &test->problem, &summary);
     for (const std::vector<double>& block : test->blocks) {
@@ -140,12 +134,12 @@ TEST(InnerIterations, SameBitsForAnyNumberOfThreads) {
 }
 
 // e^a b − y of two blocks; counts calls.
-struct Calls {
+struct CallCounts {
   int costs = 0;
   int jacobians = 0;
 };
 
-ceres::CostFunction* ScaledExponential(double y, Calls* calls) {
+ceres::CostFunction* ScaledExponential(double y, CallCounts* calls) {
   return new lambdas::Cost(1, {1, 1},
                            [=](double const* const* x, double* residuals, double** jacobians) {
                              ++(jacobians == nullptr ? calls->costs : calls->jacobians);
@@ -161,7 +155,7 @@ ceres::CostFunction* ScaledExponential(double y, Calls* calls) {
                            });
 }
 
-std::unique_ptr<TestProblem> Exponentials(double phase, Calls* calls) {
+std::unique_ptr<TestProblem> Exponentials(double phase, CallCounts* calls) {
   auto test = std::make_unique<TestProblem>();
   std::vector<double*> scales, values;
   for (int k = 0; k < 12; ++k) {
@@ -185,7 +179,7 @@ TEST(InnerIterations, CallCostFunctionsLessOftenThanStock) {
   ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
   options.inner_iteration_tolerance = 1e-9;
   for (const double phase : {0.0, 1.0, 2.0}) {
-    Calls calls[2];
+    CallCounts calls[2];
     ceres::Solver::Summary stock, ours;
     ceres::Solve(options, &Exponentials(phase, &calls[0])->problem, &stock);
     SolveOptions strictly;
@@ -209,7 +203,7 @@ TEST(InnerIterations, AskForJacobiansAsOftenAsStockWhereTheseAreChecked) {
   options.gradient_check_relative_precision = 1e-4;
   SolveOptions strictly;
   strictly.strict = true;
-  Calls unchecked, calls[2];
+  CallCounts unchecked, calls[2];
   ceres::Solver::Summary stock, ours;
   inceres::Solve(options, &Exponentials(1.0, &unchecked)->problem, &ours, strictly);
   options.check_gradients = true;
@@ -225,7 +219,7 @@ TEST(InnerIterations, AskForJacobiansAsOftenAsStockWhereTheseAreChecked) {
 
 // To the bit; but cost functions are called more often.
 TEST(InnerIterations, EndWhereTheyDoWithRoomToKeepEvaluations) {
-  const auto solve = [](std::int64_t max_memory_bytes, Calls* calls) {
+  const auto solve = [](std::int64_t max_memory_bytes, CallCounts* calls) {
     internal::StructureCache::OfProcess().Clear();  // a solver that is kept has room already
     SolveOptions limited;
     limited.max_memory_bytes = max_memory_bytes;
@@ -234,13 +228,13 @@ TEST(InnerIterations, EndWhereTheyDoWithRoomToKeepEvaluations) {
                    &summary, limited);
     return summary;
   };
-  Calls with_room, without;
+  CallCounts with_room, without;
   const ceres::Solver::Summary expected = solve(0, &with_room);
   ceres::Solver::Summary actual;
   // the least that is enough to solve
   for (std::int64_t bytes = 1024; actual.termination_type == ceres::FAILURE; bytes += bytes / 64) {
     ASSERT_LT(bytes, std::int64_t{1} << 30) << actual.message;
-    without = Calls();
+    without = CallCounts();
     actual = solve(bytes, &without);
   }
   EXPECT_EQ(expected.final_cost, actual.final_cost);
@@ -251,7 +245,7 @@ TEST(InnerIterations, EndWhereTheyDoWithRoomToKeepEvaluations) {
 
 TEST(InnerIterations, MessageIsStocksForGroupsThatAreNotIndependent) {
   const BothSolved both = testing::SolveBoth(
-      Bundle, WithInnerIterations(ceres::SPARSE_NORMAL_CHOLESKY),
+      MediumBundle, WithInnerIterations(ceres::SPARSE_NORMAL_CHOLESKY),
       [](TestProblem* test, ceres::Solver::Options* options) {
         options->inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
         for (std::vector<double>& block : test->blocks) {
@@ -267,7 +261,7 @@ TEST(InnerIterations, MessageIsStocksForGroupsThatAreNotIndependent) {
 }
 
 TEST(InnerIterations, UnknownAddressesAndCallbacksAreRefusedWithAMessage) {
-  const auto test = Bundle();
+  const auto test = MediumBundle();
   double stranger = 0.0;
   ceres::Solver::Options options = WithInnerIterations(ceres::DENSE_SCHUR);
   options.inner_iteration_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
@@ -342,7 +336,7 @@ TEST(InnerIterations, NoneForOneBlockOrAnOrderingOfNothingThatMoves) {
 }
 
 TEST(InnerIterations, EveryVariableBlockIsInOneGroupOfNoNeighbors) {
-  const auto test = Window();
+  const auto test = MediumWindow();
   const internal::ProblemView view = internal::Introspect(test->problem);
   const internal::InnerOrdering ordering =
       internal::FindInnerOrdering(ceres::Solver::Options(), nullptr, view);
@@ -368,7 +362,7 @@ TEST(InnerIterations, EveryVariableBlockIsInOneGroupOfNoNeighbors) {
 }
 
 TEST(InnerIterations, ASolveInIncrementalModeIsExact) {
-  const auto test = Bundle();
+  const auto test = MediumBundle();
   ceres::Solver::Summary summary;
   SolveOptions ours;
   ours.mode = SolveMode::kIncremental;

@@ -1,5 +1,3 @@
-#include "adapters/ceres/plan/landmark_fill.h"
-
 #include <algorithm>
 #include <limits>
 #include <memory>
@@ -12,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/reduced_graph.h"
 #include "adapters/compare_with_stock.h"
 #include "adapters/test_problems.h"

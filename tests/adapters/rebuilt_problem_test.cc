@@ -96,7 +96,7 @@ TEST_F(RebuiltProblem, IsSolvedAfterOneWhoseLossWasNotFinite) {
 }
 
 // Ways in which problems of the same few blocks and residual blocks can differ, one at a time.
-struct Difference {
+struct StructureDifference {
   bool constant = false;
   bool manifold = false;
   bool bounds = false;
@@ -133,7 +133,7 @@ ceres::CostFunction* SumCost(int num_residuals, const std::vector<int>& sizes, d
 
 // Blocks lie in one array, so that their order by address is the same each time, and are touched by
 // chains of residual blocks.
-std::vector<double> SolveWith(const Difference& difference) {
+std::vector<double> SolveWith(const StructureDifference& difference) {
   std::vector<double> memory(10, 0.3);
   const std::vector<int> sizes = {2, 2, difference.longer_block ? 4 : 3};
   const std::vector<double*> blocks = {memory.data(), memory.data() + 2, memory.data() + 4};
@@ -193,7 +193,7 @@ std::vector<double> SolveWith(const Difference& difference) {
 
 // What is kept of one problem must not serve another that only looks like it.
 TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
-  std::vector<Difference> all(14);
+  std::vector<StructureDifference> all(14);
   all[1].constant = true;
   all[2].manifold = true;
   all[3].bounds = true;
@@ -208,7 +208,7 @@ TEST_F(RebuiltProblem, HasTheBitsOfTheFirstAfterAnyOther) {
   all[12].first_group = {1};
   all[13].shift = 0.7;
   std::vector<std::vector<double>> alone;
-  for (const Difference& difference : all) {
+  for (const StructureDifference& difference : all) {
     ForgetStructures();
     alone.push_back(SolveWith(difference));
   }

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "adapters/captured_log.h"
-#include "adapters/ceres/compare/disagreement.h"
+#include "adapters/ceres/compare/compare_solves.h"
 #include "adapters/ceres/compare/second_opinion.h"
 #include "adapters/test_problems.h"
 #include "adapters/two_faced_problem.h"

@@ -14,7 +14,7 @@ using testing::SolveBoth;
 using testing::TestProblem;
 using Options = ceres::Solver::Options;
 
-struct Case {
+struct DoglegCase {
   const char* name;
   std::function<std::unique_ptr<TestProblem>()> recipe;
   ceres::LinearSolverType linear_solver;
@@ -37,7 +37,7 @@ std::unique_ptr<TestProblem> MakeLine() {
   return test;
 }
 
-Options SubspaceOptions(const Case& which) {
+Options SubspaceOptions(const DoglegCase& which) {
   Options options;
   options.trust_region_strategy_type = ceres::DOGLEG;
   options.dogleg_type = ceres::SUBSPACE_DOGLEG;
@@ -47,7 +47,7 @@ Options SubspaceOptions(const Case& which) {
   return options;
 }
 
-class SubspaceDogleg : public ::testing::TestWithParam<std::tuple<Case, bool, bool>> {};
+class SubspaceDogleg : public ::testing::TestWithParam<std::tuple<DoglegCase, bool, bool>> {};
 
 TEST_P(SubspaceDogleg, FollowsStock) {
   const auto& [which, nonmonotonic, jacobi_scaling] = GetParam();
@@ -63,18 +63,18 @@ TEST_P(SubspaceDogleg, FollowsStock) {
 INSTANTIATE_TEST_SUITE_P(
     Problems, SubspaceDogleg,
     ::testing::Combine(
-        ::testing::Values(Case{"Line", MakeLine, ceres::DENSE_QR, 0.1},
-                          Case{"Powell", testing::MakePowell, ceres::DENSE_QR, 0.5},
-                          Case{"Curve", [] { return testing::MakeCurveFit(1.0); }, ceres::DENSE_QR,
-                               0.2},
-                          Case{"CurveNormal", [] { return testing::MakeCurveFit(0.0); },
-                               ceres::DENSE_NORMAL_CHOLESKY, 1e4},
-                          Case{"Bundle", [] { return testing::MakeBundle(4, 25, true); },
-                               ceres::DENSE_SCHUR, 0.3},
-                          Case{"Window", [] { return testing::MakeWindow(5, 25, true); },
-                               ceres::SPARSE_SCHUR, 0.5}),
+        ::testing::Values(DoglegCase{"Line", MakeLine, ceres::DENSE_QR, 0.1},
+                          DoglegCase{"Powell", testing::MakePowell, ceres::DENSE_QR, 0.5},
+                          DoglegCase{"Curve", [] { return testing::MakeCurveFit(1.0); },
+                                     ceres::DENSE_QR, 0.2},
+                          DoglegCase{"CurveNormal", [] { return testing::MakeCurveFit(0.0); },
+                                     ceres::DENSE_NORMAL_CHOLESKY, 1e4},
+                          DoglegCase{"Bundle", [] { return testing::MakeBundle(4, 25, true); },
+                                     ceres::DENSE_SCHUR, 0.3},
+                          DoglegCase{"Window", [] { return testing::MakeWindow(5, 25, true); },
+                                     ceres::SPARSE_SCHUR, 0.5}),
         ::testing::Bool(), ::testing::Bool()),
-    [](const ::testing::TestParamInfo<std::tuple<Case, bool, bool>>& instance) {
+    [](const ::testing::TestParamInfo<std::tuple<DoglegCase, bool, bool>>& instance) {
       return std::string(std::get<0>(instance.param).name) +
              (std::get<1>(instance.param) ? "Nonmonotonic" : "") +
              (std::get<2>(instance.param) ? "" : "Unscaled");

@@ -258,6 +258,14 @@ std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool hu
   return test;
 }
 
+std::unique_ptr<TestProblem> MediumBundle() {
+  return MakeBundle(6, 80, /*first_camera_constant=*/true);
+}
+
+std::unique_ptr<TestProblem> MediumWindow() {
+  return MakeWindow(6, 40, /*huber=*/true);
+}
+
 std::unique_ptr<TestProblem> MakeClosedCurve(unsigned seed, bool huber) {
   constexpr int kControlPoints = 30;
   const test::ClosedCurveScene scene(seed, kControlPoints, 120);

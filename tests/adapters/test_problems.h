@@ -80,6 +80,10 @@ std::unique_ptr<TestProblem> MakeBundle(int num_cameras, int num_points,
 /// block that touches only constants, one block that nothing touches.
 std::unique_ptr<TestProblem> MakeWindow(int num_poses, int num_features, bool huber);
 
+/// 6 cameras, the first one constant, and 80 points; 6 poses and 40 features with a Huber loss.
+std::unique_ptr<TestProblem> MediumBundle();
+std::unique_ptr<TestProblem> MediumWindow();
+
 /// A closed curve of 30 control points fitted to 120 points: residual blocks that touch all control
 /// points, of which three count (support/closed_curve.h), and springs between neighbors.
 std::unique_ptr<TestProblem> MakeClosedCurve(unsigned seed, bool huber);

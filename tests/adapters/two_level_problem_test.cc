@@ -126,7 +126,7 @@ class Builder {
   std::vector<double*> cameras_;
 };
 
-ceres::Solver::Options Options(ceres::LinearSolverType type) {
+ceres::Solver::Options StreetOptions(ceres::LinearSolverType type) {
   ceres::Solver::Options options;
   options.linear_solver_type = type;
   options.logging_type = ceres::SILENT;
@@ -148,7 +148,7 @@ Solved SolveBy(PreconditionerKind preconditioner, const Street& street, int num_
   asked.conjugate_gradients->preconditioner = preconditioner;
   asked.conjugate_gradients->eta = 1e-3;
   asked.conjugate_gradients->max_iterations = 20000;
-  ceres::Solver::Options options = Options(ceres::SPARSE_SCHUR);
+  ceres::Solver::Options options = StreetOptions(ceres::SPARSE_SCHUR);
   options.num_threads = num_threads;
   Solved solved;
   Solve(options, &test->problem, &solved.summary, asked, &solved.report);
@@ -159,7 +159,7 @@ class TwoLevelOnProblems : public ::testing::TestWithParam<Street> {};
 
 TEST_P(TwoLevelOnProblems, EndsWhereAFactorizationDoesInFewIterations) {
   const auto test = Builder(GetParam()).Build();
-  ceres::Solver::Options tight = Options(ceres::SPARSE_SCHUR);
+  ceres::Solver::Options tight = StreetOptions(ceres::SPARSE_SCHUR);
   tight.function_tolerance = 1e-12;
   tight.max_num_iterations = 100;
   ceres::Solver::Summary expected;
@@ -209,7 +209,7 @@ TEST(IterativeSchurInIncrementalMode, TakesWhatIsPredictedToTakeLeast) {
   asked.strict = true;
   const auto test = Builder(Long()).Build();
   Solved solved;
-  ceres::Solver::Options options = Options(ceres::ITERATIVE_SCHUR);
+  ceres::Solver::Options options = StreetOptions(ceres::ITERATIVE_SCHUR);
   options.max_num_iterations = 5;
   Solve(options, &test->problem, &solved.summary, asked, &solved.report);
   EXPECT_TRUE(solved.summary.IsSolutionUsable()) << solved.summary.message;
@@ -224,7 +224,7 @@ TEST(IterativeSchurInIncrementalMode, ASessionGoesOnFromWhatTheBatchSolverLeft) 
   SessionOptions session_options;
   session_options.exact_windows = false;
   CeresSession session(session_options);
-  ceres::Solver::Options options = Options(ceres::ITERATIVE_SCHUR);
+  ceres::Solver::Options options = StreetOptions(ceres::ITERATIVE_SCHUR);
   options.function_tolerance = 1e-2;
   for (int round = 0; round < 2; ++round) {
     Solved solved;
@@ -243,7 +243,8 @@ TEST(OptionsOfASolve, TooLittleMemoryIsRefusedInEitherMode) {
     asked.mode = mode;
     asked.max_memory_bytes = 100000;
     Solved solved;
-    Solve(Options(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked, &solved.report);
+    Solve(StreetOptions(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked,
+          &solved.report);
     EXPECT_EQ(solved.summary.termination_type, ceres::FAILURE);
     EXPECT_FALSE(solved.report.used_stock);
     const std::string told = solved.summary.message + solved.report.core.detail;
@@ -257,10 +258,10 @@ TEST(OptionsOfASolve, ConjugateGradientsOfIncrementalModeAreNamedInExactMode) {
   SolveOptions asked;
   asked.conjugate_gradients.emplace();
   Solved solved;
-  Solve(Options(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked, &solved.report);
+  Solve(StreetOptions(ceres::SPARSE_SCHUR), &test->problem, &solved.summary, asked, &solved.report);
   ASSERT_EQ(solved.report.options_without_effect.size(), 1U);
   EXPECT_EQ(solved.report.options_without_effect[0], "SolveOptions::conjugate_gradients");
-  ceres::Solver::Options dogleg = Options(ceres::SPARSE_SCHUR);
+  ceres::Solver::Options dogleg = StreetOptions(ceres::SPARSE_SCHUR);
   dogleg.trust_region_strategy_type = ceres::DOGLEG;
   asked.mode = SolveMode::kIncremental;
   Solve(dogleg, &test->problem, &solved.summary, asked, &solved.report);

@@ -42,6 +42,11 @@ void ExpectNothingToSolve(World* world, double cost) {
   EXPECT_EQ(summary.num_successful_steps, -1);
   EXPECT_EQ(summary.num_unsuccessful_steps, -1);
   EXPECT_EQ(summary.num_parameter_blocks_reduced, 0);
+  EXPECT_EQ(summary.num_residual_evaluations, -1);
+  EXPECT_EQ(summary.num_jacobian_evaluations, -1);
+  EXPECT_GE(summary.preprocessor_time_in_seconds, 0.0);
+  EXPECT_GE(summary.minimizer_time_in_seconds, 0.0);
+  EXPECT_GE(summary.total_time_in_seconds, 0.0);
   EXPECT_EQ(summary.linear_solver_type_given, ceres::DENSE_SCHUR);
   EXPECT_EQ(summary.linear_solver_type_used, ceres::SPARSE_NORMAL_CHOLESKY);
   EXPECT_TRUE(summary.linear_solver_ordering_used.empty());

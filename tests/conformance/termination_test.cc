@@ -1,6 +1,9 @@
 // docs/ceres_contract.md, "Termination and messages". Test names are the conditions'.
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "conformance/support.h"
 #include "support/ceres_manifolds.h"
@@ -132,16 +135,16 @@ TEST(Termination34, evaluation_failed_at_an_accepted_step) {
   EXPECT_EQ(line.x[0], 0.5);
 }
 
-// R² whose Plus fails, or only when the step is zero.
+// R² whose Plus fails for some steps.
 class Failing : public manifolds::Manifold {
  public:
-  explicit Failing(bool only_at_zero) : only_at_zero_(only_at_zero) {}
+  explicit Failing(std::function<bool(const double* delta)> fails) : fails_(std::move(fails)) {}
   int AmbientSize() const override { return 2; }
   int TangentSize() const override { return 2; }
   bool Plus(const double* x, const double* delta, double* sum) const override {
     sum[0] = x[0] + delta[0];
     sum[1] = x[1] + delta[1];
-    return only_at_zero_ && (delta[0] != 0.0 || delta[1] != 0.0);
+    return !fails_(delta);
   }
   bool PlusJacobian(const double*, double* jacobian) const override {
     const double identity[4] = {1.0, 0.0, 0.0, 1.0};
@@ -152,14 +155,14 @@ class Failing : public manifolds::Manifold {
   bool MinusJacobian(const double*, double*) const override { return false; }
 
  private:
-  bool only_at_zero_;
+  std::function<bool(const double* delta)> fails_;
 };
 
 TEST(Termination34, plus_of_the_gradient_failed) {
   World world;
   double* x = world.Add({1.0, 2.0});
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  manifolds::Set(&world.problem, x, new Failing(false));
+  manifolds::Set(&world.problem, x, new Failing([](auto) { return true; }));
   const Outcome outcome = Solve(Small(), &world.problem);
   // From 2.2 on whatever fails at the start has one message.
   const std::string message =
@@ -168,11 +171,25 @@ TEST(Termination34, plus_of_the_gradient_failed) {
   EXPECT_EQ(outcome.summary.message, message);
 }
 
+// The first call moves along the gradient, the second makes the first candidate, the third moves
+// along the gradient there.
+TEST(Termination34, plus_of_the_gradient_failed_at_an_accepted_step) {
+  World world;
+  double* x = world.Add({1.0, 2.0});
+  world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
+  const auto is_third = [num_calls = 0](auto) mutable { return ++num_calls == 3; };
+  manifolds::Set(&world.problem, x, new Failing(is_third));
+  const Outcome outcome = Solve(Small(), &world.problem);
+  ExpectEnd(outcome, ceres::FAILURE, "projected_gradient_step = Plus(x, -gradient) failed.");
+  EXPECT_EQ(world.blocks[0], (std::vector<double>{1.0, 2.0})) << "all progress is discarded";
+}
+
 TEST(Termination34, bounded_and_plus_of_zero_failed) {
   World world;
   double* x = world.Add({1.0, 2.0});
   world.problem.AddResidualBlock(Target({0.0, 0.0}), nullptr, x);
-  manifolds::Set(&world.problem, x, new Failing(true));
+  const auto is_zero = [](const double* delta) { return delta[0] == 0.0 && delta[1] == 0.0; };
+  manifolds::Set(&world.problem, x, new Failing(is_zero));
   world.problem.SetParameterLowerBound(x, 0, -10.0);
   const Outcome outcome = Solve(Small(), &world.problem);
   ExpectEnd(outcome, ceres::FAILURE, "Unable to project initial point onto the feasible set.");

@@ -12,7 +12,7 @@
 #include "distributed/assembled_system.h"
 #include "distributed/communicator.h"
 #include "distributed/distributed_model.h"
-#include "distributed/reduced_solvers.h"
+#include "distributed/reduced_system.h"
 #include "distributed/shared_frames.h"
 #include "tests/distributed/parts.h"
 
@@ -132,8 +132,9 @@ TEST(AssembledSystem, ARankWithoutMemoryForItsSharesEndsAll) {
   const internal::Elimination elimination(part.evaluator, incidences, plans, hessian);
   internal::FrameExchange exchange(part.ranks, part.frames, part.frames.moving(),
                                    internal::FramePlace::kTangent);
-  const internal::ReducedSystem system(part.ranks, part.frames, part.evaluator, plans, hessian,
-                                       elimination, &exchange);
+  const internal::RankedParts parts{part.ranks, part.frames, part.evaluator, incidences,
+                                    plans,      hessian,     elimination};
+  const internal::ReducedSystem system(parts, &exchange);
   const int last = NumRanks() - 1;
   for (const auto form :
        {internal::AssembledSystem::Form::kUpper, internal::AssembledSystem::Form::kWhole}) {

@@ -1,11 +1,10 @@
 // Who owns a frame: what ranks send is balanced.
-#include "distributed/frame_owners.h"
-
 #include <algorithm>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "distributed/shared_frames.h"
 #include "support/random_values.h"
 
 namespace inceres::test {

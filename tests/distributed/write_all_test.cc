@@ -1,12 +1,12 @@
 // Bytes are written to the end, whatever single calls do.
-#include "distributed/write_all.h"
-
 #include <algorithm>
 #include <cerrno>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "distributed/checkpoint.h"
 
 namespace inceres::internal {
 namespace {

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "estimator/window_sequence.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "support/dense_oracle.h"
 
 namespace inceres::test {

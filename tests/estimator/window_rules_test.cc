@@ -8,7 +8,7 @@
 
 #include "estimator/window_sequence.h"
 #include "inceres/factors/imu_factor.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 
 namespace inceres::test {
 namespace {

@@ -5,17 +5,12 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/bal_reprojection.h"
-#include "inceres/factors/bearing.h"
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_factor.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/relative_similarity.h"
-#include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres {
 namespace {

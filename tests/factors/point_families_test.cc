@@ -8,10 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "factors/visual_states.h"
-#include "inceres/factors/bearing.h"
 #include "inceres/factors/equidistant_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/stereo_reprojection.h"
 
 namespace inceres {
 namespace {

@@ -1,7 +1,5 @@
 // Errors of relative poses in the conventions of four programs: values against the words of each,
 // Jacobians against numeric ones.
-#include "inceres/factors/pose_edge.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "factors/pose_states.h"
+#include "inceres/factors/relative_pose.h"
 
 namespace inceres {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "factors/numeric_jacobian.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/problem/manifolds.h"

@@ -1,7 +1,5 @@
 // Errors of relative similarities: values against the exponential of Sim(3) by its series,
 // Jacobians against numeric ones.
-#include "inceres/factors/relative_similarity.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -12,11 +10,10 @@
 #include <gtest/gtest.h>
 
 #include "factors/numeric_jacobian.h"
-#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
+#include "inceres/factors/relative_pose.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
-#include "inceres/problem/similarity_manifold.h"
 
 namespace inceres {
 namespace {

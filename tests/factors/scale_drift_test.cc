@@ -7,10 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/factors/relative_similarity.h"
+#include "inceres/factors/relative_pose.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
-#include "inceres/problem/similarity_manifold.h"
 #include "inceres/solver/incremental_solver.h"
 #include "inceres/solver/solver.h"
 

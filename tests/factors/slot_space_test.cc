@@ -9,21 +9,17 @@
 #include <gtest/gtest.h>
 
 #include "inceres/factors/body_reprojection.h"
-#include "inceres/factors/center_distance.h"
 #include "inceres/factors/diagonal_prior.h"
+#include "inceres/factors/gauge.h"
 #include "inceres/factors/imu_factor.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/landmark_position.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/pose_prior.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/relative_similarity.h"
 #include "inceres/problem/check_jacobians.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/graph_edit.h"
 #include "inceres/problem/manifolds.h"
-#include "inceres/problem/similarity_manifold.h"
 
 namespace inceres {
 namespace {

@@ -7,10 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "factors/visual_states.h"
-#include "inceres/factors/bearing.h"
 #include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/point_reprojection.h"
-#include "inceres/factors/stereo_reprojection.h"
 #include "inceres/solver/solver.h"
 
 namespace inceres {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "factors/numeric_jacobian.h"
-#include "inceres/factors/point_observation.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
 

@@ -25,7 +25,7 @@ DEFECTS = [
     ("stale_jacobian", "src/incremental/relinearization.cc",
      ": stale.ExceededBy(family, i);", ": !IS && stale.ExceededBy(family, i);"),
     ("stale_jacobian", "src/incremental/relinearization.cc",
-     "else if (aged.ExceededBy(family, i))", "else if (!IS && aged.ExceededBy(family, i))"),
+     "else if (aged.ExceededBy(family, factor))", "else if (!IS && aged.ExceededBy(family, factor))"),
     # One landmark in five is never back-substituted.
     ("landmark_skipped", "src/incremental/trial_step.cc",
      "if (active_.landmarks().Add(landmark)) {",

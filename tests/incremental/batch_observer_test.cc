@@ -22,8 +22,9 @@ bool MayEnd(TrustRegionStrategyKind strategy, double batch_share, double radius)
   const double* shown_state = nullptr;
   UpdateSummary summary;
   UpdateTrace trace(nullptr, &summary);
-  BatchObserver observer(options, tuning.batch, BatchEnd::kToTheEnd, stop, /*num_factors=*/1,
-                         &shown_state, &trace);
+  FactorGraph graph;
+  BatchObserver observer({&options, tuning.batch, BatchEnd::kToTheEnd, stop, /*solver=*/nullptr,
+                          &graph, &shown_state, &trace});
   IterationSummary iteration;
   iteration.iteration = 1;
   iteration.model_cost_change = 1.0;

@@ -10,7 +10,9 @@
 #include "inceres/problem/manifolds.h"
 #include "inceres/solver/solver.h"
 #include "incremental/incremental_bundle.h"
+#include "support/classic_functors.h"
 #include "support/dense_oracle.h"
+#include "support/test_families.h"
 
 namespace inceres::test {
 namespace {
@@ -125,18 +127,7 @@ TEST(Bounds, WhatIsLiftedGoesOnToTheFreeOptimum) {
 // Rosenbrock's valley against a wall: where the batch solver creeps, this one comes to the foot.
 TEST(Bounds, RosenbrockAgainstAWall) {
   IncrementalSolver solver(Tight(2.0));
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      2, std::vector<FactorFamily::Slot>{{2, 2}},
-      [](int, const double* const* parameters, double* residuals, double** jacobians) {
-        const double* p = parameters[0];
-        residuals[0] = 10.0 * (p[1] - p[0] * p[0]);
-        residuals[1] = 1.0 - p[0];
-        if (jacobians != nullptr && jacobians[0] != nullptr) {
-          const double J[4] = {-20.0 * p[0], 10.0, -1.0, 0.0};
-          std::copy(J, J + 4, jacobians[0]);
-        }
-        return true;
-      }));
+  const auto family = solver.AddFamily(JetFamily<2, 2>(RosenbrockTerm()));
   GraphEdit edit(solver.graph());
   const double start[] = {-1.2, 1.0};
   const double upper[] = {0.5, 9.0};

@@ -408,13 +408,13 @@ void EditWorld::Toggle() {
 
 void EditWorld::Relinearize() {
   RelinearizeWork work;
-  const RebuildRule rules[] = {RebuildRule::kWhenCheaper, RebuildRule::kAlways,
-                               RebuildRule::kNever};
-  const RebuildRule rule = rules[random_.Below(6) == 0 ? 1 : 2 * random_.Below(2)];
+  const RebuildPolicy rules[] = {RebuildPolicy::kWhenCheaper, RebuildPolicy::kAlways,
+                                 RebuildPolicy::kNever};
+  const RebuildPolicy rule = rules[random_.Below(6) == 0 ? 1 : 2 * random_.Below(2)];
   const Status status =
       system_.Relinearize(std::pow(10.0, random_.Between(-9.0, 1.0)), rule, &work);
   ASSERT_TRUE(status.ok()) << status.message;
-  EXPECT_TRUE(rule != RebuildRule::kAlways || work.rebuilt);
+  EXPECT_TRUE(rule != RebuildPolicy::kAlways || work.rebuilt);
   EXPECT_EQ(system_.NumDirtyFactors(), 0);
 }
 
@@ -507,6 +507,10 @@ void EditWorld::ExpectRounding() {
   const double most = system_.rounding().AtMost();
   // Now and then only: what has changed adds up until it is asked for.
   const double of_residuals = random_.Below(2) == 0 ? system_.rounding().OfResiduals() : -1.0;
+  // To one that was just made all rows are new.
+  for (int row = 0; row < static_cast<int>(system_.schur().frames().size()); ++row) {
+    system_.schur().changes().TouchValues(row);
+  }
   CostRounding fresh(graph_, system_.variables(), system_.families(), &system_.schur());
   ASSERT_EQ(most, fresh.AtMost());
   if (of_residuals >= 0.0) {
@@ -584,7 +588,7 @@ void EditWorld::ExpectFreshCost() {
   IncrementalSystem fresh(graph, 1);
   AddWholeGraph(&fresh);
   RelinearizeWork work;
-  ASSERT_TRUE(fresh.Relinearize(1e-4, RebuildRule::kNever, &work).ok());
+  ASSERT_TRUE(fresh.Relinearize(1e-4, RebuildPolicy::kNever, &work).ok());
   ASSERT_NEAR(system_.cost(), fresh.cost(), 1e-10 * fresh.cost());
   ASSERT_NO_FATAL_FAILURE(BatchSystem(graph, fresh).ExpectLaw());
 }

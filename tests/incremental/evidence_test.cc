@@ -2,6 +2,7 @@
 // be evaluated, losses without a weight, options that have become stricter, code that throws.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -114,23 +115,17 @@ TEST_F(TopOfAHump, WhereWhatHeldTheVariableThereIsGone) {
   ExpectMinimum(edit);
 }
 
-// ρ(s) = 2 √s: no weight at s = 0.
-class Cone final : public Loss {
- public:
-  void Evaluate(double s, double rho[3]) const override {
-    const double root = std::sqrt(s);
-    rho[0] = 2.0 * root;
-    rho[1] = 1.0 / root;
-    rho[2] = -0.5 / (s * root);
-  }
-};
-
 FunctionFamily::Function Identity() {
   return test::ScalarFunction([](double x) { return x; }, 1.0);
 }
 
 TEST(Evidence, ALossWithoutAWeightIsNamedAndLeavesNothingBehind) {
-  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 0.0, std::make_shared<Cone>());
+  // ρ(s) = 2 √s: no weight at s = 0.
+  const auto cone = test::LossOf([](double s) {
+    const double root = std::sqrt(s);
+    return std::array{2.0 * root, 1.0 / root, -0.5 / (s * root)};
+  });
+  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 0.0, cone);
   ASSERT_TRUE(one.applied);
   GraphEdit edit(one.solver.graph());
   const auto measured =
@@ -153,15 +148,10 @@ TEST(Evidence, ALossWithoutAWeightIsNamedAndLeavesNothingBehind) {
 
 // Where the step would lead there is none.
 TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
-  class Hole final : public Loss {
-   public:
-    void Evaluate(double s, double rho[3]) const override {
-      rho[0] = s;
-      rho[1] = s < 0.25 ? std::numeric_limits<double>::quiet_NaN() : 1.0;
-      rho[2] = 0.0;
-    }
-  };
-  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 4.0, std::make_shared<Hole>());
+  const auto hole = test::LossOf([](double s) {
+    return std::array{s, s < 0.25 ? std::numeric_limits<double>::quiet_NaN() : 1.0, 0.0};
+  });
+  IncrementalFunction one(WithoutBatch(1e-8), Identity(), 1, 4.0, hole);
   ASSERT_TRUE(one.applied);
   const UpdateSummary summary = one.solver.Update();
   EXPECT_NE(summary.termination, Termination::kFailure) << summary.message;

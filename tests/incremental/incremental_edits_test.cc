@@ -122,15 +122,8 @@ TEST(IncrementalEdits, NoJacobianByAConstantIsNeeded) {
       IncrementalSolver solver(Tight());
       const auto sum = solver.AddFamily(std::make_shared<test::FunctionFamily>(
           1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, function));
-      const auto at_four = solver.AddFamily(std::make_shared<test::FunctionFamily>(
-          1, std::vector<FactorFamily::Slot>{{1, 1}},
-          [](int, const double* const* p, double* f, double** J) {
-            f[0] = p[0][0] - 4.0;
-            if (J != nullptr && J[0] != nullptr) {
-              J[0][0] = 1.0;
-            }
-            return true;
-          }));
+      const auto at_four =
+          solver.AddFamily(test::ScalarFamily([](double y) { return y - 4.0; }, 1.0));
       const double start = 1.0, zero = 0.0;
       GraphEdit edit(solver.graph());
       const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);

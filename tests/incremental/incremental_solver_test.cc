@@ -24,7 +24,6 @@
 namespace inceres {
 namespace {
 
-using test::FunctionFamily;
 using test::IncrementalFunction;
 
 // A simulated street whose cameras arrive one by one, with the points that two cameras so far see.
@@ -193,17 +192,12 @@ TEST(IncrementalSolver, ParksALandmarkWithoutInformation) {
 TEST(IncrementalSolver, AFactorThatFailsIsNamedAndMayRecover) {
   IncrementalSolver solver{IncrementalOptions{}};
   bool broken = false;
-  const auto moody = [&broken](int i, const double* const* parameters, double* residuals,
-                               double** jacobians) {
-    residuals[0] = parameters[0][0] - i;
-    if (jacobians != nullptr) {
-      jacobians[0][0] = 1.0;
-    }
+  const auto moody = test::JetFamily<1, 1>([&broken](int i, const auto* x, auto* f) {
+    f[0] = x[0] - i;
     return !(broken && i == 1);
-  };
+  });
   const double start = 5.0;
-  const auto family = solver.AddFamily(
-      std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, moody));
+  const auto family = solver.AddFamily(moody);
   GraphEdit edit(solver.graph());
   const VariableId x = edit.AddVariable(&start, 1, Role::kFrame);
   edit.AddFactor(family, 0, {x});

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <memory>
-#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -15,27 +14,17 @@
 namespace inceres::internal {
 namespace {
 
-using test::FunctionFamily;
-
 // One frame x and landmarks l_i with residuals (x − 1, 3 (l_i − x) + l_i² / 10).
 class Star {
  public:
   explicit Star(int num_landmarks, std::shared_ptr<const Loss> loss = nullptr,
                 double landmark_damping = 0.0)
       : system_(graph_, 1) {
-    const auto view = [](int, const double* const* x, double* residuals, double** jacobians) {
-      residuals[0] = x[0][0] - 1.0;
-      residuals[1] = 3.0 * (x[1][0] - x[0][0]) + 0.1 * x[1][0] * x[1][0];
-      if (jacobians != nullptr) {
-        jacobians[0][0] = 1.0;
-        jacobians[0][1] = -3.0;
-        jacobians[1][0] = 0.0;
-        jacobians[1][1] = 3.0 + 0.2 * x[1][0];
-      }
-      return true;
-    };
-    const auto views = graph_.AddFamily(
-        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view));
+    const auto views =
+        graph_.AddFamily(test::JetFamily<2, 1, 1>([](const auto* x, const auto* l, auto* f) {
+          f[0] = x[0] - 1.0;
+          f[1] = 3.0 * (l[0] - x[0]) + 0.1 * l[0] * l[0];
+        }));
     const double start = 4.0;
     const VariableId frame = graph_.AddVariable(&start, 1, Role::kFrame);
     for (int i = 0; i < num_landmarks; ++i) {
@@ -45,7 +34,7 @@ class Star {
     }
     AddWholeGraph(&system_);
     RelinearizeWork work;
-    EXPECT_TRUE(system_.Relinearize(landmark_damping, RebuildRule::kNever, &work).ok());
+    EXPECT_TRUE(system_.Relinearize(landmark_damping, RebuildPolicy::kNever, &work).ok());
   }
 
   IncrementalSystem& system() { return system_; }
@@ -139,7 +128,7 @@ TEST(DoglegPath, OfNoLengthAtAStationaryPointIsNoStep) {
   IncrementalSystem system(graph, 1);
   AddWholeGraph(&system);
   RelinearizeWork work;
-  ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  ASSERT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   system.step().SetFrame(0, &zero);
   system.step().Shorten(0.0);
   EXPECT_EQ(*system.step().Frame(0), 0.0);
@@ -182,7 +171,7 @@ TEST(LandmarkSteps, DampingDoesNotMakeThemCreep) {
     ASSERT_TRUE(system.StepLandmarks({0}, &num_evaluated));
     system.MarkDirty({0, 0});
     system.step().End();
-    ASSERT_TRUE(system.Relinearize(kDamping, RebuildRule::kNever, &work).ok());
+    ASSERT_TRUE(system.Relinearize(kDamping, RebuildPolicy::kNever, &work).ok());
     if (pass == 0) {
       EXPECT_LT(*system.variables().current(1) - start, 0.2 * (minimum - start));
     }
@@ -200,7 +189,7 @@ TEST(LandmarkSteps, ThoseThatDoNotGainStayWhereTheyAre) {
     if (system.StepLandmarks({0}, &num_evaluated)) {
       system.MarkDirty({0, 0});
       system.step().End();
-      ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+      ASSERT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
     }
   }
   const double settled = *system.variables().current(1);
@@ -218,7 +207,7 @@ TEST(LandmarkSteps, TheGainOfAllIsRightAfterTheCostHasFallenFar) {
   const auto set = [&system](double value) {
     system.SetValues(1, &value);
     RelinearizeWork work;
-    ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+    ASSERT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   };
   set(3e9 + 1.0 / 3.0);
   ASSERT_GT(system.schur().gains().Total(1e-9), 1e18);

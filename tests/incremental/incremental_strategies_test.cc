@@ -11,12 +11,12 @@
 #include "inceres/problem/losses.h"
 #include "inceres/solver/solver.h"
 #include "incremental/incremental_bundle.h"
-#include "incremental/shares.h"
+#include "incremental/update_context.h"
+#include "support/test_families.h"
 
 namespace inceres {
 namespace {
 
-using test::FunctionFamily;
 using test::IncrementalBundle;
 
 class BatchOnly : public testing::TestWithParam<TrustRegionStrategyKind> {};
@@ -205,28 +205,15 @@ TEST(LandmarkPasses, BringOutliersHomeInFewerIterations) {
     IncrementalSolver solver(options);
     // A frame held by a prior; a landmark l with residuals (l − x − m, 0.02 l): weak across, far
     // out along the first.
-    const auto view = [](int i, const double* const* x, double* residuals, double** jacobians) {
-      residuals[0] = x[1][0] - x[0][0] - (i == 0 ? 40.0 : 0.0);
-      residuals[1] = 0.3 * std::sin(x[1][0]) + 0.1 * x[1][0];
-      if (jacobians != nullptr) {
-        jacobians[0][0] = -1.0;
-        jacobians[0][1] = 0.0;
-        jacobians[1][0] = 1.0;
-        jacobians[1][1] = 0.3 * std::cos(x[1][0]) + 0.1;
-      }
-      return true;
-    };
-    const auto prior = [](int, const double* const* x, double* residuals, double** jacobians) {
-      residuals[0] = 10.0 * x[0][0] + std::sin(x[0][0]);
-      if (jacobians != nullptr) {
-        jacobians[0][0] = 10.0 + std::cos(x[0][0]);
-      }
-      return true;
-    };
-    const auto views = solver.AddFamily(
-        std::make_shared<FunctionFamily>(2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, view));
-    const auto priors = solver.AddFamily(
-        std::make_shared<FunctionFamily>(1, std::vector<FactorFamily::Slot>{{1, 1}}, prior));
+    const auto views =
+        solver.AddFamily(test::JetFamily<2, 1, 1>([](int i, const auto* x, const auto* l, auto* f) {
+          using std::sin;
+          f[0] = l[0] - x[0] - (i == 0 ? 40.0 : 0.0);
+          f[1] = 0.3 * sin(l[0]) + 0.1 * l[0];
+        }));
+    const auto priors =
+        solver.AddFamily(test::ScalarFamily([](double x) { return 10.0 * x + std::sin(x); },
+                                            [](double x) { return 10.0 + std::cos(x); }));
     GraphEdit edit(solver.graph());
     const double start[2] = {1.0, 30.0};
     const VariableId frame = edit.AddVariable(&start[0], 1, Role::kFrame);
@@ -362,26 +349,13 @@ TEST(NewFrameSteps, SpareTheReducedSystem) {
 // Two cameras close together see a point so that their rays part: it is best at infinity. A third,
 // far from them, then sees it well.
 TEST(LandmarkDamping, AFarPointDoesNotRunAway) {
-  constexpr double kFocal = 500.0;
   // Residuals: how far the camera is from where the prior has it, and the point (X, Z) in the
   // image; slots: camera, point.
   const auto camera_at = [](double position, double seen) {
-    return std::make_shared<FunctionFamily>(
-        2, std::vector<FactorFamily::Slot>{{1, 1}, {2, 2}},
-        [position, seen](int, const double* const* x, double* residuals, double** jacobians) {
-          const double X = x[1][0] - position - x[0][0];
-          const double Z = x[1][1];
-          residuals[0] = 1e4 * x[0][0];
-          residuals[1] = kFocal * (X / Z - seen);
-          if (jacobians != nullptr) {
-            jacobians[0][0] = 1e4;
-            jacobians[0][1] = -kFocal / Z;
-            jacobians[1][0] = jacobians[1][1] = 0.0;
-            jacobians[1][2] = kFocal / Z;
-            jacobians[1][3] = -kFocal * X / (Z * Z);
-          }
-          return true;
-        });
+    return test::JetFamily<2, 1, 2>([=](const auto* camera, const auto* point, auto* f) {
+      f[0] = 1e4 * camera[0];
+      f[1] = 500.0 * ((point[0] - position - camera[0]) / point[1] - seen);
+    });
   };
   IncrementalOptions options;
   options.batch_share = 1.0;  // never in batch

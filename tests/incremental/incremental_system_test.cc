@@ -3,9 +3,9 @@
 
 #include "incremental/incremental_system.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
-#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -14,6 +14,7 @@
 #include "incremental/whole_graph.h"
 #include "schur/batch_system.h"
 #include "support/random_graph.h"
+#include "support/test_families.h"
 
 namespace inceres::internal {
 namespace {
@@ -29,7 +30,7 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
   IncrementalSystem system(graph.graph(), 1);
   AddWholeGraph(&system);
   RelinearizeWork work;
-  ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+  ASSERT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   const IncrementalFamily& family = system.families()[0];
   EXPECT_EQ(family.weighed().SquaredError(0), 0.0);
   double errors[2] = {0.0, 0.0};
@@ -43,7 +44,7 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
     system.Accept();
     errors[halvings] = std::sqrt(family.weighed().SquaredError(0));
     system.MarkDirty({0, 0});
-    ASSERT_TRUE(system.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+    ASSERT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   }
   EXPECT_NEAR(errors[0] / errors[1], 4.0, 0.5) << "the error is of second order in the step";
 }
@@ -53,18 +54,7 @@ TEST(IncrementalSystem, TheErrorOfALinearizationIsThatOfItsPrediction) {
 class Outlier {
  public:
   Outlier() {
-    const auto measure = [](int, const double* const* x, double* residuals, double** jacobians) {
-      for (int k = 0; k < 2; ++k) {
-        residuals[k] = x[0][k];
-        if (jacobians != nullptr) {
-          jacobians[0][2 * k] = 1.0 - k;
-          jacobians[0][2 * k + 1] = k;
-        }
-      }
-      return true;
-    };
-    const auto family =
-        std::make_shared<test::FunctionFamily>(2, std::vector<FactorFamily::Slot>{{2, 2}}, measure);
+    const auto family = test::JetFamily<2, 2>([](const auto* x, auto* f) { std::copy_n(x, 2, f); });
     const double start[2] = {3.0, 4.0};
     const VariableId frame = graph_.AddVariable(start, 2, Role::kFrame);
     graph_.AddFactor(graph_.AddFamily(family), 0, {frame}, std::make_shared<HuberLoss>(0.1));
@@ -76,7 +66,7 @@ class Outlier {
   void Relinearize() {
     system_->MarkDirty({0, 0});
     RelinearizeWork work;
-    ASSERT_TRUE(system_->Relinearize(0.0, RebuildRule::kNever, &work).ok());
+    ASSERT_TRUE(system_->Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   }
 
   void Move(double dx, double dy) {
@@ -197,29 +187,11 @@ TEST(CorrectedLinearization, IsNotThatOfAFactorWhoseResidualChangesMuch) {
 // their information.
 TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   FactorGraph graph;
-  const auto measure = [](int i, const double* const* parameters, double* residuals,
-                          double** jacobians) {
-    for (int k = 0; k < 2; ++k) {
-      residuals[k] = parameters[0][k] + parameters[1][0] - i;
-      if (jacobians != nullptr) {
-        jacobians[0][2 * k] = jacobians[0][2 * k + 1] = 0.0;
-        jacobians[0][3 * k] = jacobians[1][k] = 1.0;
-      }
-    }
-    return true;
-  };
-  const auto pin = [](int, const double* const* parameters, double* residuals, double** jacobians) {
-    residuals[0] = 1e7 * parameters[0][0];
-    if (jacobians != nullptr) {
-      jacobians[0][0] = 1e7;
-      jacobians[0][1] = 0.0;
-    }
-    return true;
-  };
-  auto views = std::make_shared<test::FunctionFamily>(
-      2, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, measure);
-  auto pins =
-      std::make_shared<test::FunctionFamily>(1, std::vector<FactorFamily::Slot>{{2, 2}}, pin);
+  const auto views = test::JetFamily<2, 2, 1>([](const auto* l, const auto* x, auto* f) {
+    f[0] = l[0] + x[0];
+    f[1] = l[1] + x[0];
+  });
+  const auto pins = test::JetFamily<1, 2>([](const auto* l, auto* f) { f[0] = 1e7 * l[0]; });
   const double zero[2] = {0.0, 0.0};
   const VariableId landmark = graph.AddVariable(zero, 2, Role::kLandmark);
   const VariableId frame = graph.AddVariable(zero, 1, Role::kFrame);
@@ -228,7 +200,7 @@ TEST(IncrementalSystem, AStrongPriorOnOneCoordinateDoesNotParkALandmark) {
   IncrementalSystem system(graph, 1);
   AddWholeGraph(&system);
   RelinearizeWork work;
-  ASSERT_TRUE(system.Relinearize(1e-4, RebuildRule::kNever, &work).ok());
+  ASSERT_TRUE(system.Relinearize(1e-4, RebuildPolicy::kNever, &work).ok());
   EXPECT_EQ(system.schur().blocks().num_undetermined(), 0);
   BatchSystem(graph, system).ExpectLaw();
 }

@@ -2,6 +2,7 @@
 // to zero, and where it is not finite.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -29,19 +30,15 @@ struct Pixel {
 };
 
 // weight · (x − origin).
-std::shared_ptr<FunctionFamily> WeighedPrior(double weight, const std::vector<double>& origin) {
-  const int size = static_cast<int>(origin.size());
-  return std::make_shared<FunctionFamily>(
-      size, std::vector<FactorFamily::Slot>{{size, size}},
-      [weight, origin, size](int, const double* const* p, double* f, double** J) {
-        for (int k = 0; k < size; ++k) {
-          f[k] = weight * (p[0][k] - origin[static_cast<std::size_t>(k)]);
-          for (int c = 0; J != nullptr && J[0] != nullptr && c < size; ++c) {
-            J[0][k * size + c] = c == k ? weight : 0.0;
-          }
-        }
-        return true;
-      });
+template <int kSize>
+std::shared_ptr<FunctionFamily> WeighedPrior(double weight, const double* origin) {
+  std::array<double, kSize> o;
+  std::copy_n(origin, kSize, o.begin());
+  return test::JetFamily<kSize, kSize>([weight, o](const auto* x, auto* f) {
+    for (std::size_t k = 0; k < kSize; ++k) {
+      f[k] = weight * (x[k] - o[k]);
+    }
+  });
 }
 
 // What a solver that remembers nothing comes down to from where this one is.
@@ -56,20 +53,22 @@ double Least(const IncrementalSolver& solver) {
 // be forbidden to come nearer than a depth: its cost function then refuses.
 struct Row {
   explicit Row(unsigned seed) : random(seed), pixels(kCameras * kPoints) {
-    auto views = std::make_shared<FunctionFamily>(
-        2, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
-        [this](int i, const double* const* p, double* f, double** J) { return View(i, p, f, J); });
-    view_family = solver.AddFamily(views);
-    const auto priors = solver.AddFamily(std::make_shared<FunctionFamily>(
-        3, std::vector<FactorFamily::Slot>{{3, 3}},
-        [this](int i, const double* const* p, double* f, double** J) {
-          for (int k = 0; k < 3; ++k) {
-            f[k] = 10.0 * (p[0][k] - (k == 0 ? 0.5 * i : 0.0));
+    view_family = solver.AddFamily(
+        test::JetFamily<2, 3, 3>([this](int i, const auto* camera, const auto* point, auto* f) {
+          const auto depth = point[2] - camera[2];
+          if (i % kPoints == 0 && depth < nearest) {
+            return false;
           }
-          for (int k = 0; J != nullptr && J[0] != nullptr && k < 9; ++k) {
-            J[0][k] = k % 4 == 0 ? 10.0 : 0.0;
+          for (int k = 0; k < 2; ++k) {
+            f[k] = (point[k] - camera[k]) / depth - pixels[static_cast<std::size_t>(i)].xy[k];
           }
           return true;
+        }));
+    const auto priors =
+        solver.AddFamily(test::JetFamily<3, 3>([](int i, const auto* camera, auto* f) {
+          for (int k = 0; k < 3; ++k) {
+            f[k] = 10.0 * (camera[k] - (k == 0 ? 0.5 * i : 0.0));
+          }
         }));
     GraphEdit edit(solver.graph());
     for (int c = 0; c < kCameras; ++c) {
@@ -99,25 +98,6 @@ struct Row {
 
   static std::size_t Index(int camera, int point) {
     return static_cast<std::size_t>(camera) * kPoints + point;
-  }
-
-  bool View(int i, const double* const* p, double* f, double** J) const {
-    const double x = p[1][0] - p[0][0];
-    const double y = p[1][1] - p[0][1];
-    const double depth = p[1][2] - p[0][2];
-    if (i % kPoints == 0 && depth < nearest) {
-      return false;
-    }
-    f[0] = x / depth - pixels[static_cast<std::size_t>(i)].xy[0];
-    f[1] = y / depth - pixels[static_cast<std::size_t>(i)].xy[1];
-    const double D[6] = {1.0 / depth, 0.0,         -x / (depth * depth),
-                         0.0,         1.0 / depth, -y / (depth * depth)};
-    for (int s = 0; J != nullptr && s < 2; ++s) {
-      for (int k = 0; J[s] != nullptr && k < 6; ++k) {
-        J[s][k] = s == 0 ? -D[k] : D[k];
-      }
-    }
-    return true;
   }
 
   // Tells the solver that these measurements were changed where they stand.
@@ -177,32 +157,20 @@ TEST(IncrementalTrust, RefusalsOfOneUpdateDoNotHoldTheNextOnesBack) {
 void GrowsWithoutALoop(double weight) {
   std::vector<double> steps;
   IncrementalSolver solver{IncrementalOptions()};
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      3, std::vector<FactorFamily::Slot>{{3, 3}, {3, 3}},
-      [&](int i, const double* const* p, double* f, double** J) {
-        const double c = std::cos(p[0][2]);
-        const double s = std::sin(p[0][2]);
-        const double dx = p[1][0] - p[0][0];
-        const double dy = p[1][1] - p[0][1];
+  const auto family = solver.AddFamily(
+      test::JetFamily<3, 3, 3>([&](int i, const auto* from, const auto* to, auto* f) {
+        using std::cos, std::sin;
+        const auto c = cos(from[2]);
+        const auto s = sin(from[2]);
+        const auto dx = to[0] - from[0];
+        const auto dy = to[1] - from[1];
         f[0] = 20.0 * (c * dx + s * dy - 1.0);
         f[1] = 20.0 * (-s * dx + c * dy);
-        f[2] = 50.0 * (p[1][2] - p[0][2] - steps[static_cast<std::size_t>(i)]);
-        const double first[9] = {-20 * c, -20 * s, 20 * (-s * dx + c * dy),
-                                 20 * s,  -20 * c, 20 * (-c * dx - s * dy),
-                                 0,       0,       -50};
-        const double second[9] = {20 * c, 20 * s, 0, -20 * s, 20 * c, 0, 0, 0, 50};
-        for (int k = 0; J != nullptr && k < 18; ++k) {
-          double* block = J[k / 9];
-          if (block != nullptr) {
-            block[k % 9] = k < 9 ? first[k] : second[k - 9];
-          }
-        }
-        return true;
+        f[2] = 50.0 * (to[2] - from[2] - steps[static_cast<std::size_t>(i)]);
       }));
   Random random(3);
   double pose[3] = {100.0, -40.0, 0.3};
-  const std::vector<double> origin(pose, pose + 3);
-  const auto priors = solver.AddFamily(WeighedPrior(weight, origin));
+  const auto priors = solver.AddFamily(WeighedPrior<3>(weight, pose));
   GraphEdit edit(solver.graph());
   VariableId last = edit.AddVariable(pose, 3, Role::kFrame);
   if (weight > 0.0) {
@@ -245,14 +213,15 @@ TEST(IncrementalTrust, RoundingOfAHeavyPriorIsNoToleranceForTheRest) {
     IncrementalOptions options;
     options.batch_share = 2.0;
     IncrementalSolver solver(options);
-    const auto priors = solver.AddFamily(WeighedPrior(weight, {0.1}));
+    const double origin = 0.1;
+    const auto priors = solver.AddFamily(WeighedPrior<1>(weight, &origin));
     double measured[kPositions + 1];  // by the places of the factors
     const auto steps = solver.AddFamily(test::ScalarFamily(
         [&measured](int i, double a, double b) { return b - a - measured[i]; }, -1.0, 1.0));
     GraphEdit edit(solver.graph());
     std::vector<VariableId> positions;
     for (int k = 0; k < kPositions; ++k) {
-      const double start = 0.1 + k;
+      const double start = origin + k;
       positions.push_back(edit.AddVariable(&start, 1, Role::kFrame));
       measured[k] = 1.0;
       if (k > 0) {
@@ -283,14 +252,10 @@ TEST(IncrementalTrust, WhatACostFunctionRefusesToEvaluateProvesNoMinimum) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   bool refuses = true;
-  IncrementalFunction world(options,
-                            [&refuses](int, const double* const* x, double* f, double** J) {
-                              f[0] = x[0][0] - 3.0;
-                              if (J != nullptr && J[0] != nullptr) {
-                                J[0][0] = 1.0;
-                              }
-                              return !refuses || x[0][0] == 1.0;  // nowhere but where it starts
-                            });
+  IncrementalFunction world(options, test::ByJets<1, 1>([&refuses](const auto* x, auto* f) {
+                              f[0] = x[0] - 3.0;
+                              return !refuses || x[0] == 1.0;  // nowhere but where it starts
+                            }));
   ASSERT_TRUE(world.applied);
   const UpdateSummary refused = world.solver.Update();
   EXPECT_EQ(refused.termination, Termination::kNoConvergence) << refused.message;
@@ -326,18 +291,11 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesIsSeenBeforeAClaim) {
   options.batch_share = 1.0;
   options.max_num_iterations = 100;
   IncrementalSolver solver(options);
-  const auto family = solver.AddFamily(
-      std::make_shared<FunctionFamily>(3, std::vector<FactorFamily::Slot>{{2, 2}},
-                                       [](int, const double* const* p, double* f, double** J) {
-                                         f[0] = p[0][0] + p[0][1];
-                                         f[1] = 1e-4 * (p[0][1] - 300.0);
-                                         f[2] = 1.0;
-                                         if (J != nullptr && J[0] != nullptr) {
-                                           const double rows[6] = {1.0, 1.0, 0.0, 1e-4, 0.0, 0.0};
-                                           std::copy_n(rows, 6, J[0]);
-                                         }
-                                         return true;
-                                       }));
+  const auto family = solver.AddFamily(test::JetFamily<3, 2>([](const auto* p, auto* f) {
+    f[0] = p[0] + p[1];
+    f[1] = 1e-4 * (p[1] - 300.0);
+    f[2] = 0.0 * p[0] + 1.0;
+  }));
   GraphEdit edit(solver.graph());
   const double start[2] = {0.0, 0.0};
   edit.AddFactor(family, 0, {edit.AddVariable(start, 2, Role::kLandmark)});
@@ -349,15 +307,14 @@ TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesIsSeenBeforeAClaim) {
 
 // A frame and a landmark with one factor, whose residual is a function of both; solved once by the
 // incremental solver from beginning to end.
-UpdateSummary SolveTwo(const FunctionFamily::Function& function, const double* frame,
+UpdateSummary SolveTwo(const std::shared_ptr<FunctionFamily>& of_both, const double* frame,
                        const double* landmark, double* found) {
   IncrementalOptions options;
   options.batch_share = 1.0;
   options.max_num_iterations = 100;
   options.initial_damping = options.min_damping;
   IncrementalSolver solver(options);
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      4, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, function));
+  const auto family = solver.AddFamily(of_both);
   GraphEdit edit(solver.graph());
   const VariableId id = edit.AddVariable(frame, 2, Role::kFrame);
   edit.AddFactor(family, 0, {id, edit.AddVariable(landmark, 1, Role::kLandmark)});
@@ -371,25 +328,15 @@ UpdateSummary SolveTwo(const FunctionFamily::Function& function, const double* f
 // minus one. The first step is all about x and keeps its promise; the model then sees 0.04
 // tolerances left.
 TEST(IncrementalTrust, OneStepThatWasAboutOtherThingsShowsNoMinimum) {
-  const auto function = [](int, const double* const* p, double* f, double** J) {
-    const double y = p[0][1];
-    f[0] = 100.0 * (p[0][0] - 1.0);
-    f[1] = 1.0 - y * y;
-    f[2] = y;
-    f[3] = p[1][0];
-    if (J != nullptr && J[0] != nullptr) {
-      const double rows[8] = {100.0, 0.0, 0.0, -2.0 * y, 0.0, 1.0, 0.0, 0.0};
-      std::copy_n(rows, 8, J[0]);
-    }
-    if (J != nullptr && J[1] != nullptr) {
-      const double rows[4] = {0.0, 0.0, 0.0, 1.0};
-      std::copy_n(rows, 4, J[1]);
-    }
-    return true;
-  };
+  const auto family = test::JetFamily<4, 2, 1>([](const auto* p, const auto* z, auto* f) {
+    f[0] = 100.0 * (p[0] - 1.0);
+    f[1] = 1.0 - p[1] * p[1];
+    f[2] = p[1];
+    f[3] = z[0];
+  });
   const double frame[2] = {0.9, 1e-4}, landmark = 0.0;
   double found[2];
-  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
+  const UpdateSummary summary = SolveTwo(family, frame, &landmark, found);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_NEAR(found[1], std::sqrt(0.5), 1e-2) << summary.FullReport();
 }
@@ -398,24 +345,15 @@ TEST(IncrementalTrust, OneStepThatWasAboutOtherThingsShowsNoMinimum) {
 // direction the cost is a hundredth as stiff as the landmark's least damping. The last residual is
 // the rest of the cost.
 TEST(IncrementalTrust, WhatTheDampingOfALandmarkHidesOfAFrameIsSeenBeforeAClaim) {
-  const auto function = [](int, const double* const* p, double* f, double** J) {
-    f[0] = 100.0 * (p[0][0] - 1.0);
-    f[1] = p[1][0] - p[0][1];
-    f[2] = 1e-4 * (p[0][1] - 26.0);
-    f[3] = 1.0;
-    if (J != nullptr && J[0] != nullptr) {
-      const double rows[8] = {100.0, 0.0, 0.0, -1.0, 0.0, 1e-4, 0.0, 0.0};
-      std::copy_n(rows, 8, J[0]);
-    }
-    if (J != nullptr && J[1] != nullptr) {
-      const double rows[4] = {0.0, 1.0, 0.0, 0.0};
-      std::copy_n(rows, 4, J[1]);
-    }
-    return true;
-  };
+  const auto family = test::JetFamily<4, 2, 1>([](const auto* p, const auto* z, auto* f) {
+    f[0] = 100.0 * (p[0] - 1.0);
+    f[1] = z[0] - p[1];
+    f[2] = 1e-4 * (p[1] - 26.0);
+    f[3] = 0.0 * p[0] + 1.0;
+  });
   const double frame[2] = {0.9, 0.0}, landmark = 0.0;
   double found[2];
-  const UpdateSummary summary = SolveTwo(function, frame, &landmark, found);
+  const UpdateSummary summary = SolveTwo(family, frame, &landmark, found);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_LE(summary.final_cost - 0.5, 0.5 * IncrementalOptions().function_tolerance);
 }
@@ -430,19 +368,11 @@ UpdateSummary SolveWeakPair(double stiffness, double tolerances, double start_of
   IncrementalSolver solver(options);
   const double weight = std::sqrt(stiffness);
   const double difference = std::sqrt(2.0 * tolerances * 0.5 * options.function_tolerance);
-  const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-      3, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-      [=](int, const double* const* p, double* f, double** J) {
-        f[0] = p[0][0] + p[1][0];
-        f[1] = weight * (p[0][0] - p[1][0]) - difference;
-        f[2] = 1.0;
-        for (int i = 0; J != nullptr && i < 2; ++i) {
-          if (J[i] != nullptr) {
-            const double column[3] = {1.0, i == 0 ? weight : -weight, 0.0};
-            std::copy_n(column, 3, J[i]);
-          }
-        }
-        return true;
+  const auto family =
+      solver.AddFamily(test::JetFamily<3, 1, 1>([=](const auto* a, const auto* b, auto* f) {
+        f[0] = a[0] + b[0];
+        f[1] = weight * (a[0] - b[0]) - difference;
+        f[2] = 0.0 * a[0] + 1.0;
       }));
   GraphEdit edit(solver.graph());
   const double first = start_of_sum, second = 0.0;

@@ -441,15 +441,9 @@ TEST(LiveCovariance, ALossThatTakesAllWeightFreesTheGauge) {
   using Slots = std::vector<FactorFamily::Slot>;
   const auto priors = solver.AddFamily(std::make_shared<LinearFamily>(1, Slots{{1, 1}}));
   const auto ties = solver.AddFamily(std::make_shared<LinearFamily>(1, Slots{{1, 1}, {1, 1}}));
-  const auto pulls = solver.AddFamily(std::make_shared<FunctionFamily>(
-      1, Slots{{1, 1}}, [](int, const double* const* p, double* f, double** J) {
-        const bool pulls_here = p[0][0] < 3.0;
-        f[0] = pulls_here ? 10.0 * (3.5 - p[0][0]) : 0.0;
-        if (J != nullptr && J[0] != nullptr) {
-          J[0][0] = pulls_here ? -10.0 : 0.0;
-        }
-        return true;
-      }));
+  const auto pulls =
+      solver.AddFamily(test::ScalarFamily([](double x) { return x < 3.0 ? 10.0 * (3.5 - x) : 0.0; },
+                                          [](double x) { return x < 3.0 ? -10.0 : 0.0; }));
   MatrixXd difference(1, 2);
   difference << -1.0, 1.0;
   const double zero = 0.0;

@@ -21,10 +21,10 @@ namespace {
 using internal::Stagnation;
 using test::FunctionFamily;
 
-UpdateSummary SolvePlane(int num_residuals, const FunctionFamily::Function& function, double* xy) {
+// Of a function of (x, y).
+UpdateSummary SolvePlane(const std::shared_ptr<FunctionFamily>& of_xy, double* xy) {
   FactorGraph graph;
-  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
-      num_residuals, std::vector<FactorFamily::Slot>{{2, 2}}, function));
+  const auto family = graph.AddFamily(of_xy);
   graph.AddFactor(family, 0, {graph.AddVariable(xy, 2, Role::kFrame)});
   Solver solver(/*max_bytes=*/0);
   UpdateSummary summary;
@@ -36,23 +36,19 @@ UpdateSummary SolvePlane(int num_residuals, const FunctionFamily::Function& func
 
 // Along x a saddle at 0, and minima at ±√½: the model has a curvature of one there, and the cost of
 // minus one. y is at its minimum after a step.
-bool Saddle(int /*i*/, const double* const* p, double* f, double** J) {
-  const double x = p[0][0], y = p[0][1];
-  f[0] = 1.0 - x * x;
-  f[1] = x;
-  f[2] = 100.0 * (y - 1.0);
-  if (J != nullptr && J[0] != nullptr) {
-    const double rows[6] = {-2.0 * x, 0.0, 1.0, 0.0, 0.0, 100.0};
-    std::copy(rows, rows + 6, J[0]);
-  }
-  return true;
+std::shared_ptr<FunctionFamily> Saddle() {
+  return test::JetFamily<3, 2>([](const auto* p, auto* f) {
+    f[0] = 1.0 - p[0] * p[0];
+    f[1] = p[0];
+    f[2] = 100.0 * (p[1] - 1.0);
+  });
 }
 
 // At the claim the model promises less than a tenth of the tolerance; the step gains three times
 // that.
 TEST(OneTimeClaims, AreTriedByAStepNearASaddle) {
   double xy[2] = {1.5e-4, 1.0 - 9e-5};
-  const UpdateSummary summary = SolvePlane(3, Saddle, xy);
+  const UpdateSummary summary = SolvePlane(Saddle(), xy);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_NEAR(xy[0], std::sqrt(0.5), 1e-2);
 }
@@ -62,20 +58,16 @@ TEST(OneTimeClaims, AreTriedByAStepNearASaddle) {
 TEST(OneTimeClaims, DoNotDependOnTheUnitOfTheCost) {
   double expected[2] = {0.0, 0.0};
   for (const double weight : {1.0, 1e-8, 1e8}) {
-    const auto fit = [weight](int i, const double* const* p, double* f, double** J) {
+    const auto fit = test::JetFamily<6, 2>([weight](const auto* p, auto* f) {
+      using std::exp;
       const double noise[6] = {0.1, -0.1, 0.05, 0.02, -0.06, 0.01};
       for (int k = 0; k < 6; ++k) {
-        const double t = 0.2 * k, growth = std::exp(p[0][1] * t);
-        f[k] = weight * (p[0][0] * growth - std::exp(0.8 * t) - noise[(k + i) % 6]);
-        if (J != nullptr && J[0] != nullptr) {
-          J[0][2 * k] = weight * growth;
-          J[0][2 * k + 1] = weight * p[0][0] * t * growth;
-        }
+        const double t = 0.2 * k;
+        f[k] = weight * (p[0] * exp(p[1] * t) - exp(0.8 * t) - noise[k]);
       }
-      return true;
-    };
+    });
     double ab[2] = {0.5, 0.1};
-    const UpdateSummary summary = SolvePlane(6, fit, ab);
+    const UpdateSummary summary = SolvePlane(fit, ab);
     EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
     if (weight == 1.0) {
       std::copy(ab, ab + 2, expected);
@@ -88,19 +80,13 @@ TEST(OneTimeClaims, DoNotDependOnTheUnitOfTheCost) {
 
 // Without noise all that is left in the end is rounding, which is not worked on.
 TEST(OneTimeClaims, EndWhereTheCostIsRounding) {
-  const auto line = [](int /*i*/, const double* const* p, double* f, double** J) {
+  const auto line = test::JetFamily<3, 2>([](const auto* p, auto* f) {
     for (int k = 0; k < 3; ++k) {
-      f[k] =
-          p[0][0] + 0.3 * k * p[0][1] + 0.1 * p[0][0] * p[0][1] - 1.0 - 0.7 * k - 0.1 * 7.0 / 3.0;
-      if (J != nullptr && J[0] != nullptr) {
-        J[0][2 * k] = 1.0 + 0.1 * p[0][1];
-        J[0][2 * k + 1] = 0.3 * k + 0.1 * p[0][0];
-      }
+      f[k] = p[0] + 0.3 * k * p[1] + 0.1 * p[0] * p[1] - 1.0 - 0.7 * k - 0.1 * 7.0 / 3.0;
     }
-    return true;
-  };
+  });
   double xy[2] = {0.3, 0.3};
-  const UpdateSummary summary = SolvePlane(3, line, xy);
+  const UpdateSummary summary = SolvePlane(line, xy);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_LT(summary.final_cost, 1e-25);
   EXPECT_LT(summary.num_iterations, 10) << summary.FullReport();
@@ -108,20 +94,17 @@ TEST(OneTimeClaims, EndWhereTheCostIsRounding) {
 
 // Where x and y differ is 1e-10 times as stiff as their sum, and a constant keeps the tolerance
 // from falling.
-bool WeakDifference(int /*i*/, const double* const* p, double* f, double** J) {
-  f[0] = 100.0 + p[0][0] + p[0][1];
-  f[1] = 1e-5 * (p[0][0] - p[0][1] - 500.0);
-  f[2] = 1.0;
-  if (J != nullptr && J[0] != nullptr) {
-    const double rows[6] = {1.0, 1.0, 1e-5, -1e-5, 0.0, 0.0};
-    std::copy(rows, rows + 6, J[0]);
-  }
-  return true;
+std::shared_ptr<FunctionFamily> WeakDifference() {
+  return test::JetFamily<3, 2>([](const auto* p, auto* f) {
+    f[0] = 100.0 + p[0] + p[1];
+    f[1] = 1e-5 * (p[0] - p[1] - 500.0);
+    f[2] = 0.0 * p[0] + 1.0;
+  });
 }
 
 TEST(OneTimeClaims, DoNotRestOnAStepThatDampingHoldsBack) {
   double xy[2] = {0.0, 0.0};
-  const UpdateSummary summary = SolvePlane(3, WeakDifference, xy);
+  const UpdateSummary summary = SolvePlane(WeakDifference(), xy);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_LT(summary.final_cost, 0.5 * (1.0 + 2e-6));
 }
@@ -155,39 +138,25 @@ TEST(OneTimeClaims, AStepWhoseEndHasNoJacobiansIsTakenBack) {
 
 // Two blocks, x, of one value or of two, and y of two. x begins where a factor refuses to go on,
 // and would go on; y is far from its minimum, by residuals that are not linear.
+template <int kSizeOfX>
 struct Border {
-  explicit Border(int size_of_x) {
-    const auto border = graph.AddFamily(std::make_shared<FunctionFamily>(
-        size_of_x, std::vector<FactorFamily::Slot>{{size_of_x, size_of_x}},
-        [size_of_x](int, const double* const* p, double* f, double** J) {
-          for (int k = 0; k < size_of_x; ++k) {
-            f[k] = p[0][k] - 3.0;
-            for (int c = 0; J != nullptr && J[0] != nullptr && c < size_of_x; ++c) {
-              J[0][k * size_of_x + c] = c == k ? 1.0 : 0.0;
-            }
+  Border() {
+    const auto border =
+        graph.AddFamily(test::JetFamily<kSizeOfX, kSizeOfX>([](const auto* p, auto* f) {
+          for (int k = 0; k < kSizeOfX; ++k) {
+            f[k] = p[k] - 3.0;
           }
           // The normal of the border is none of the axes, and not the gradient.
-          return p[0][0] + (size_of_x > 1 ? 0.3 * p[0][1] : 0.0) <= 1.0;
+          return p[0] + (kSizeOfX > 1 ? 0.3 : 0.0) * p[kSizeOfX - 1] <= 1.0;
         }));
-    const auto both = graph.AddFamily(std::make_shared<FunctionFamily>(
-        3, std::vector<FactorFamily::Slot>{{size_of_x, size_of_x}, {2, 2}},
-        [size_of_x](int, const double* const* p, double* f, double** J) {
-          f[0] = p[1][0] + 0.1 * p[1][0] * p[1][0] - p[0][0];
-          f[1] = p[1][1] - 2.0 * p[0][0];
-          f[2] = 0.5 * (p[1][0] + p[1][1]) - 4.0;
-          if (J != nullptr && J[0] != nullptr) {
-            std::fill(J[0], J[0] + 3 * size_of_x, 0.0);
-            J[0][0] = -1.0;
-            J[0][size_of_x] = -2.0;
-          }
-          if (J != nullptr && J[1] != nullptr) {
-            const double rows[6] = {1.0 + 0.2 * p[1][0], 0.0, 0.0, 1.0, 0.5, 0.5};
-            std::copy(rows, rows + 6, J[1]);
-          }
-          return true;
+    const auto both =
+        graph.AddFamily(test::JetFamily<3, kSizeOfX, 2>([](const auto* p, const auto* q, auto* f) {
+          f[0] = q[0] + 0.1 * q[0] * q[0] - p[0];
+          f[1] = q[1] - 2.0 * p[0];
+          f[2] = 0.5 * (q[0] + q[1]) - 4.0;
         }));
     const double start[2] = {1.0, 0.0};
-    x = graph.AddVariable(start, size_of_x, Role::kFrame);
+    x = graph.AddVariable(start, kSizeOfX, Role::kFrame);
     const double far[2] = {9.0, -5.0};
     y = graph.AddVariable(far, 2, Role::kFrame);
     graph.AddFactor(border, 0, {x});
@@ -207,8 +176,9 @@ struct Border {
 };
 
 // The cost with x where it begins, and y at its minimum.
-double LeastAtBorder(int size_of_x) {
-  Border world(size_of_x);
+template <int kSizeOfX>
+double LeastAtBorder() {
+  Border<kSizeOfX> world;
   GraphEdit edit(world.graph);
   edit.SetConstant(world.x, true);
   EXPECT_TRUE(world.graph.Apply(edit).ok());
@@ -221,12 +191,12 @@ double LeastAtBorder(int size_of_x) {
 
 // x has one direction, and that is refused: with y at its minimum it is a minimum.
 TEST(OneTimeClaims, WhoDoesNotRefuseGoesOnWhereABorderStopsTheRest) {
-  Border world(1);
+  Border<1> world;
   const UpdateSummary summary = world.Solve();
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_TRUE(summary.rests_on_refusals);
   EXPECT_NE(summary.message.find("refuse"), std::string::npos) << summary.message;
-  const double least = LeastAtBorder(1);
+  const double least = LeastAtBorder<1>();
   EXPECT_LE(summary.final_cost, least * (1.0 + 1e-6));
   EXPECT_GE(summary.final_cost, least * (1.0 - 1e-6));
 }
@@ -234,9 +204,9 @@ TEST(OneTimeClaims, WhoDoesNotRefuseGoesOnWhereABorderStopsTheRest) {
 // x could still go along the border, where it would gain: nothing that is called a minimum is above
 // what it could gain there.
 TEST(OneTimeClaims, ABorderThatCanBeFollowedIsNoMinimum) {
-  Border world(2);
+  Border<2> world;
   const UpdateSummary summary = world.Solve();
-  EXPECT_LE(summary.final_cost, LeastAtBorder(2) * (1.0 + 1e-6));
+  EXPECT_LE(summary.final_cost, LeastAtBorder<2>() * (1.0 + 1e-6));
   EXPECT_LT(summary.iterations.size(), 51u);
 }
 

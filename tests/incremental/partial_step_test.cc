@@ -34,7 +34,7 @@ class Reduced {
 
   void Linearize() {
     RelinearizeWork work;
-    ASSERT_TRUE(system_.Relinearize(kMu, RebuildRule::kAlways, &work).ok());
+    ASSERT_TRUE(system_.Relinearize(kMu, RebuildPolicy::kAlways, &work).ok());
     const IncrementalSchur& schur = system_.schur();
     S_ = Eigen::MatrixXd::Zero(schur.size(), schur.size());
     b_.resize(schur.size());

@@ -117,7 +117,7 @@ TEST(PinnedLinearization, OfTheIncrementalSystem) {
   internal::RelinearizeWork work;
   const auto diagonals = [&] {
     std::vector<double> entries;
-    EXPECT_TRUE(system.Relinearize(0.0, internal::RebuildRule::kNever, &work).ok());
+    EXPECT_TRUE(system.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
     for (int frame = 0; frame < 3; ++frame) {
       entries.insert(entries.end(), system.schur().FrameDiagonal(frame),
                      system.schur().FrameDiagonal(frame) +

@@ -5,13 +5,13 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "inceres/autodiff/autodiff_family.h"
 #include "inceres/solver/incremental_solver.h"
 #include "support/random_values.h"
 #include "support/test_families.h"
@@ -82,30 +82,19 @@ void SolveAndJudge(const IncrementalSolver& solver, double function_tolerance, C
 // A frame (x, y) and a landmark z with one factor. z follows y along a parabola, and along that the
 // cost is weak: far from the minimum it hardly falls, and what there is to gain is hidden by the
 // damping of z; steps that are not short are refused.
-FunctionFamily::Function BentValley(Random* random) {
+std::shared_ptr<FunctionFamily> BentValley(Random* random) {
   const double bend = Magnitude(1e-4, 1.0, random);
   const double width = Magnitude(0.3, 30.0, random);
   const double height = Magnitude(1e-4, 1e-1, random);
   const double target = Magnitude(1.0, 100.0, random);
   const double tilt = Magnitude(0.1, 10.0, random);
-  return [=](int, const double* const* p, double* f, double** J) {
-    const double y = p[0][1];
-    const double distance = (y - target) / width;
-    f[0] = 100.0 * (p[0][0] - 1.0);
-    f[1] = tilt * p[1][0] - y - bend * y * y;
-    f[2] = height * std::atan(distance);
-    f[3] = 1.0;
-    if (J != nullptr && J[0] != nullptr) {
-      const double slope = height / width / (1.0 + distance * distance);
-      const double rows[8] = {100.0, 0.0, 0.0, -1.0 - 2.0 * bend * y, 0.0, slope, 0.0, 0.0};
-      std::copy_n(rows, 8, J[0]);
-    }
-    if (J != nullptr && J[1] != nullptr) {
-      const double rows[4] = {0.0, tilt, 0.0, 0.0};
-      std::copy_n(rows, 4, J[1]);
-    }
-    return true;
-  };
+  return test::JetFamily<4, 2, 1>([=](const auto* p, const auto* z, auto* f) {
+    using std::atan;
+    f[0] = 100.0 * (p[0] - 1.0);
+    f[1] = tilt * z[0] - p[1] - bend * p[1] * p[1];
+    f[2] = height * atan((p[1] - target) / width);
+    f[3] = 0.0 * p[0] + 1.0;
+  });
 }
 
 TEST(RandomClaims, AlongBentValleysAreBorneOut) {
@@ -115,8 +104,7 @@ TEST(RandomClaims, AlongBentValleysAreBorneOut) {
     IncrementalOptions options = Incremental();
     options.initial_damping = options.min_damping;
     IncrementalSolver solver(options);
-    const auto family = solver.AddFamily(std::make_shared<FunctionFamily>(
-        4, std::vector<FactorFamily::Slot>{{2, 2}, {1, 1}}, BentValley(&random)));
+    const auto family = solver.AddFamily(BentValley(&random));
     GraphEdit edit(solver.graph());
     const double frame[2] = {1.0 - Magnitude(1e-3, 1.0, &random), 0.0}, landmark = 0.0;
     const VariableId id = edit.AddVariable(frame, 2, Role::kFrame);
@@ -302,67 +290,31 @@ TEST(RandomClaims, OfBentProblemsAreHardlyEverTooHigh) {
 // A point (X, Z) in a camera at (x, z) that is turned by an angle: how far it is beside the axis,
 // over its depth.
 struct Bearing {
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* f) const {
+    using std::cos, std::sin;
+    const T cosine = cos(camera[2]);
+    const T sine = sin(camera[2]);
+    const T beside = cosine * (point[0] - camera[0]) - sine * (point[1] - camera[1]);
+    const T depth = sine * (point[0] - camera[0]) + cosine * (point[1] - camera[1]);
+    f[0] = weight * (beside / depth - tangent);
+    return depth >= 0.01;
+  }
   double tangent;
   double weight;
 };
 
-class BearingFamily final : public MeasuredFamily<Bearing, AmbientFamily<BearingFamily>> {
- public:
-  BearingFamily() : MeasuredFamily(1, {{3, 3}, {2, 2}}) {}
-
-  const char* Name() const override { return "bearing"; }
-  bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
-    const auto& [tangent, weight] = measurement(i);
-    const double cosine = std::cos(p[0][2]);
-    const double sine = std::sin(p[0][2]);
-    const double beside = cosine * (p[1][0] - p[0][0]) - sine * (p[1][1] - p[0][1]);
-    const double depth = sine * (p[1][0] - p[0][0]) + cosine * (p[1][1] - p[0][1]);
-    if (depth < 0.01) {
-      return false;
-    }
-    f[0] = weight * (beside / depth - tangent);
-    const double by_beside = weight / depth;
-    const double by_depth = -weight * beside / (depth * depth);
-    const double by_x = by_beside * cosine + by_depth * sine;
-    const double by_z = by_depth * cosine - by_beside * sine;
-    if (J != nullptr && J[0] != nullptr) {
-      const double row[3] = {-by_x, -by_z, by_depth * beside - by_beside * depth};
-      std::copy_n(row, 3, J[0]);
-    }
-    if (J != nullptr && J[1] != nullptr) {
-      J[1][0] = by_x;
-      J[1][1] = by_z;
-    }
-    return true;
-  }
-};
-
 // Two poses, of which the second has moved by so much, each entry with a weight of its own.
 struct Motion {
-  std::array<double, 3> motion;
-  std::array<double, 3> weights;
-};
-
-class MotionFamily final : public MeasuredFamily<Motion, AmbientFamily<MotionFamily>> {
- public:
-  MotionFamily() : MeasuredFamily(3, {{3, 3}, {3, 3}}) {}
-
-  const char* Name() const override { return "motion"; }
-  bool EvaluateOne(int i, const double* const* p, double* f, double** J) const {
-    const auto& [motion, weights] = measurement(i);
+  template <typename T>
+  bool operator()(const T* from, const T* to, T* f) const {
     for (std::size_t k = 0; k < 3; ++k) {
-      f[k] = weights[k] * (p[1][k] - p[0][k] - motion[k]);
-      for (std::size_t entry = 3 * k; J != nullptr && entry < 3 * k + 3; ++entry) {
-        const double by = entry == 4 * k ? weights[k] : 0.0;
-        for (int s = 0; s < 2; ++s) {
-          if (J[s] != nullptr) {
-            J[s][entry] = s == 0 ? -by : by;
-          }
-        }
-      }
+      f[k] = weights[k] * (to[k] - from[k] - motion[k]);
     }
     return true;
   }
+  std::array<double, 3> motion;
+  std::array<double, 3> weights;
 };
 
 // Cameras in a row that look across it, the first of them constant, with their motions measured,
@@ -421,9 +373,10 @@ class FarLife {
 
   Random random_;
   IncrementalSolver solver_{Incremental()};
-  const FamilyHandle<BearingFamily> bearings_ =
-      solver_.AddFamily(std::make_shared<BearingFamily>());
-  const FamilyHandle<MotionFamily> motions_ = solver_.AddFamily(std::make_shared<MotionFamily>());
+  using Bearings = AutoDiffFamily<Bearing, 1, 3, 2>;
+  using Motions = AutoDiffFamily<Motion, 3, 3, 3>;
+  const FamilyHandle<Bearings> bearings_ = solver_.AddFamily(std::make_shared<Bearings>("bearing"));
+  const FamilyHandle<Motions> motions_ = solver_.AddFamily(std::make_shared<Motions>("motion"));
   const double baseline_ = Magnitude(0.1, 1.0, &random_);
   const double farthest_ = Magnitude(10.0, 1e3, &random_);
   const double noise_ = Magnitude(1e-4, 2e-3, &random_);

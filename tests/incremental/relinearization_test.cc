@@ -38,7 +38,7 @@ class MovedSquare {
 
   void Renew() {
     RelinearizeWork work;
-    EXPECT_TRUE(system_.Relinearize(0.0, RebuildRule::kNever, &work).ok());
+    EXPECT_TRUE(system_.Relinearize(0.0, RebuildPolicy::kNever, &work).ok());
   }
   bool IsDirty() const { return system_.IsDirty({family_.id, 0}); }
   Relinearization& relinearization() { return relinearization_; }

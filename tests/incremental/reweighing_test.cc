@@ -21,7 +21,6 @@ namespace inceres {
 namespace {
 
 using internal::IncrementalSystem;
-using internal::RebuildRule;
 using internal::RelinearizeWork;
 
 // x_b − x_a − d of scalars; counts what is evaluated with Jacobians.
@@ -224,7 +223,7 @@ class Bend {
     return Relinearize();
   }
   Status Relinearize() {
-    const Status status = system_.Relinearize(0.0, RebuildRule::kNever, &work_);
+    const Status status = system_.Relinearize(0.0, RebuildPolicy::kNever, &work_);
     return status;
   }
   void MoveX(double step) {
@@ -297,7 +296,7 @@ TEST(Reweighing, KnowsTheAgeOfWhatHadNoWeight) {
 // And leaves the factor to the linearization, which names it.
 TEST(Reweighing, TakesNoWeightThatIsNone) {
   Bend bend(nullptr);
-  const Status status = bend.SetLoss(std::make_shared<test::LossOfSlope>(std::nan("")));
+  const Status status = bend.SetLoss(test::LossOfSlope(std::nan("")));
   EXPECT_EQ(status.code, StatusCode::kEvaluationFailed);
   EXPECT_NE(status.message.find("first derivative"), std::string::npos) << status.message;
 }

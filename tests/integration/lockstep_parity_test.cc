@@ -33,7 +33,8 @@ constexpr double kDoglegCap = 2e-5;
 constexpr double kStockHasNoAnswer = 1e-6;
 constexpr Configuration kYardstick{ceres::SPARSE_NORMAL_CHOLESKY};
 
-struct Case {
+// A solve by stock Ceres, from some of whose states steps are taken.
+struct Walk {
   std::string name;
   Factory make;
   ceres::TrustRegionStrategyType strategy;
@@ -46,13 +47,9 @@ struct Case {
   std::string data = {};  // of the public data sets, if it needs one
 };
 
-std::string NameOf(const Case& c) {
-  return c.name + (c.strategy == ceres::DOGLEG ? "_Dogleg" : "_Lm") +
-         (c.loss.kind == tools::LossSpec::Kind::kNone ? "_Squared" : "_Huber");
-}
-
-void PrintTo(const Case& c, std::ostream* stream) {
-  *stream << NameOf(c);
+void PrintTo(const Walk& walk, std::ostream* stream) {
+  *stream << walk.name << (walk.strategy == ceres::DOGLEG ? "_Dogleg" : "_Lm")
+          << (walk.loss.kind == tools::LossSpec::Kind::kNone ? "_Squared" : "_Huber");
 }
 
 // What a solve was about to step from.
@@ -116,7 +113,7 @@ struct Difference {
   }
 };
 
-class LockstepParity : public ::testing::TestWithParam<Case> {
+class LockstepParity : public ::testing::TestWithParam<Walk> {
  protected:
   void SetUp() override {
     if (!GetParam().data.empty() && FindData(GetParam().data).empty()) {
@@ -126,21 +123,21 @@ class LockstepParity : public ::testing::TestWithParam<Case> {
     ASSERT_NE(instance_, nullptr);
   }
 
-  // The states of the case among those that stock Ceres visits.
+  // The states of the walk among those that stock Ceres visits.
   std::vector<State> Visit() {
-    const Case& c = GetParam();
+    const Walk& walk = GetParam();
     std::vector<State> seen;
     lambdas::Callback recorder([&](const ceres::IterationSummary& iteration) {
       seen.push_back({instance_->x, iteration.trust_region_radius});
       return ceres::SOLVER_CONTINUE;
     });
-    ceres::Solver::Options options = ZeroToleranceOptions(c.strategy, c.num_iterations);
+    ceres::Solver::Options options = ZeroToleranceOptions(walk.strategy, walk.num_iterations);
     options.update_state_every_iteration = true;
     options.callbacks.push_back(&recorder);
-    Solve(Who::kStock, c.others.front(), options, instance_.get());
+    Solve(Who::kStock, walk.others.front(), options, instance_.get());
     std::vector<State> states;
     for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
-      if (k < c.all_up_to || (k - c.all_up_to) % 6 == 5) {
+      if (k < walk.all_up_to || (k - walk.all_up_to) % 6 == 5) {
         states.push_back(std::move(seen[static_cast<std::size_t>(k)]));
       }
     }
@@ -151,15 +148,15 @@ class LockstepParity : public ::testing::TestWithParam<Case> {
   // with: a configuration could not factor the linear system, or the damping of Levenberg-Marquardt
   // is lost in rounding.
   bool Compare(const State& state) {
-    const Case& c = GetParam();
+    const Walk& walk = GetParam();
     const std::optional<Step> yardstick =
-        TakeStep(Who::kStock, kYardstick, c.strategy, state, instance_.get());
+        TakeStep(Who::kStock, kYardstick, walk.strategy, state, instance_.get());
     Difference spread = stock_;
-    for (const Configuration& other : c.others) {
+    for (const Configuration& other : walk.others) {
       const std::optional<Step> step =
-          TakeStep(Who::kStock, other, c.strategy, state, instance_.get());
+          TakeStep(Who::kStock, other, walk.strategy, state, instance_.get());
       if (!yardstick.has_value() || !step.has_value() ||
-          (c.strategy != ceres::DOGLEG &&
+          (walk.strategy != ceres::DOGLEG &&
            RelativeDifference(yardstick->cost, step->cost) > kStockHasNoAnswer)) {
         return false;
       }
@@ -167,7 +164,7 @@ class LockstepParity : public ::testing::TestWithParam<Case> {
     }
     stock_ = spread;
     const std::optional<Step> our_step =
-        TakeStep(Who::kInceres, c.others.front(), c.strategy, state, instance_.get());
+        TakeStep(Who::kInceres, walk.others.front(), walk.strategy, state, instance_.get());
     EXPECT_TRUE(our_step.has_value()) << "every configuration of stock Ceres has a step here";
     if (our_step.has_value()) {
       ours_.Include(*yardstick, *our_step, state);
@@ -208,24 +205,24 @@ Factory LadybugFactory(tools::BalCameraModel model) {
   };
 }
 
-Factory StreetFactory(tools::BalCameraModel model) {
+Factory BundledStreetFactory(tools::BalCameraModel model) {
   return [model](const tools::LossSpec& loss) {
     return MakeBal(BundledBal("street-16-1200-pre.txt"), model, Gauge::kFree, loss);
   };
 }
 
-std::vector<Case> Cases() {
+std::vector<Walk> Walks() {
   const Configuration dense_schur{ceres::DENSE_SCHUR, true};
   const Configuration sparse_schur{ceres::SPARSE_SCHUR, true};
   const Configuration automatic_sparse_schur{ceres::SPARSE_SCHUR};
-  std::vector<Case> cases;
+  std::vector<Walk> walks;
   for (const bool quaternion : {false, true}) {
     const auto model =
         quaternion ? tools::BalCameraModel::kQuaternion : tools::BalCameraModel::kAngleAxis;
     const std::string suffix = quaternion ? "_Quaternion" : "_AngleAxis";
     for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
       for (const tools::LossSpec& loss : {tools::LossSpec(), Huber(1.0)}) {
-        cases.push_back({"Ladybug49" + suffix,
+        walks.push_back({"Ladybug49" + suffix,
                          LadybugFactory(model),
                          strategy,
                          loss,
@@ -234,8 +231,8 @@ std::vector<Case> Cases() {
                          8,
                          9,
                          kLadybug});
-        cases.push_back({"BundledStreet" + suffix,
-                         StreetFactory(model),
+        walks.push_back({"BundledStreet" + suffix,
+                         BundledStreetFactory(model),
                          strategy,
                          loss,
                          {dense_schur, automatic_sparse_schur},
@@ -249,16 +246,13 @@ std::vector<Case> Cases() {
   const Factory sphere = [](const tools::LossSpec& loss) {
     return MakePoseGraph(FindData(kSphere), loss);
   };
-  cases.push_back(
+  walks.push_back(
       {"Sphere", sphere, ceres::DOGLEG, {}, {automatic_sparse_schur}, 4, 4, 4, kSphere});
-  return cases;
+  return walks;
 }
 
-std::string NameOfInstance(const ::testing::TestParamInfo<Case>& instance) {
-  return NameOf(instance.param);
-}
-
-INSTANTIATE_TEST_SUITE_P(Exact, LockstepParity, ::testing::ValuesIn(Cases()), NameOfInstance);
+INSTANTIATE_TEST_SUITE_P(Exact, LockstepParity, ::testing::ValuesIn(Walks()),
+                         ::testing::PrintToStringParamName());
 
 }  // namespace
 }  // namespace inceres::test

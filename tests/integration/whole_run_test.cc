@@ -13,29 +13,27 @@
 namespace inceres::test {
 namespace {
 
-constexpr double kFinalCostBar = 1e-8;
-
-struct Case {
+struct Source {
   std::string name;
   bool bundled;
   std::string path;
 };
 
-void PrintTo(const Case& c, std::ostream* stream) {
-  *stream << c.name;
+void PrintTo(const Source& source, std::ostream* stream) {
+  *stream << source.name;
 }
 
-class WholeRun : public ::testing::TestWithParam<Case> {
+class WholeRun : public ::testing::TestWithParam<Source> {
  protected:
   void SetUp() override {
-    const Case& c = GetParam();
-    if (!c.bundled && FindData(c.path).empty()) {
-      GTEST_SKIP() << MissingData(c.path);
+    const Source& source = GetParam();
+    if (!source.bundled && FindData(source.path).empty()) {
+      GTEST_SKIP() << MissingData(source.path);
     }
-    if (c.bundled) {
-      bal_ = BundledBal(c.path);
+    if (source.bundled) {
+      bal_ = BundledBal(source.path);
     } else {
-      const Status read = ReadBal(FindData(c.path), &bal_);
+      const Status read = ReadBal(FindData(source.path), &bal_);
       ASSERT_TRUE(read.ok()) << read.message;
     }
   }
@@ -59,7 +57,7 @@ TEST_P(WholeRun, EndsWhereStockEnds) {
                  Printed(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost)));
   EXPECT_LT(stock.summary.final_cost, 0.1 * stock.summary.initial_cost);
   EXPECT_LE(RelativeDifference(stock.summary.initial_cost, ours.summary.initial_cost), 1e-14);
-  EXPECT_LE(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost), kFinalCostBar);
+  EXPECT_LE(RelativeDifference(stock.summary.final_cost, ours.summary.final_cost), 1e-8);
 }
 
 TEST_P(WholeRun, TwoThreadsGiveTheSameBits) {
@@ -75,8 +73,9 @@ TEST_P(WholeRun, TwoThreadsGiveTheSameBits) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Exact, WholeRun,
-                         ::testing::Values(Case{"Ladybug49", false, "bal/problem-49-7776-pre.txt"},
-                                           Case{"BundledStreet", true, "street-16-1200-pre.txt"}),
+                         ::testing::Values(Source{"Ladybug49", false,
+                                                  "bal/problem-49-7776-pre.txt"},
+                                           Source{"BundledStreet", true, "street-16-1200-pre.txt"}),
                          ::testing::PrintToStringParamName());
 
 }  // namespace

@@ -12,7 +12,6 @@
 
 #include <gtest/gtest.h>
 
-#include "io/bal_share.h"
 #include "support/temp_dir.h"
 
 namespace inceres {
@@ -102,38 +101,6 @@ TEST(BalBinary, SharesTogetherAreAll) {
       ASSERT_TRUE(file.ReadShare(part, num_parts, &share).ok());
       Append(share, &joined);
     }
-    ExpectSame(joined, bal);
-  }
-}
-
-// Cut anywhere, in the middle of numbers too.
-TEST(BalText, SharesTogetherAreAll) {
-  const test::TempDir dir;
-  const BalProblem bal = RandomProblem(3, 7, 15);
-  const std::string path = dir.File("a.txt");
-  ASSERT_TRUE(WriteBal(path, bal).ok());
-  const auto bytes = static_cast<std::int64_t>(test::ReadBytes(path).size());
-  for (std::int64_t cut = 0; cut <= bytes; ++cut) {
-    BalProblem joined;
-    joined.num_cameras = bal.num_cameras;
-    joined.num_points = bal.num_points;
-    internal::BalCounts counts;
-    std::int64_t file_bytes = 0;
-    ASSERT_TRUE(internal::ReadBalCounts(path, &counts, &file_bytes).ok());
-    EXPECT_EQ(file_bytes, bytes);
-    const std::int64_t cuts[] = {0, cut, std::min(cut + 3, bytes), bytes};
-    std::int64_t first = 0;
-    for (int k = 0; k < 3; ++k) {
-      std::int64_t num_tokens = 0;
-      internal::BalShare share;
-      ASSERT_TRUE(internal::CountTokens(path, cuts[k], cuts[k + 1], &num_tokens).ok());
-      const Status status =
-          internal::ReadBalShare(path, counts, cuts[k], first, num_tokens, &share);
-      ASSERT_TRUE(status.ok()) << cut << " " << status.message;
-      first += num_tokens;
-      Append(share, &joined);
-    }
-    EXPECT_EQ(first, counts.NumTokens());
     ExpectSame(joined, bal);
   }
 }

@@ -1,12 +1,11 @@
 // The lower bound of the chordal cost: met without noise and with moderate noise, and never above
 // what another choice of poses costs.
-#include "inceres/io/chordal_bound.h"
-
 #include <cmath>
 #include <string>
 
 #include <gtest/gtest.h>
 
+#include "inceres/io/g2o.h"
 #include "inceres/io/pose_graph_start.h"
 #include "support/pose_graph_world.h"
 

@@ -12,7 +12,7 @@
 #include "inceres/io/keyframes.h"
 #include "inceres/io/planar_map.h"
 #include "inceres/io/vio_sequence.h"
-#include "io/byte_sink.h"
+#include "io/byte_stream.h"
 #include "support/temp_dir.h"
 
 namespace inceres {

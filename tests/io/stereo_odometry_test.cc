@@ -100,6 +100,7 @@ TEST_F(StereoOdometryTest, ErrorsOfTheFolder) {
 
 TEST_F(StereoOdometryTest, ErrorsOfTheCalibration) {
   ExpectError("calibration", "\n", 2, "the file has no calibration");
+  ExpectError("calibration", "# no comments\n", 1, "f_x: '#' is not a number");
   ExpectError("calibration", "700 710 0 600 180\n", 1, "baseline: missing, the line ends here");
   ExpectError("calibration", "700 710 0 600 180 0\n", 1, "baseline: not positive");
   ExpectError("calibration", "700 -710 0 600 180 1\n", 1, "f_y: not positive");

@@ -12,8 +12,8 @@
 #include "linear/bayes_tree.h"
 #include "linear/eigen_ldlt_solver.h"
 #include "linear/growing_system.h"
-#include "linear/half_solves.h"
 #include "linear/live_factor.h"
+#include "linear/resuming.h"
 #include "linear/select_solver.h"
 #include "support/dense_oracle.h"
 

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 #include "support/core_pipeline.h"
 #include "support/random_values.h"
 

@@ -73,22 +73,6 @@ TEST(ResumedSolver, SameBitsAsFromScratchUnderRandomChanges) {
   }
 }
 
-TEST(ResumedSolver, HeldRowsAreZeroAndFreedOnesComeBack) {
-  GrowingSystem system = Chain(10, 3);
-  ResumedSolver solver;
-  ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
-  const std::vector<double> before = system.x;
-  system.held[4] = system.held[7] = 1;
-  ASSERT_TRUE(Update(&solver, &system, {4, nullptr}, 10).ok());
-  EXPECT_EQ(solver.work().factored_rows, 6);
-  EXPECT_TRUE(system.X().segment(12, 3).isZero(0.0));
-  EXPECT_TRUE(system.X().segment(21, 3).isZero(0.0));
-  EXPECT_FALSE(system.X().segment(15, 3).isZero(1e-3));
-  system.held[4] = system.held[7] = 0;
-  ASSERT_TRUE(Update(&solver, &system, {4, nullptr}, 10).ok());
-  EXPECT_EQ(system.x, before);
-}
-
 TEST(ResumedSolver, AnAppendedRowTouchesTheTailOnly) {
   GrowingSystem system = Chain(500);
   ResumedSolver solver;
@@ -175,22 +159,6 @@ TEST(ResumedSolver, GoesOnFromAPartlyAppliedSolution) {
   ASSERT_TRUE(Update(&solver, &system, {60, nullptr}, 48, {weights.data(), 1e-20}).ok());
   EXPECT_GT(solver.work().solved.first_row, 20);
   EXPECT_LE((system.X() - system.Dense().llt().solve(b)).lpNorm<Eigen::Infinity>(), 1e-9);
-}
-
-TEST(ResumedSolver, RecoversFromASingularRow) {
-  GrowingSystem system = Chain(12, 3);
-  ResumedSolver solver;
-  ASSERT_TRUE(Update(&solver, &system, {}, 0).ok());
-  system.damping[24] = -1000.0;
-  const Status failed = Update(&solver, &system, {8, nullptr}, 12);
-  EXPECT_EQ(failed.code, StatusCode::kSingular);
-  EXPECT_NE(failed.message.find("frame 8"), std::string::npos) << failed.message;
-  EXPECT_EQ(solver.Solve(system.b.data(), {12}, kExact, system.x.data()).code,
-            StatusCode::kSingular);
-  system.damping[24] = 0.25;
-  ASSERT_TRUE(Update(&solver, &system, {8, nullptr}, 12).ok());
-  EXPECT_EQ(solver.work().factored_rows, 4);
-  EXPECT_EQ(system.x, FromScratch(system, solver.order()));
 }
 
 // Another solver had the last b and wrote x.

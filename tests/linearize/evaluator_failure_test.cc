@@ -1,4 +1,5 @@
 // What cannot be evaluated is named: the factor with its variables, or the manifold.
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -96,16 +97,6 @@ TEST_F(FailingFactors, JacobiansThatAreNotFinite) {
   }
 }
 
-// ρ(s) = (s − 1)²: at s = 1 the first derivative is zero, and the second one is not.
-class FlatLoss final : public Loss {
- public:
-  void Evaluate(double s, double rho[3]) const override {
-    rho[0] = (s - 1.0) * (s - 1.0);
-    rho[1] = 2.0 * (s - 1.0);
-    rho[2] = 2.0;
-  }
-};
-
 TEST_F(FailingFactors, LossesWithoutAnyLeastSquaresForm) {
   Build([](int i, double* residuals, double** jacobians) {
     residuals[0] *= i < 400 ? 2.0 : 1.0;
@@ -114,8 +105,12 @@ TEST_F(FailingFactors, LossesWithoutAnyLeastSquaresForm) {
     }
     return true;
   });
+  // At s = 1 the first derivative is zero, and the second one is not.
+  const auto loss = test::LossOf([](double s) {
+    return std::array{(s - 1.0) * (s - 1.0), 2.0 * (s - 1.0), 2.0};
+  });
   for (int i = 200; i < 600; ++i) {
-    graph_.SetLoss(0, i, std::make_shared<FlatLoss>());
+    graph_.SetLoss(0, i, loss);
   }
   ExpectFailure(
       "factor 400 of function (variables 0): its loss has a second derivative above zero and a "

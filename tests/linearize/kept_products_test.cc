@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "support/core_pipeline.h"
 #include "support/random_graph.h"
 

@@ -50,7 +50,9 @@ struct Case {
     const SlotJacobians slots[2] = {{J[0].data(), kRows * kStride, kStride, 6},
                                     {J[1].data(), kRows * 4, 4, 3}};
     const std::int32_t offsets[2] = {7, -1};
-    return RobustifyFactor(&loss, kRows, 2, slots, 1, offsets, curvature, f.data());
+    const LossValue value(&loss, f.data(), kRows);
+    RobustifyFactor(value, kRows, 2, slots, 1, offsets, curvature, f.data());
+    return value.cost();
   }
 
   Matrix FirstSlot() const {
@@ -78,7 +80,6 @@ TEST_P(Robustify, GradientAndHessianAreThoseOfTheRobustCost) {
     const Eigen::Vector3d f = before.Residual();
     loss->Evaluate(f.squaredNorm(), rho);
     EXPECT_EQ(cost, 0.5 * rho[0]);
-    EXPECT_EQ(cost, RobustCost(loss.get(), before.f.data(), kRows));
     // ∇ ½ρ(‖f‖²) = ρ' Jᵀf
     const Matrix J = before.FirstSlot();
     const Eigen::VectorXd g = after.FirstSlot().transpose() * after.Residual();
@@ -175,7 +176,7 @@ TEST(RobustifyFactor, ALossThatDoesNothingChangesNothing) {
 
 TEST(RobustifyFactor, WithoutALossTheCostIsHalfTheSquaredNorm) {
   const double f[3] = {1.0, -2.0, 3.0};
-  EXPECT_EQ(RobustCost(nullptr, f, 3), 7.0);
+  EXPECT_EQ(LossValue(nullptr, f, 3).cost(), 7.0);
 }
 
 }  // namespace

@@ -552,7 +552,7 @@ TEST(Covariance, OfALossWithoutAWeightIsAStatus) {
       const double one = 1.0;
       for (int i = 0; i < 2; ++i) {
         graph.AddFactor(priors, i, {graph.AddVariable(&one, 1, Role::kFrame)},
-                        i == 0 ? std::make_shared<LossOfSlope>(slope) : nullptr);
+                        i == 0 ? LossOfSlope(slope) : nullptr);
       }
       CovarianceOptions options;
       options.algorithm = algorithm;

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "inceres/problem/graph_edit.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "support/test_families.h"
 
 namespace inceres::test {

@@ -151,9 +151,8 @@ TEST(MarginalizationFailure, RankLossOfFrames) {
 
 TEST(MarginalizationFailure, AFactorThatCannotBeEvaluated) {
   Chain chain;
-  const auto family = chain.graph.AddFamily(std::make_shared<FunctionFamily>(
-      1, std::vector<FactorFamily::Slot>{{2, 2}},
-      [](int, const double* const*, double*, double**) { return false; }));
+  const auto family =
+      chain.graph.AddFamily(JetFamily<1, 2>([](const auto* /*x*/, auto* /*f*/) { return false; }));
   chain.graph.AddFactor(family, 0, {0});
   ExpectRefused(
       &chain.graph, Request({0, chain.landmark}), MarginalizationOptions(),
@@ -166,7 +165,7 @@ TEST(MarginalizationFailure, ALossWithoutAWeightIsNamed) {
   for (const double slope : {-1.0, static_cast<double>(NAN), HUGE_VAL}) {
     Chain chain;
     GraphEdit edit(chain.graph);
-    edit.SetLoss(chain.prior, std::make_shared<LossOfSlope>(slope));
+    edit.SetLoss(chain.prior, LossOfSlope(slope));
     ASSERT_TRUE(chain.graph.Apply(edit).ok());
     ExpectRefused(&chain.graph, Request({0, chain.landmark}), MarginalizationOptions(),
                   StatusCode::kEvaluationFailed, "factor 0 of linear (variables 0): its loss has",

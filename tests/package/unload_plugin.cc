@@ -3,13 +3,13 @@
 #include <chrono>
 #include <thread>
 
-#include "base/parallel_for.h"
+#include "base/executor.h"
 #include "inceres/export.h"
 
 // Each task is long enough for the other thread to come and take some.
 extern "C" INCERES_EXPORT int CountOnTwoThreads(int count) {
   std::atomic<int> counted{0};
-  inceres::internal::ParallelFor(2, count, 1, [&counted](int begin, int end) {
+  inceres::internal::Executor(2).For(count, 1, [&counted](int begin, int end) {
     std::this_thread::sleep_for(std::chrono::microseconds(100));
     counted += end - begin;
   });

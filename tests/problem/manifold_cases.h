@@ -9,7 +9,6 @@
 
 #include "inceres/problem/manifolds.h"
 #include "inceres/problem/rotation.h"
-#include "inceres/problem/similarity_manifold.h"
 
 namespace inceres {
 

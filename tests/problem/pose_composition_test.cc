@@ -1,11 +1,11 @@
 // Laws of composition, against homogeneous matrices of Eigen.
-#include "inceres/problem/pose_composition.h"
-
 #include <random>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
+
+#include "inceres/problem/rotation.h"
 
 namespace inceres {
 namespace {

@@ -27,8 +27,7 @@ TOOL_KEY = re.compile(r'\{"([a-z0-9][a-z_0-9-]*)",\s*[^"\s]|\w+\["([a-z0-9_]+)"\
 NOT_KEYS = {"auto", "dropin", "dropin_incremental", "exact", "incremental", "plain", "rebuild", "counts", "defect"}
 SUMMARIES = ("src/trust_region/summary.cc", "src/incremental/update_summary.cc")
 FOUNDATIONS = {"inceres/export.h", "inceres/problem/rotation.h",
-               "inceres/problem/pose_composition.h", "inceres/factors/point_observation.h",
-               "inceres/estimator/trajectory_error.h", "inceres/io/read_options.h"}
+               "inceres/estimator/trajectory_error.h"}
 SOURCE_FOLDERS = ("src", "adapters", "tools", "tests", "benchmarks", "examples", "docs", "bal_data")
 SOURCE_SUFFIXES = (".cc", ".h", ".py", ".sh")
 

@@ -10,7 +10,6 @@
 #include "inceres/problem/manifolds.h"
 #include "inceres/solver/covariance.h"
 #include "inceres/solver/incremental_solver.h"
-#include "inceres/solver/linear_prior.h"
 #include "inceres/solver/marginalization.h"
 
 namespace {

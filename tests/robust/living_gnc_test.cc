@@ -9,7 +9,7 @@
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/io/g2o_graph.h"
 #include "inceres/problem/losses.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 #include "robust/gnc_worlds.h"
 
 namespace inceres {

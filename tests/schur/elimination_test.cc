@@ -249,17 +249,8 @@ class SingularLandmarks : public testing::Test {
       random_.Connect(2, {0, 1});
     }
     random_.Connect(2, {0, 2});
-    auto blind = std::make_shared<test::FunctionFamily>(
-        2, std::vector<FactorFamily::Slot>{{6, 6}, {3, 3}},
-        [](int, const double* const* x, double* residuals, double** jacobians) {
-          std::copy_n(x[0], 2, residuals);
-          if (jacobians != nullptr) {
-            std::fill_n(jacobians[0], 12, 0.0);
-            jacobians[0][0] = jacobians[0][7] = 1.0;
-            std::fill_n(jacobians[1], 6, 0.0);
-          }
-          return true;
-        });
+    const auto blind = test::JetFamily<2, 6, 3>(
+        [](const auto* x, const auto* /*landmark*/, auto* f) { std::copy_n(x, 2, f); });
     random_.graph().AddFactor(random_.graph().AddFamily(blind), 0, {0, 3});
   }
   RandomGraph random_{43};

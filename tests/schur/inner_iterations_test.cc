@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -18,7 +17,7 @@ namespace {
 
 using test::BundleOptions;
 using test::CorePipeline;
-using test::FunctionFamily;
+using test::JetFamily;
 using test::MakeBundle;
 
 BundleOptions Bundle() {
@@ -109,17 +108,12 @@ TEST(InnerIterations, LandmarksOnAManifoldStay) {
 // A landmark y with the residual exp(y) − 1, which cannot be evaluated below `floor`.
 struct Cliff {
   explicit Cliff(double floor) {
-    const auto evaluate = [floor](int, const double* const* x, double* residuals,
-                                  double** jacobians) {
-      residuals[0] = std::exp(x[1][0]) - 1.0 + 0.0 * x[0][0];
-      if (jacobians != nullptr) {
-        jacobians[0][0] = 0.0;
-        jacobians[1][0] = std::exp(x[1][0]);
-      }
-      return x[1][0] >= floor;
-    };
-    const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
-        1, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}}, evaluate));
+    const auto family =
+        graph.AddFamily(JetFamily<1, 1, 1>([floor](const auto* /*x*/, const auto* y, auto* f) {
+          using std::exp;
+          f[0] = exp(y[0]) - 1.0;
+          return y[0] >= floor;
+        }));
     const double zero = 0.0;
     const double start = 2.0;
     const VariableId frame = graph.AddVariable(&zero, 1, Role::kFrame);

@@ -124,8 +124,8 @@ TEST_P(DenseKernels, SubtractLowerOuterGivesTheBitsOfTheWholeProduct) {
         Matrix whole = start, lower = start;
         kernels().subtract_outer(rows, cols, depth, A.values.data(), A.stride, A.values.data(),
                                  A.stride, whole.values.data(), whole.stride);
-        small_kernels().subtract_lower_outer(rows, cols, depth, A.values.data(), A.stride,
-                                             lower.values.data(), lower.stride);
+        kernels().subtract_lower_outer(rows, cols, depth, A.values.data(), A.stride,
+                                       lower.values.data(), lower.stride);
         for (int c = 0; c < cols; ++c) {
           for (int r = 0; r < lower.stride; ++r) {
             const double expected = r < rows ? whole(r, c) : start(r, c);
@@ -307,7 +307,7 @@ TEST_P(DenseKernels, PathsAreEliminatedAsADenseMatrixIs) {
     const int section = path.Section();
     AlignedVector<double> tiles = path.Tiles();
     AlignedVector<double> square(static_cast<std::size_t>(size * section), 0.0);
-    ASSERT_EQ(small_kernels().eliminate_path(size, count, tiles.data(), square.data()), -1);
+    ASSERT_EQ(kernels().eliminate_path(size, count, tiles.data(), square.data()), -1);
     path.Eliminate();
     for (int c = 0; c < size; ++c) {
       for (int r = 0; r < size; ++r) {
@@ -331,7 +331,7 @@ TEST_P(DenseKernels, PathsAreEliminatedAsADenseMatrixIs) {
       at(k) = b[static_cast<std::size_t>(k)];
     }
     double* const of_anchor = y.data() + (count + 1) * section;
-    small_kernels().solve_path_forward(size, count, tiles.data(), y.data(), of_anchor);
+    kernels().solve_path_forward(size, count, tiles.data(), y.data(), of_anchor);
     for (int k = 0; k < next; ++k) {
       expected[static_cast<std::size_t>(k)] /= path(k, k);
       for (int r = k + 1; r < anchor + size; ++r) {
@@ -341,7 +341,7 @@ TEST_P(DenseKernels, PathsAreEliminatedAsADenseMatrixIs) {
     for (int k = 0; k < anchor + size; ++k) {
       EXPECT_NEAR(at(k), expected[static_cast<std::size_t>(k)], 1e-12) << size << ", " << k;
     }
-    small_kernels().solve_path_backward(size, count, tiles.data(), of_anchor, y.data());
+    kernels().solve_path_backward(size, count, tiles.data(), of_anchor, y.data());
     for (int k = next - 1; k >= 0; --k) {
       for (int r = k + 1; r < anchor + size; ++r) {
         expected[static_cast<std::size_t>(k)] -= path(r, k) * expected[static_cast<std::size_t>(r)];
@@ -362,7 +362,7 @@ TEST_P(DenseKernels, APathThatIsNotDefiniteNamesTheScalar) {
         // A pivot of nothing that gets nothing.
         std::fill(tiles.begin(), tiles.end(), 0.0);
       }
-      EXPECT_EQ(small_kernels().eliminate_path(size, 4, tiles.data(), nullptr),
+      EXPECT_EQ(kernels().eliminate_path(size, 4, tiles.data(), nullptr),
                 pivot == 0.0 ? 0 : 2 * size + 1);
     }
   }
@@ -435,7 +435,7 @@ class EnvelopeRows {
       }
     }
   }
-  void Run(const SmallKernels& kernels, int i, int first, int end) const {
+  void Run(const Kernels& kernels, int i, int first, int end) const {
     kernels.solve_envelope_run(size_, rows_.data(), offsets_.data(), i, first, end);
   }
 
@@ -459,9 +459,9 @@ TEST_P(DenseKernels, RunsOfAnEnvelopeRowSolveItsBlocks) {
         rows.MultiplyRow(i, first);
         // In two runs, the second with the block on the diagonal.
         if (middle > first) {
-          rows.Run(small_kernels(), i, first, middle);
+          rows.Run(kernels(), i, first, middle);
         }
-        rows.Run(small_kernels(), i, middle, i);
+        rows.Run(kernels(), i, middle, i);
         const AlignedVector<double> solved = rows.Row(i);
         rows.Row(i) = own;
         const auto at = [&](int r, int k) {

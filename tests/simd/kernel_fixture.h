@@ -10,7 +10,6 @@
 
 #include "base/aligned_vector.h"
 #include "simd/kernels.h"
-#include "simd/small_kernels.h"
 #include "support/random_values.h"
 
 namespace inceres::internal {
@@ -28,7 +27,6 @@ class KernelTest : public testing::TestWithParam<InstructionSet> {
   }
 
   const Kernels& kernels() const { return *kernels_; }
-  const SmallKernels& small_kernels() const { return *SmallKernelsFor(GetParam()); }
   static const Kernels& generic() { return *KernelsFor(InstructionSet::kGeneric); }
 
   // Rows of `size` random entries, zeros up to the next quad.

@@ -430,7 +430,7 @@ TEST_P(ProductKernels, ContributionsEqualPlainLoops) {
 TEST_P(ProductKernels, SetZeroTakesWholeQuadsAndNoMore) {
   for (int count = 0; count <= 40; count += kQuad) {
     std::vector<double> A(static_cast<std::size_t>(count + 1), 77.0);
-    small_kernels().set_zero(count, A.data());
+    kernels().set_zero(count, A.data());
     EXPECT_EQ(std::count(A.begin(), A.end(), 0.0), count);
     EXPECT_EQ(A.back(), 77.0) << count;
   }
@@ -449,7 +449,7 @@ TEST_P(ProductKernels, AddColumnsAddsEachEntryAlone) {
         expected[static_cast<std::size_t>(c * ldc + r)] += A[static_cast<std::size_t>(c * lda + r)];
       }
     }
-    small_kernels().add_columns(rows, kColumns, A.data(), lda, C.data(), ldc);
+    kernels().add_columns(rows, kColumns, A.data(), lda, C.data(), ldc);
     EXPECT_EQ(C, expected) << rows << " rows";
   }
 }
@@ -479,7 +479,7 @@ TEST_P(ProductKernels, SumsOfSmallBlocksHaveTheBitsOfTheirParts) {
     double C[30], y[8], diagonal[8];
     std::fill_n(C, 30, 77.0);
     std::fill_n(y, 8, 77.0);
-    small_kernels().sum_products_of_three({sources, terms, depth}, blocks, 3, C, y, diagonal);
+    kernels().sum_products_of_three({sources, terms, depth}, blocks, 3, C, y, diagonal);
     for (int c = 0; c < 3; ++c) {
       for (int r = 0; r < 3; ++r) {
         for (const SmallBlock& block : blocks) {
@@ -523,9 +523,9 @@ TEST_P(ProductKernels, WholeContributionsHaveTheBitsOfTheirParts) {
         AlignedVector<double> squares = PaddedRows(2, size), squares_parts = squares;
         AlignedVector<double> peak(y.size(), 0.25), peak_parts = peak;
         AlignedVector<double> peak2(y.size(), 0.5), peak2_parts = peak2;
-        small_kernels().add_contribution(contribution, sign,
-                                         {blocks.data(), C.data(), v.data(), v_old.data(), y.data(),
-                                          peak.data(), squares.data(), peak2.data()});
+        kernels().add_contribution(contribution, sign,
+                                   {blocks.data(), C.data(), v.data(), v_old.data(), y.data(),
+                                    peak.data(), squares.data(), peak2.data()});
         kernels().add_outer(contribution, sign, blocks.data(), C_parts.data());
         kernels().add_transposed(contribution, v.data(), v_old.data(), -sign, y_parts.data(),
                                  peak_parts.data());

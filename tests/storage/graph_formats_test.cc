@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "inceres/problem/ambient_family.h"
-#include "inceres/solver/linear_prior.h"
+#include "inceres/solver/marginalization.h"
 #include "inceres/solver/solver.h"
 #include "inceres/storage/graph_file.h"
 

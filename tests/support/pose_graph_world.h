@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "inceres/io/g2o.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::test {
 

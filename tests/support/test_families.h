@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
 #include <string>
@@ -7,7 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include "inceres/autodiff/differentiate.h"
 #include "inceres/problem/ambient_family.h"
+#include "inceres/problem/losses.h"
 #include "support/random_values.h"
 
 namespace inceres::test {
@@ -104,18 +108,60 @@ std::shared_ptr<FunctionFamily> ScalarFamily(F f, D... derivatives) {
                                           ScalarFunction(f, derivatives...));
 }
 
-/// Of the derivative that it is told: one that is no weight, say.
-class LossOfSlope final : public Loss {
+/// f(x…, residuals) or f(i, x…, residuals), of factor i; true where f says nothing.
+template <typename F, typename... P>
+bool ResultOf(const F& f, int i, P... pointers) {
+  if constexpr (std::is_invocable_v<const F&, int, P...>) {
+    return ResultOf([&f, i](P... all) { return f(i, all...); }, i, pointers...);
+  } else if constexpr (std::is_void_v<std::invoke_result_t<const F&, P...>>) {
+    f(pointers...);
+    return true;
+  } else {
+    return f(pointers...);
+  }
+}
+
+/// Residuals as a generic lambda writes them, of variables of Ns values: see ResultOf. The
+/// Jacobians come by Jets.
+template <int kResiduals, int... Ns, typename F>
+FunctionFamily::Function ByJets(F f) {
+  return [f](int i, const double* const* x, double* residuals, double** jacobians) {
+    const auto functor = [&f, i](auto*... pointers) { return ResultOf(f, i, pointers...); };
+    using Differentiator = internal::Differentiator<Ns...>;
+    return jacobians == nullptr ? Differentiator::Evaluate(functor, x, residuals)
+                                : Differentiator::template Differentiate<kResiduals>(
+                                      functor, kResiduals, x, residuals, jacobians);
+  };
+}
+
+template <int kResiduals, int... Ns, typename F>
+std::shared_ptr<FunctionFamily> JetFamily(F f) {
+  return std::make_shared<FunctionFamily>(kResiduals, std::vector<FactorFamily::Slot>{{Ns, Ns}...},
+                                          ByJets<kResiduals, Ns...>(f));
+}
+
+/// A loss whose ρ, ρ' and ρ'' one function computes of s.
+class FunctionLoss final : public Loss {
  public:
-  explicit LossOfSlope(double slope) : slope_(slope) {}
+  using Function = std::function<std::array<double, 3>(double s)>;
+
+  explicit FunctionLoss(Function function) : function_(std::move(function)) {}
   void Evaluate(double s, double rho[3]) const override {
-    rho[0] = s;
-    rho[1] = slope_;
-    rho[2] = 0.0;
+    const std::array<double, 3> values = function_(s);
+    std::copy(values.begin(), values.end(), rho);
   }
 
  private:
-  double slope_;
+  Function function_;
 };
+
+inline std::shared_ptr<const Loss> LossOf(FunctionLoss::Function function) {
+  return std::make_shared<FunctionLoss>(std::move(function));
+}
+
+/// Of the derivative that it is told: one that is no weight, say.
+inline std::shared_ptr<const Loss> LossOfSlope(double slope) {
+  return LossOf([slope](double s) { return std::array{s, slope, 0.0}; });
+}
 
 }  // namespace inceres::test

@@ -11,7 +11,7 @@
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/planar_relative_pose.h"
-#include "inceres/factors/stereo_reprojection.h"
+#include "inceres/factors/point_reprojection.h"
 #include "tools/problems/bal_cost.h"
 #include "tools/problems/keyframe_cost.h"
 #include "tools/problems/pose_graph_cost.h"

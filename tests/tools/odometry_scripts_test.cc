@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 #include "inceres/solver/solver.h"
 #include "support/test_data.h"
 #include "tools/problems/pose_graph_ceres_problem.h"

@@ -8,7 +8,7 @@
 
 #include "inceres/io/g2o.h"
 #include "inceres/io/stereo_odometry.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::tools {
 

@@ -89,6 +89,7 @@ class ToolHabitsTest(unittest.TestCase):
                          "--version", "--help", "\nExit codes:\n  0  success\n"):
                 self.assertIn(part, text, name)
             self.assertTrue(examples(text), name)
+            self.assertNotIn("stderrthreshold", text, "a flag of a library's")
             for line in text.splitlines():
                 self.assertLessEqual(len(line), 80 if not line.startswith(f"  {name}")
                                      and "=" not in line else 200, (name, line))
@@ -132,7 +133,8 @@ class ToolHabitsTest(unittest.TestCase):
             for more in ([], ["--quiet"], ["--progress", "always"]):
                 text, _ = self.run_tool(name, *SHORT[name], "--json", "-", *more)
                 self.assertEqual(set(json.loads(text)), set(in_file), name)
-            self.run_tool(name, *SHORT[name], "--json", "no/such/folder.json", code=1)
+            _, message = self.run_tool(name, *SHORT[name], "--json", "no/such/folder.json", code=1)
+            self.assertIn("no/such/folder.json", message)
 
     def test_json_of_a_file_whose_name_is_not_utf8(self):
         strange = os.fsdecode(b"\xff")

@@ -1,8 +1,8 @@
-#include "trust_region/armijo_search.h"
-
 #include <cmath>
 
 #include <gtest/gtest.h>
+
+#include "trust_region/bounded_line_search.h"
 
 namespace inceres::internal {
 namespace {

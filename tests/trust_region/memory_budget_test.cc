@@ -16,7 +16,6 @@ namespace inceres {
 namespace {
 
 using internal::CheckCounts;
-using internal::FamilyCounts;
 using internal::MemoryBudget;
 using internal::MemoryExceeded;
 
@@ -113,12 +112,11 @@ TEST(MemoryBudget, TheMachineIsAskedOnceAndForLargeSolvesOnly) {
 }
 
 TEST(MemoryBudget, CountsBeyond32BitsAreRefused) {
-  const FamilyCounts final_13682{28987644, 2, 2, 6};
-  EXPECT_NO_THROW(CheckCounts(final_13682));
-  EXPECT_THROW(CheckCounts({600000000, 2, 1, 1}), MemoryExceeded) << "connections";
-  EXPECT_THROW(CheckCounts({400000000, 2, 6, 1}), MemoryExceeded) << "residuals";
-  EXPECT_THROW(CheckCounts({200000000, 2, 2, 6}), MemoryExceeded) << "Jacobians";
-  EXPECT_THROW(CheckCounts({2147483647, 8, 1000, 100000}), MemoryExceeded);
+  EXPECT_NO_THROW(CheckCounts(28987644, 2, 2, 6)) << "Final-13682";
+  EXPECT_THROW(CheckCounts(600000000, 2, 1, 1), MemoryExceeded) << "connections";
+  EXPECT_THROW(CheckCounts(400000000, 2, 6, 1), MemoryExceeded) << "residuals";
+  EXPECT_THROW(CheckCounts(200000000, 2, 2, 6), MemoryExceeded) << "Jacobians";
+  EXPECT_THROW(CheckCounts(2147483647, 8, 1000, 100000), MemoryExceeded);
 }
 
 }  // namespace

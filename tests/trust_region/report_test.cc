@@ -142,10 +142,14 @@ TEST_F(Progress, ColumnsAreThoseOfCeres) {
   row.iteration = 3;
   row.cost = 12.5;
   row.cost_change = -0.25;
+  row.gradient_max_norm = 9.5;
+  row.trust_region_radius = 1e4;
   row.linear_solver_iterations = 1;
+  row.iteration_time_in_seconds = 5.33e-4;
+  row.cumulative_time_in_seconds = 3.46e-3;
   EXPECT_EQ(ProgressRow(row),
-            "   3  1.250000e+01   -2.50e-01    0.00e+00   0.00e+00   0.00e+00  0.00e+00        1   "
-            " 0.00e+00    0.00e+00");
+            "   3  1.250000e+01   -2.50e-01    9.50e+00   0.00e+00   0.00e+00  1.00e+04        1   "
+            " 5.33e-04    3.46e-03");
 }
 
 TEST_F(Progress, GoesToAStreamLineByLine) {

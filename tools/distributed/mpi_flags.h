@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include "inceres/distributed/options.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "inceres/problem/losses.h"
 #include "inceres/status.h"
 

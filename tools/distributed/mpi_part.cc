@@ -23,7 +23,7 @@ MpiPart::MpiPart(const Tracks& tracks, const std::shared_ptr<const Loss>& loss) 
   part.graph = &graph;
   std::vector<VariableId> cameras(tracks.cameras.size() / kCameraSize, -1);
   const auto family = graph.AddFamily(std::make_shared<BalReprojectionFamily>());
-  family->Reserve(static_cast<int>(tracks.seen.size()));
+  family->Reserve(tracks.seen.size());
   // By ascending number, as one process has them: neighbors lie together.
   for (const Seen& seen : tracks.seen) {
     cameras[static_cast<std::size_t>(seen.camera)] = 0;

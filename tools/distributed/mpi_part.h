@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "inceres/distributed/graph_part.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/problem/losses.h"
 #include "tools/distributed/tracks.h"

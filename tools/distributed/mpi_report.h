@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "inceres/distributed/summary.h"
+#include "inceres/distributed/distributed_solver.h"
 #include "tools/distributed/partition.h"
 
 namespace inceres::tools {

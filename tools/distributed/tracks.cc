@@ -7,9 +7,8 @@
 #include "base/text.h"
 #include "distributed/exchange.h"
 #include "io/bal_binary.h"
-#include "io/bal_share.h"
-#include "io/byte_source.h"
 #include "tools/distributed/agree.h"
+#include "tools/distributed/bal_text_share.h"
 #include "tools/distributed/mpi_process.h"
 
 namespace inceres::tools {
@@ -95,11 +94,18 @@ Status ReadWhole(MPI_Comm comm, const std::string& path, const ReadOptions& opti
   return status;
 }
 
-Status ReadShares(MPI_Comm comm, const std::string& path, BalCounts* counts, BalShare* share) {
+// Whether it is true on all ranks. Collective.
+bool AllOf(MPI_Comm comm, bool own) {
+  int all = own ? 1 : 0;
+  MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, comm);
+  return all != 0;
+}
+
+// The same on all ranks, as of ReadBinaryShares.
+bool ReadShares(MPI_Comm comm, const std::string& path, BalCounts* counts, BalShare* share) {
   std::int64_t file_bytes = 0;
-  Status status = Agree(comm, internal::ReadBalCounts(path, counts, &file_bytes));
-  if (!status.ok()) {
-    return status;
+  if (!AllOf(comm, ReadBalCounts(path, counts, &file_bytes))) {
+    return false;
   }
   const std::int64_t size = static_cast<std::int64_t>(SizeOf(comm));
   const std::int64_t rank = RankOf(comm);
@@ -107,32 +113,24 @@ Status ReadShares(MPI_Comm comm, const std::string& path, BalCounts* counts, Bal
     return file_bytes / size * r + file_bytes % size * r / size;
   };
   std::int64_t num_tokens = 0;
-  status =
-      Agree(comm, internal::CountTokens(path, begin_of(rank), begin_of(rank + 1), &num_tokens));
-  if (!status.ok()) {
-    return status;
+  if (!AllOf(comm, CountTokens(path, begin_of(rank), begin_of(rank + 1), &num_tokens))) {
+    return false;
   }
   const std::vector<std::int64_t> all = GatherToAll(comm, std::vector<std::int64_t>{num_tokens});
   const std::int64_t first = std::accumulate(all.begin(), all.begin() + rank, std::int64_t{0});
   const std::int64_t total = std::accumulate(all.begin(), all.end(), std::int64_t{0});
-  if (total != counts->NumTokens()) {
-    return Status::Error(StatusCode::kIo, path + ": has " + std::to_string(total) +
-                                              " numbers; its counts ask for " +
-                                              std::to_string(counts->NumTokens()));
-  }
-  return Agree(comm,
-               internal::ReadBalShare(path, *counts, begin_of(rank), first, num_tokens, share));
+  return total == NumTokens(*counts) &&
+         AllOf(comm, ReadBalShare(path, *counts, begin_of(rank), first, num_tokens, share));
 }
 
-Status ReadBinaryShares(MPI_Comm comm, const std::string& path, BalCounts* counts,
-                        BalShare* share) {
+bool ReadBinaryShares(MPI_Comm comm, const std::string& path, BalCounts* counts, BalShare* share) {
   internal::BalBinaryFile file;
-  Status status = file.Open(path);
-  if (status.ok()) {
+  bool read = file.Open(path).ok();
+  if (read) {
     *counts = file.counts();
-    status = file.ReadShare(RankOf(comm), static_cast<int>(SizeOf(comm)), share);
+    read = file.ReadShare(RankOf(comm), static_cast<int>(SizeOf(comm)), share).ok();
   }
-  return Agree(comm, status);
+  return AllOf(comm, read);
 }
 
 }  // namespace
@@ -143,10 +141,8 @@ Status ReadTracks(MPI_Comm comm, const std::string& path, const ReadOptions& opt
   if (in_shares) {
     BalCounts counts;
     BalShare share;
-    const Status status = internal::IsBalBinary(path)
-                              ? ReadBinaryShares(comm, path, &counts, &share)
-                              : ReadShares(comm, path, &counts, &share);
-    if (status.ok()) {
+    if (internal::IsBalBinary(path) ? ReadBinaryShares(comm, path, &counts, &share)
+                                    : ReadShares(comm, path, &counts, &share)) {
       SpreadShare(comm, counts, std::move(share), tracks);
       return Status::Ok();
     }

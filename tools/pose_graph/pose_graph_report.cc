@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "inceres/factors/pose_edge.h"
+#include "inceres/factors/relative_pose.h"
 #include "src/base/formatted.h"
 
 namespace inceres::tools {

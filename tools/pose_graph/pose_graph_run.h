@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "inceres/io/chordal_bound.h"
+#include "inceres/io/g2o.h"
 #include "inceres/io/g2o_graph.h"
 #include "inceres/solver/gnc.h"
 #include "inceres/solver/summary.h"

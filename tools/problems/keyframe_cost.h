@@ -7,7 +7,7 @@
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/rotation.h>
 
-#include "inceres/factors/inverse_depth_reprojection.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/relative_pose.h"
 
 namespace inceres::tools {

@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <ceres/autodiff_cost_function.h>
 
-#include "inceres/factors/stereo_reprojection.h"
+#include "inceres/factors/point_reprojection.h"
 
 namespace inceres::tools {
 

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "inceres/io/g2o_graph.h"
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::tools {
 namespace {

@@ -4,7 +4,7 @@
 #include <cassert>
 #include <cstddef>
 
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 
 namespace inceres::tools {
 

@@ -9,13 +9,12 @@
 #include <vector>
 
 #include "inceres/factors/bal_reprojection.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
 #include "inceres/factors/imu_preintegrator.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/planar_relative_pose.h"
 #include "inceres/factors/point_reprojection.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/factors/stereo_reprojection.h"
 #include "tools/problems/loss_spec.h"
 
 namespace inceres::tools {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "inceres/problem/pose_composition.h"
+#include "inceres/problem/rotation.h"
 #include "tools/replay/replay_scripts.h"
 
 namespace inceres::tools {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <string>
 #include <vector>
 
 #include <ceres/solver.h>
@@ -55,5 +56,12 @@ void Compare(const UserState& layout, const SolvedStates& states,
 /// Adds to the excuse what the two solves of `pair`, both stock's, differ by, times `factor`.
 /// `pair` has been compared without an excuse.
 void Widen(const CrossCheckResult& pair, double factor, Excuse* excuse);
+
+/// What the log says of a cross-check that found violations: each of them, the first iteration that
+/// differs, the parameter that differs most, and both traces side by side around that iteration.
+std::string DescribeDisagreement(const CrossCheckResult& result);
+
+/// What the log says of one that found differences beyond the tolerances, but excused them.
+std::string DescribeExcuse(const CrossCheckResult& result);
 
 }  // namespace inceres::internal

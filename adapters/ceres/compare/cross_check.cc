@@ -9,14 +9,12 @@
 
 #include "adapters/ceres/compare/ab_log.h"
 #include "adapters/ceres/compare/compare_solves.h"
-#include "adapters/ceres/compare/disagreement.h"
 #include "adapters/ceres/compare/second_opinion.h"
-#include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/plan/solve_input.h"
 #include "adapters/ceres/read/ceres_version.h"
 #include "adapters/ceres/read/user_state.h"
 #include "src/base/option_rules.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres {
 
@@ -35,33 +33,12 @@ Status CrossCheckOptions::Validate() const {
 namespace internal {
 namespace {
 
-// Puts the start values back unless told that all went well.
-class StartGuard {
- public:
-  StartGuard(const UserState& layout, const std::vector<double>& start)
-      : layout_(layout), start_(start) {}
-  ~StartGuard() {
-    if (armed_) {
-      layout_.Write(start_);
-    }
-  }
-  StartGuard(const StartGuard&) = delete;
-  StartGuard& operator=(const StartGuard&) = delete;
-  void Disarm() { armed_ = false; }
-
- private:
-  const UserState& layout_;
-  const std::vector<double>& start_;
-  bool armed_ = true;
-};
-
 using OurSolve = std::function<void(const SolveCall&)>;
 
 // Seconds of our solve, without the caller's callbacks.
 double SolveWithOurs(const SolveCall& call, const OurSolve& ours) {
-  const WallClock clock;
-  ours(call);
-  return clock.Seconds() - call.report->callback_seconds;
+  const double seconds = SecondsOf([&] { ours(call); });
+  return seconds - call.report->callback_seconds;
 }
 
 // Null if it must not be done again.
@@ -109,12 +86,11 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
   const UserState layout(*call.problem);
   SolvedStates states;
   states.start = layout.Read();
-  StartGuard guard(layout, states.start);
+  StartValues guard(layout);
   const ceres::Solver::Options for_stock = QuietOptions(call.options);
   const auto solve_with_stock = [&] {
-    const WallClock clock;
-    SolveWithStock(for_stock, call.problem, &result->stock);
-    result->stock_seconds = clock.Seconds();
+    result->stock_seconds =
+        SecondsOf([&] { SolveWithStock(for_stock, call.problem, &result->stock); });
     states.stock = layout.Read();
     layout.Write(states.start);
   };
@@ -125,7 +101,7 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
   if (!call.report->fallback_reason.empty()) {
     // Found out when it planned. Stock has the caller's callbacks and output then; what it did
     // before, without them, goes for nothing.
-    guard.Disarm();
+    guard.Keep();
     *result = CrossCheckResult();
     result->reason = call.report->fallback_reason;
     NoteOnlyOne(call, our_seconds, result);
@@ -147,7 +123,7 @@ void SolveWithBoth(const SolveCall& call, const OurSolve& ours, Repeatable repea
                   again)
         .Judge(result);
   }
-  guard.Disarm();
+  guard.Keep();
   LeaveKept(call, layout, states, result);
 }
 
@@ -168,13 +144,8 @@ std::string ComparisonObstacle(const SolveCall& call) {
   }
   ceres::EvaluationCallback* const callback =
       EvaluationCallbackOf(*call.problem, asked.evaluation_callback);
-  ProblemView view;
-  OrderingView ordering;
-  const bool incremental = asked.mode == SolveMode::kIncremental;
-  std::string exact_reason;
-  const std::string obstacle = FindObstacle(
-      call.options, incremental, callback, [&] { Introspect(*call.problem, &view); }, view,
-      &ordering, &exact_reason);
+  const std::string obstacle =
+      FindObstacle(call.options, asked.mode == SolveMode::kIncremental, callback, *call.problem);
   if (obstacle.empty() && callback != nullptr) {
     return "the problem has an evaluation callback, which a second solve would call again";
   }

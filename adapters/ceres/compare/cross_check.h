@@ -3,7 +3,7 @@
 #include <functional>
 #include <string>
 
-#include "adapters/ceres/fallback/decline.h"
+#include "adapters/ceres/fallback/gate.h"
 
 namespace inceres::internal {
 

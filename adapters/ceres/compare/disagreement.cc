@@ -1,13 +1,12 @@
-#include "adapters/ceres/compare/disagreement.h"
-
 #include <algorithm>
-#include <cstdio>
 #include <sstream>
 #include <vector>
 
 #include <ceres/iteration_callback.h>
 
+#include "adapters/ceres/compare/compare_solves.h"
 #include "adapters/ceres/compare/second_opinion.h"
+#include "src/base/formatted.h"
 
 namespace inceres::internal {
 namespace {
@@ -23,10 +22,8 @@ std::string HalfRow(const Trace& trace, int k) {
   }
   const ceres::IterationSummary& iteration = trace[static_cast<std::size_t>(k)];
   const char* mark = iteration.step_is_successful ? " " : iteration.step_is_valid ? "r" : "i";
-  char text[96];
-  std::snprintf(text, sizeof(text), "%19.12e %9.2e %9.2e %s    ", iteration.cost,
-                iteration.step_norm, iteration.trust_region_radius, mark);
-  return text;
+  return Formatted("%19.12e %9.2e %9.2e %s    ", iteration.cost, iteration.step_norm,
+                   iteration.trust_region_radius, mark);
 }
 
 std::string Traces(const CrossCheckResult& result) {
@@ -41,9 +38,8 @@ std::string Traces(const CrossCheckResult& result) {
   text << "  iter  ours " << half.substr(5) << "  stock " << half.substr(6)
        << "(r: rejected, i: invalid)\n";
   for (int k = begin; k < end; ++k) {
-    char head[16];
-    std::snprintf(head, sizeof(head), "%c %4d ", k == marked ? '>' : ' ', k);
-    text << head << HalfRow(ours, k) << "  " << HalfRow(stock, k) << '\n';
+    text << Formatted("%c %4d ", k == marked ? '>' : ' ', k) << HalfRow(ours, k) << "  "
+         << HalfRow(stock, k) << '\n';
   }
   if (begin > 0 || end < rows) {
     text << "  (of " << rows << " rows)\n";

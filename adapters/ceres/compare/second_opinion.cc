@@ -6,14 +6,13 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
-#include <optional>
 #include <sstream>
 #include <utility>
 
 #include <ceres/types.h>
 
-#include "adapters/ceres/fallback/decline.h"
-#include "adapters/ceres/plan/solve_input.h"
+#include "adapters/ceres/fallback/gate.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres::internal {
 namespace {
@@ -58,13 +57,13 @@ std::vector<ceres::LinearSolverType> OtherTypes(ceres::LinearSolverType type, bo
 
 // Normal equations are no measure of a QR factorization, which is there because they lose digits:
 // another one is.
-std::optional<Options> OtherLibrary(const Options& quiet) {
+std::vector<Options> OtherLibrary(const Options& quiet) {
   Options other = quiet;
   other.dense_linear_algebra_library_type =
       quiet.dense_linear_algebra_library_type == ceres::EIGEN ? ceres::LAPACK : ceres::EIGEN;
   const bool available =
       ceres::IsDenseLinearAlgebraLibraryTypeAvailable(other.dense_linear_algebra_library_type);
-  return available ? std::optional<Options>(other) : std::nullopt;
+  return available ? std::vector<Options>{other} : std::vector<Options>();
 }
 
 Options OtherPreconditioner(const Options& quiet, ceres::LinearSolverType type) {
@@ -89,8 +88,7 @@ std::vector<Options> OtherLinearSolvers(const Options& quiet,
                                         const ceres::Solver::Summary& solved) {
   const ceres::LinearSolverType type = solved.linear_solver_type_used;
   if (type == ceres::DENSE_QR) {
-    const std::optional<Options> other = OtherLibrary(quiet);
-    return other ? std::vector<Options>{*other} : std::vector<Options>();
+    return OtherLibrary(quiet);
   }
   if (type == ceres::ITERATIVE_SCHUR || type == ceres::CGNR) {
     return {OtherPreconditioner(quiet, type)};
@@ -178,9 +176,7 @@ void SecondOpinion::SolveWith(const Options& other, CrossCheckResult* result) {
   CrossCheckResult pair;
   pair.stock = result->stock;
   layout_.Write(states_.start);
-  const WallClock clock;
-  SolveWithStock(other, problem_, &pair.ours);
-  const double seconds = clock.Seconds();
+  const double seconds = SecondsOf([&] { SolveWithStock(other, problem_, &pair.ours); });
   if (result->stock.IsSolutionUsable() && !pair.ours.IsSolutionUsable()) {
     return;
   }

@@ -1,5 +1,8 @@
 #include "inceres/ceres/covariance.h"
 
+#include <memory>
+#include <utility>
+
 #include <glog/logging.h>
 
 #include "adapters/ceres/covariance/problem_covariance.h"
@@ -28,14 +31,16 @@ bool Covariance::Compute(
     ceres::Problem* problem) {
   using Outcome = internal::ProblemCovariance::Outcome;
   stock_.reset();
-  ours_ = std::make_unique<internal::ProblemCovariance>();
-  const Outcome outcome = ours_->Compute(options_, covariance_blocks, *problem,
-                                         internal::EvaluationCallbackOf(*problem, callback_));
-  report_ = {outcome == Outcome::kDeclined, ours_->message()};
+  ours_.reset();
+  auto ours = std::make_unique<internal::ProblemCovariance>();
+  const Outcome outcome = ours->Compute(options_, covariance_blocks, *problem,
+                                        internal::EvaluationCallbackOf(*problem, callback_));
+  report_ = {outcome == Outcome::kDeclined, ours->message()};
   if (outcome == Outcome::kComputed) {
+    ours_ = std::move(ours);
     return true;
   }
-  ours_.reset();
+  ours.reset();
   if (outcome == Outcome::kFailed) {
     return false;
   }
@@ -52,44 +57,31 @@ bool Covariance::Compute(const std::vector<const double*>& parameter_blocks,
   return Compute(internal::ProblemCovariance::AllPairs(parameter_blocks), problem);
 }
 
-bool Covariance::GetCovarianceBlock(const double* parameter_block1, const double* parameter_block2,
-                                    double* covariance_block) const {
-  if (stock_ != nullptr) {
-    return stock_->GetCovarianceBlock(parameter_block1, parameter_block2, covariance_block);
-  }
-  return ours_ != nullptr ? ours_->GetBlock(parameter_block1, parameter_block2, /*ambient=*/true,
-                                            covariance_block)
-                          : NotComputed();
+bool Covariance::GetCovarianceBlock(const double* a, const double* b, double* block) const {
+  return stock_ != nullptr  ? stock_->GetCovarianceBlock(a, b, block)
+         : ours_ != nullptr ? ours_->GetBlock(a, b, /*ambient=*/true, block)
+                            : NotComputed();
 }
 
-bool Covariance::GetCovarianceBlockInTangentSpace(const double* parameter_block1,
-                                                  const double* parameter_block2,
-                                                  double* covariance_block) const {
-  if (stock_ != nullptr) {
-    return stock_->GetCovarianceBlockInTangentSpace(parameter_block1, parameter_block2,
-                                                    covariance_block);
-  }
-  return ours_ != nullptr ? ours_->GetBlock(parameter_block1, parameter_block2, /*ambient=*/false,
-                                            covariance_block)
-                          : NotComputed();
+bool Covariance::GetCovarianceBlockInTangentSpace(const double* a, const double* b,
+                                                  double* block) const {
+  return stock_ != nullptr  ? stock_->GetCovarianceBlockInTangentSpace(a, b, block)
+         : ours_ != nullptr ? ours_->GetBlock(a, b, /*ambient=*/false, block)
+                            : NotComputed();
 }
 
-bool Covariance::GetCovarianceMatrix(const std::vector<const double*>& parameter_blocks,
-                                     double* covariance_matrix) const {
-  if (stock_ != nullptr) {
-    return stock_->GetCovarianceMatrix(parameter_blocks, covariance_matrix);
-  }
-  return ours_ != nullptr ? ours_->GetMatrix(parameter_blocks, /*ambient=*/true, covariance_matrix)
-                          : NotComputed();
+bool Covariance::GetCovarianceMatrix(const std::vector<const double*>& blocks,
+                                     double* matrix) const {
+  return stock_ != nullptr  ? stock_->GetCovarianceMatrix(blocks, matrix)
+         : ours_ != nullptr ? ours_->GetMatrix(blocks, /*ambient=*/true, matrix)
+                            : NotComputed();
 }
 
-bool Covariance::GetCovarianceMatrixInTangentSpace(
-    const std::vector<const double*>& parameter_blocks, double* covariance_matrix) const {
-  if (stock_ != nullptr) {
-    return stock_->GetCovarianceMatrixInTangentSpace(parameter_blocks, covariance_matrix);
-  }
-  return ours_ != nullptr ? ours_->GetMatrix(parameter_blocks, /*ambient=*/false, covariance_matrix)
-                          : NotComputed();
+bool Covariance::GetCovarianceMatrixInTangentSpace(const std::vector<const double*>& blocks,
+                                                   double* matrix) const {
+  return stock_ != nullptr  ? stock_->GetCovarianceMatrixInTangentSpace(blocks, matrix)
+         : ours_ != nullptr ? ours_->GetMatrix(blocks, /*ambient=*/false, matrix)
+                            : NotComputed();
 }
 
 }  // namespace inceres

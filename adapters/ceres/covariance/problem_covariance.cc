@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 #include <glog/logging.h>
 
-#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/plan/structure_cache.h"
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/ordering.h"
@@ -55,24 +55,6 @@ std::string DescribeDeficiency(const RankDeficiency& open, const ProblemView& vi
     }
   }
   return text;
-}
-
-// Of pairs without a constant.
-GraphCovariance::Pairs MovingPairs(
-    const ProblemView& view, const GraphPlan& plan,
-    const std::vector<std::pair<const double*, const double*>>& pairs) {
-  std::vector<VariableId> variables(view.blocks.size(), -1);
-  for (std::size_t id = 0; id < plan.blocks.size(); ++id) {
-    variables[At(plan.blocks[id])] = static_cast<VariableId>(id);
-  }
-  GraphCovariance::Pairs moving;
-  for (const auto& pair : pairs) {
-    const int a = view.index.Find(pair.first), b = view.index.Find(pair.second);
-    if (!IsKnown(view.block(a)) && !IsKnown(view.block(b))) {
-      moving.emplace_back(variables[At(a)], variables[At(b)]);
-    }
-  }
-  return moving;
 }
 
 // With the rank rule of SuiteSparseQR, SPQR_DEFAULT_TOL. Fixed residual blocks are rows of zeros in
@@ -196,7 +178,7 @@ std::string ProblemCovariance::FindRankRule(const ceres::Covariance::Options& op
 void ProblemCovariance::RememberBlocks(const ProblemView& view, const Pairs& pairs) {
   blocks_.reserve(view.blocks.size());
   for (const ParameterBlockView& block : view.blocks) {
-    blocks_.push_back({block.values, block.ambient_size, block.tangent_size, IsKnown(block)});
+    blocks_.push_back({block.values, block.ambient_size, block.tangent_size});
   }
   for (const auto& pair : pairs) {
     for (const double* values : {pair.first, pair.second}) {
@@ -219,7 +201,7 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
                                                       ceres::EvaluationCallback* callback) {
   blocks_.clear();
   plus_jacobians_.clear();
-  covariances_.clear();
+  covariance_ = GraphCovariance();
   message_.clear();
   ProblemView view;
   Introspect(problem, &view, std::max(1, options.num_threads), /*may_have_bounds=*/false);
@@ -248,6 +230,24 @@ ProblemCovariance::Outcome ProblemCovariance::Compute(const ceres::Covariance::O
   return ComputeMoving(options, pairs, &view);
 }
 
+GraphCovariance::Pairs ProblemCovariance::MovingPairs(const ProblemView& view,
+                                                      const GraphPlan& plan, const Pairs& pairs) {
+  for (std::size_t id = 0; id < plan.blocks.size(); ++id) {
+    const int block = plan.blocks[id];
+    if (!IsKnown(view.block(block))) {
+      blocks_[At(block)].variable = static_cast<VariableId>(id);
+    }
+  }
+  GraphCovariance::Pairs moving;
+  for (const auto& pair : pairs) {
+    const VariableId a = FindBlock(pair.first)->variable, b = FindBlock(pair.second)->variable;
+    if (a >= 0 && b >= 0) {
+      moving.emplace_back(a, b);
+    }
+  }
+  return moving;
+}
+
 ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     const ceres::Covariance::Options& options, const Pairs& pairs, ProblemView* view) {
   const OrderingView ordering;
@@ -261,13 +261,12 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
   const std::vector<StateBlock> state = BuildGraph(*view, *plan, &graph);
   NameVariables(state, &graph);
   const GraphCovariance::Pairs wanted = MovingPairs(*view, *plan, pairs);
-  GraphCovariance covariance;
   Status status;
   if (options.algorithm_type == ceres::DENSE_SVD) {
-    status = ComputeDense(options, *view, graph, wanted, &covariance);
+    status = ComputeDense(options, *view, graph, wanted, &covariance_);
   } else {
     RankDeficiency open;
-    status = ComputeSparse(options, *view, graph, wanted, &covariance, &open);
+    status = ComputeSparse(options, *view, graph, wanted, &covariance_, &open);
     if (status.code == StatusCode::kSingular) {
       status.message.insert(0, DescribeDeficiency(open, *view, *plan) + " (");
       status.message += ')';
@@ -280,23 +279,7 @@ ProblemCovariance::Outcome ProblemCovariance::ComputeMoving(
     return status.code == StatusCode::kEvaluationFailed ? Fail(status.message)
                                                         : Decline(status.message);
   }
-  Keep(pairs, wanted, covariance);
   return Outcome::kComputed;
-}
-
-// `moving`: of those without a constant, in their order.
-void ProblemCovariance::Keep(const Pairs& pairs, const GraphCovariance::Pairs& moving,
-                             const GraphCovariance& covariance) {
-  auto next = moving.begin();
-  for (const auto& [a, b] : pairs) {
-    const BlockOfUser &block_a = *FindBlock(a), &block_b = *FindBlock(b);
-    if (!block_a.constant && !block_b.constant) {
-      std::vector<double>& kept = covariances_[{a, b}];
-      kept.resize(At(block_a.tangent_size) * At(block_b.tangent_size));
-      covariance.Get(next->first, next->second, kept.data());
-      ++next;
-    }
-  }
 }
 
 ProblemCovariance::Pairs ProblemCovariance::AllPairs(const std::vector<const double*>& blocks) {
@@ -307,16 +290,6 @@ ProblemCovariance::Pairs ProblemCovariance::AllPairs(const std::vector<const dou
     }
   }
   return pairs;
-}
-
-const std::vector<double>* ProblemCovariance::Find(const double* a, const double* b,
-                                                   bool* turned) const {
-  auto found = covariances_.find({a, b});
-  *turned = found == covariances_.end();
-  if (*turned) {
-    found = covariances_.find({b, a});
-  }
-  return found == covariances_.end() ? nullptr : &found->second;
 }
 
 const ProblemCovariance::BlockOfUser* ProblemCovariance::FindBlock(const double* values) const {
@@ -345,23 +318,17 @@ bool ProblemCovariance::GetBlock(const double* a, const double* b, bool ambient,
   const BlockOfUser* const block_a = FindBlock(a);
   const BlockOfUser* const block_b = FindBlock(b);
   const bool known = block_a != nullptr && block_b != nullptr;
-  if (known && (block_a->constant || block_b->constant)) {
+  if (known && (block_a->variable < 0 || block_b->variable < 0)) {
     const auto size = [ambient](const BlockOfUser& block) {
       return At(ambient ? block.ambient_size : block.tangent_size);
     };
     std::fill_n(covariance, size(*block_a) * size(*block_b), 0.0);
     return true;
   }
-  bool turned = false;
-  const std::vector<double>* found = known ? Find(a, b, &turned) : nullptr;
-  if (found == nullptr) {
+  std::vector<double> tangent(known ? At(block_a->tangent_size) * At(block_b->tangent_size) : 0);
+  if (!known || !covariance_.Get(block_a->variable, block_b->variable, tangent.data())) {
     LOG(ERROR) << "Unable to find covariance block for " << a << " " << b;
     return false;
-  }
-  std::vector<double> tangent = *found;
-  if (turned) {
-    Eigen::Map<RowMajor>(tangent.data(), block_a->tangent_size, block_b->tangent_size) =
-        ConstRowMajor(found->data(), block_b->tangent_size, block_a->tangent_size).transpose();
   }
   if (ambient) {
     Lift(*block_a, *block_b, tangent, covariance);

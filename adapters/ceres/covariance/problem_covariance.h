@@ -9,6 +9,7 @@
 #include <ceres/evaluation_callback.h>
 #include <ceres/problem.h>
 
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/read/introspection.h"
 #include "inceres/solver/covariance.h"
 
@@ -45,27 +46,27 @@ class ProblemCovariance {
     const double* values = nullptr;
     int ambient_size = 0;
     int tangent_size = 0;
-    bool constant = false;  ///< or no residual block touches it
+    VariableId variable = -1;  ///< -1: it is constant, or no residual block touches it
   };
 
   static std::string FindMisuse(const ProblemView& view, const Pairs& pairs);
   static std::string FindRankRule(const ceres::Covariance::Options& options);
   void RememberBlocks(const ProblemView& view, const Pairs& pairs);
+  /// Those without a constant. Notes the variables of all blocks.
+  GraphCovariance::Pairs MovingPairs(const ProblemView& view, const GraphPlan& plan,
+                                     const Pairs& pairs);
   Outcome Decline(std::string why);
   Outcome Fail(std::string why);
   Outcome ComputeMoving(const ceres::Covariance::Options& options, const Pairs& pairs,
                         ProblemView* view);
-  void Keep(const Pairs& pairs, const GraphCovariance::Pairs& moving,
-            const GraphCovariance& covariance);
   const BlockOfUser* FindBlock(const double* values) const;
   void Lift(const BlockOfUser& a, const BlockOfUser& b, const std::vector<double>& tangent,
             double* covariance) const;
-  const std::vector<double>* Find(const double* a, const double* b, bool* turned) const;
 
   std::vector<BlockOfUser> blocks_;  // all of the problem, by address
   // Ambient × tangent, row-major, of blocks that were asked for; none: a unit matrix.
   std::map<const double*, std::vector<double>> plus_jacobians_;
-  std::map<std::pair<const double*, const double*>, std::vector<double>> covariances_;  // tangent
+  GraphCovariance covariance_;  // tangent
   std::string message_;
 };
 

@@ -1,12 +1,13 @@
 #include "adapters/ceres/exact/callback_observer.h"
 
-#include <cstdio>
 #include <iostream>
+#include <string>
 
 #include <glog/logging.h>
 
-#include "adapters/ceres/plan/solve_input.h"
 #include "adapters/ceres/report/summary_writer.h"
+#include "inceres/solver/callbacks.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres::internal {
 namespace {
@@ -16,30 +17,21 @@ bool LogsProgress(bool to_stdout) {
   return to_stdout || VLOG_IS_ON(1);
 }
 
-// To standard output (flushed) or to VLOG(1).
-void LogProgress(const ceres::IterationSummary& iteration, bool to_stdout) {
+// Ceres's progress table, to standard output (flushed) or to VLOG(1).
+void LogProgress(const IterationSummary& iteration, bool to_stdout) {
+  if (!LogsProgress(to_stdout)) {
+    return;
+  }
+  const std::string text =
+      (iteration.iteration == 0 ? ProgressHeading() + "\n" : "") + ProgressRow(iteration);
   if (to_stdout) {
-    std::cout << ProgressText(iteration) << std::endl;
+    std::cout << text << std::endl;
   } else {
-    VLOG(1) << ProgressText(iteration);
+    VLOG(1) << text;
   }
 }
 
 }  // namespace
-
-std::string ProgressText(const ceres::IterationSummary& iteration) {
-  char row[256];
-  std::snprintf(row, sizeof(row),
-                "% 4d % 8e   % 3.2e   % 3.2e  % 3.2e  % 3.2e % 3.2e     % 4d   % 3.2e   % 3.2e",
-                iteration.iteration, iteration.cost, iteration.cost_change,
-                iteration.gradient_max_norm, iteration.step_norm, iteration.relative_decrease,
-                iteration.trust_region_radius, iteration.linear_solver_iterations,
-                iteration.iteration_time_in_seconds, iteration.cumulative_time_in_seconds);
-  const char* heading =
-      "iter      cost      cost_change  |gradient|   |step|    tr_ratio  tr_radius  ls_iter  "
-      "iter_time  total_time\n";
-  return iteration.iteration == 0 ? std::string(heading) + row : row;
-}
 
 bool CallbackObserver::IsNeeded() const {
   return is_to_abort_ || evaluation_callback_ != nullptr || options_.update_state ||
@@ -70,12 +62,11 @@ ObserverAction ReportIteration(const ReportOptions& options, const IterationSumm
                                double* callback_seconds) {
   const ceres::IterationSummary summary = ToCeres(iteration, options.eta);
   if (options.logs) {
-    LogProgress(summary, options.to_stdout);
+    LogProgress(iteration, options.to_stdout);
   }
   for (ceres::IterationCallback* callback : options.callbacks) {
-    const WallClock clock;
-    const ceres::CallbackReturnType answer = (*callback)(summary);
-    *callback_seconds += clock.Seconds();
+    ceres::CallbackReturnType answer = ceres::SOLVER_CONTINUE;
+    *callback_seconds += SecondsOf([&] { answer = (*callback)(summary); });
     switch (answer) {
       case ceres::SOLVER_CONTINUE:
         break;

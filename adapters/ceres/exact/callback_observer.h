@@ -1,21 +1,16 @@
 #pragma once
 
 #include <functional>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include <ceres/evaluation_callback.h>
 #include <ceres/solver.h>
 
-#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/graph_plan.h"
 #include "inceres/solver/solver.h"
 
 namespace inceres::internal {
-
-/// Ceres's progress table: the row of one iteration, preceded by the heading at iteration 0,
-/// without the last newline.
-std::string ProgressText(const ceres::IterationSummary& iteration);
 
 /// What of the options is asked again and again during a solve: a copy, as Ceres takes one, for a
 /// callback may change the user's.

@@ -12,7 +12,7 @@
 #include "adapters/ceres/exact/callback_observer.h"
 #include "adapters/ceres/exact/gradient_check.h"
 #include "adapters/ceres/exact/system_dump.h"
-#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/plan/inner_ordering.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/option_mapping.h"
@@ -26,7 +26,7 @@ namespace {
 void NameOptionsWithoutEffect(const SolveInput& input, const LandmarkCounts& landmarks,
                               bool is_constrained, SolveReport* report) {
   report->options_without_effect = OptionsWithoutEffect(input.options, landmarks, is_constrained);
-  if (input.asked != nullptr && input.asked->conjugate_gradients) {
+  if (input.asked.conjugate_gradients) {
     report->options_without_effect.emplace_back("SolveOptions::conjugate_gradients");
   }
 }
@@ -109,7 +109,7 @@ SolverOptions OptionsFor(const SolveInput& input, ceres::LinearSolverType type, 
   SolverOptions options = MapOptions(input.options, type);
   options.conjugate_gradients.subset = SubsetOf(input);
   options.num_threads = num_threads;
-  options.max_memory_bytes = input.asked != nullptr ? input.asked->max_memory_bytes : 0;
+  options.max_memory_bytes = input.asked.max_memory_bytes;
   return options;
 }
 
@@ -119,6 +119,15 @@ LoopOptions LoopAsInCeres(InnerDescent* descent) {
   loop.nan_gradient_is_small = true;
   loop.inner_descent = descent->groups.empty() ? nullptr : descent;
   return loop;
+}
+
+MakeFamily FamiliesOf(GradientCheck* check) {
+  if (check == nullptr) {
+    return nullptr;
+  }
+  return [check](const ProblemView& view, const GraphPlan::Family& family) {
+    return check->FamilyOf(view, family);
+  };
 }
 
 // In Ceres's words.
@@ -131,8 +140,9 @@ void LogFailure(ceres::LoggingType logging_type, const Summary& core) {
   }
 }
 
-void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver::Summary* summary,
-              SolveReport* report) {
+// `check`: of gradients; null: none.
+void Minimize(const SolveInput& input, const InnerOrdering& inner, GradientCheck* check,
+              ceres::Solver::Summary* summary, SolveReport* report) {
   const ceres::LinearSolverType type = EffectiveLinearSolver(input.options, input.ordering);
   std::optional<SystemDump> dump;
   if (!input.options.trust_region_minimizer_iterations_to_dump.empty()) {
@@ -142,15 +152,21 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   InnerDescent descent = DescentOf(input, inner);
   FactorGraph graph;
   LandmarkCounts landmarks;
-  const std::vector<StateBlock> blocks = TakeGraph(input, type, &graph, &landmarks, summary);
+  const std::vector<StateBlock> blocks =
+      TakeGraph(input, type, &graph, &landmarks, summary, FamiliesOf(check));
   NameVariables(blocks, &graph);
   input.view.ForgetBlocks();
 
   CallbackObserver observer(input.options, input.evaluation_callback, blocks, summary->fixed_cost);
-  observer.set_is_to_abort(input.is_to_abort);
+  if (check != nullptr) {
+    observer.set_is_to_abort([check] {
+      LOG_IF(ERROR, check->failed()) << "Gradient error detected. Terminating solver.";
+      return check->failed();
+    });
+  }
   options.observer = observer.IsNeeded() ? &observer : nullptr;
   LoopOptions loop = LoopAsInCeres(&descent);
-  loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  loop.seconds_spent_before = summary->preprocessor_time_in_seconds = input.Seconds();
   loop.system_observer = dump ? &*dump : nullptr;
   const std::vector<VariableId> eliminated = VariablesOf(input.plan->landmarks.large, *input.plan);
   loop.eliminated = eliminated.empty() ? nullptr : &eliminated;
@@ -167,8 +183,7 @@ void Minimize(const SolveInput& input, const InnerOrdering& inner, ceres::Solver
   LogFailure(logging_type, core);
   // After a failure the graph still holds the start, and an update_state_every_iteration is undone.
   WriteToUser(blocks, graph.state().data());
-  summary->minimizer_time_in_seconds =
-      input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+  summary->minimizer_time_in_seconds = input.Seconds() - summary->preprocessor_time_in_seconds;
   WriteSolution(eta, core, summary);
   WriteDescent(descent, summary);
   WriteReport(input, landmarks, std::move(core), report);
@@ -182,7 +197,7 @@ void WriteFailedSetup(const SolveInput& input, const std::string& error,
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks,
                     EffectiveLinearSolver(input.options, input.ordering), summary);
   summary->message = error;
-  summary->preprocessor_time_in_seconds = input.clock.Seconds();
+  summary->preprocessor_time_in_seconds = input.Seconds();
   summary->num_linear_solves = 0;
   summary->num_residual_evaluations = summary->num_jacobian_evaluations = 0;
   summary->linear_solver_time_in_seconds = 0.0;
@@ -191,7 +206,8 @@ void WriteFailedSetup(const SolveInput& input, const std::string& error,
 }
 
 // The core solves, whatever else was asked for.
-void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
+void SolveAsItIs(const SolveInput& input, GradientCheck* check, ceres::Solver::Summary* summary,
+                 SolveReport* report) {
   WriteGiven(input.options, input.view, summary);
   summary->num_threads_used = NumThreads(input.options);
   const FixedCost fixed = EvaluateFixedCost(input.view, input.evaluation_callback);
@@ -202,40 +218,33 @@ void SolveAsItIs(const SolveInput& input, ceres::Solver::Summary* summary, Solve
     inner = FindInnerOrdering(input.options, input.evaluation_callback, input.view);
     summary->inner_iteration_ordering_used = inner.group_sizes;
   }
-  if (!inner.error.empty()) {
-    WriteFailedSetup(input, inner.error, summary);
-    WriteReportWithoutSolve(input, report);
-  } else if (anything_to_solve) {
-    Minimize(input, inner, summary, report);
+  if (anything_to_solve && inner.error.empty()) {
+    Minimize(input, inner, check, summary, report);
   } else {
-    summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
-    summary->preprocessor_time_in_seconds = input.clock.Seconds();
-    if (!fixed.error.empty()) {
-      // not logged: Ceres is silent about what fails before its loop
-      summary->message = fixed.error;
+    if (!inner.error.empty()) {
+      WriteFailedSetup(input, inner.error, summary);
+    } else if (fixed.error.empty()) {
+      WriteNothingToSolve(input, fixed.cost, summary);
+      summary->minimizer_time_in_seconds = input.Seconds() - summary->preprocessor_time_in_seconds;
     } else {
-      WriteNothingToSolve(fixed.cost, summary);
-      summary->minimizer_time_in_seconds =
-          input.clock.Seconds() - summary->preprocessor_time_in_seconds;
+      // not logged: Ceres is silent about what fails before its loop
+      summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
+      summary->preprocessor_time_in_seconds = input.Seconds();
+      summary->message = fixed.error;
     }
     WriteReportWithoutSolve(input, report);
   }
-  const double postprocessor_start = input.clock.Seconds();
-  if (fixed.error.empty()) {
-    WriteReduced(input.view, summary);
-  }
-  summary->total_time_in_seconds = input.clock.Seconds();
-  summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
+  WriteEnd(input, fixed.error.empty(), summary);
 }
 
 }  // namespace
 
 std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
                                   FactorGraph* graph, LandmarkCounts* landmarks,
-                                  ceres::Solver::Summary* summary) {
+                                  ceres::Solver::Summary* summary, const MakeFamily& make_family) {
   *landmarks = input.plan->landmarks;
   std::vector<StateBlock> blocks =
-      BuildGraph(input.view, *input.plan, graph, input.make_family, NumReaders(input.options));
+      BuildGraph(input.view, *input.plan, graph, make_family, NumReaders(input.options));
   WriteLinearSolver(input.view, input.ordering, input.plan->landmarks, type, summary);
   input.view.ForgetResidualBlocks();
   if (input.own_plan != nullptr) {
@@ -246,21 +255,14 @@ std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverTy
 
 void SolveExactly(const SolveInput& input, ceres::Solver::Summary* summary, SolveReport* report) {
   if (!input.options.check_gradients) {
-    SolveAsItIs(input, summary, report);
+    SolveAsItIs(input, /*check=*/nullptr, summary, report);
     return;
   }
   // The evaluation callback is not told: Ceres's own problem of checked cost functions has none.
   GradientCheck check(input.options);
   SolveInput checked = input;
   checked.evaluation_callback = nullptr;
-  checked.make_family = [&check](const ProblemView& view, const GraphPlan::Family& family) {
-    return check.FamilyOf(view, family);
-  };
-  checked.is_to_abort = [&check] {
-    LOG_IF(ERROR, check.failed()) << "Gradient error detected. Terminating solver.";
-    return check.failed();
-  };
-  SolveAsItIs(checked, summary, report);
+  SolveAsItIs(checked, &check, summary, report);
   if (check.failed()) {
     summary->termination_type = ceres::FAILURE;
     summary->message = check.message();

@@ -4,7 +4,7 @@
 
 #include <ceres/solver.h>
 
-#include "adapters/ceres/plan/graph_builder.h"
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/solve_input.h"
 #include "inceres/ceres/solve.h"
@@ -15,7 +15,8 @@ namespace inceres::internal {
 /// are kept. Returns where each block that the solver moves lies in the graph's state.
 std::vector<StateBlock> TakeGraph(const SolveInput& input, ceres::LinearSolverType type,
                                   FactorGraph* graph, LandmarkCounts* landmarks,
-                                  ceres::Solver::Summary* summary);
+                                  ceres::Solver::Summary* summary,
+                                  const MakeFamily& make_family = nullptr);
 
 /// Solves with the core in exact mode: fixed cost, landmarks, graph, minimization, write-back,
 /// summary. Writes user memory as Ceres does: only blocks it moved, the best state if it is usable,

@@ -1,7 +1,6 @@
 #include "adapters/ceres/exact/gradient_check.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <deque>
 #include <utility>
 #include <vector>
@@ -11,24 +10,19 @@
 
 #include "adapters/ceres/read/index.h"
 #include "inceres/problem/ambient_family.h"
+#include "src/base/formatted.h"
 
 namespace inceres::internal {
 namespace {
 
 using Manifolds = std::vector<const UserManifold*>;
 
-std::string AddressText(const double* address) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%p", static_cast<const void*>(address));
-  return text;
-}
-
 // What Ceres's message says of a residual block.
 std::string Identify(const ProblemView& view, std::size_t residual) {
   const ResidualBlockView& block = view.residuals[residual];
   std::string text = "Residual block id " + std::to_string(residual) + "; depends on parameters [";
   for (int s = 0; s < block.num_slots; ++s) {
-    text += AddressText(view.block(view.SlotsOf(block)[s]).values);
+    text += Formatted("%p", static_cast<const void*>(view.block(view.SlotsOf(block)[s]).values));
     text += s + 1 < block.num_slots ? ", " : "]";
   }
   return text;

@@ -3,37 +3,34 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
+#include <fstream>
 #include <functional>
 #include <iterator>
-#include <memory>
-#include <utility>
 
 #include <Eigen/Core>
 #include <glog/logging.h>
 
 #include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/read/index.h"
+#include "src/base/formatted.h"
 
 namespace inceres::internal {
 namespace {
 
-struct CloseFile {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-using File = std::unique_ptr<std::FILE, CloseFile>;
-
-// Whether all was written.
-bool CloseWhole(File file) {
-  return file != nullptr && std::ferror(file.get()) == 0 && std::fclose(file.release()) == 0;
+// line_of(k) of each k, with its line end. Whether all was written.
+template <typename LineOf>
+bool WriteLines(const std::string& path, std::size_t count, const LineOf& line_of) {
+  std::ofstream file(path);
+  for (std::size_t k = 0; file.good() && k < count; ++k) {
+    file << line_of(k);
+  }
+  file.close();
+  return file.good();
 }
 
 bool WriteVector(const std::string& path, const std::vector<double>& values) {
-  File file(std::fopen(path.c_str(), "w"));
-  for (std::size_t i = 0; file != nullptr && i < values.size(); ++i) {
-    std::fprintf(file.get(), "%17f\n", values[i]);
-  }
-  return CloseWhole(std::move(file));
+  return WriteLines(path, values.size(),
+                    [&](std::size_t k) { return Formatted("%17f\n", values[k]); });
 }
 
 std::string LoadLine(const char* name, const std::string& path) {
@@ -41,19 +38,15 @@ std::string LoadLine(const char* name, const std::string& path) {
 }
 
 std::string BaseName(const std::string& directory, int iteration) {
-  char name[64];
-  std::snprintf(name, sizeof(name), "ceres_solver_iteration_%03d", iteration);
   const bool joins = directory.empty() || directory.back() == '/';
-  return directory + (joins ? "" : "/") + name;
+  return directory + (joins ? "" : "/") + Formatted("ceres_solver_iteration_%03d", iteration);
 }
 
 // In the order that they have.
 void PutEliminatedFirst(const LandmarkSelection& landmarks, std::vector<int>* blocks) {
-  std::vector<int> large = landmarks.large;
-  std::sort(large.begin(), large.end());
-  std::stable_partition(blocks->begin(), blocks->end(), [&](int b) {
-    return landmarks.Contains(b) || std::binary_search(large.begin(), large.end(), b);
-  });
+  const LandmarkSelection eliminated = WithLarge(landmarks);
+  std::stable_partition(blocks->begin(), blocks->end(),
+                        [&](int b) { return eliminated.Contains(b); });
 }
 
 Eigen::Map<const Eigen::VectorXd> AsEigen(const std::vector<double>& values) {
@@ -214,10 +207,9 @@ bool SystemDump::WriteFiles(const std::string& base, const std::vector<Entry>& A
                             const std::vector<double>& D, const std::vector<double>& b,
                             const std::vector<double>& x) const {
   const std::string path = base + "_A.txt";
-  File file(std::fopen(path.c_str(), "w"));
-  for (std::size_t k = 0; file != nullptr && k < A.size(); ++k) {
-    std::fprintf(file.get(), "% 10d % 10d %17f\n", A[k].row, A[k].column, A[k].value);
-  }
+  const bool jacobian = WriteLines(path, A.size(), [&](std::size_t k) {
+    return Formatted("% 10d % 10d %17f\n", A[k].row, A[k].column, A[k].value);
+  });
   const std::string rows = std::to_string(num_rows_);
   const std::string columns = std::to_string(num_columns_);
   const std::string script =
@@ -227,13 +219,9 @@ bool SystemDump::WriteFiles(const std::string& base, const std::vector<Entry>& A
       "tmp(:, 3), " +
       rows + ", " + columns + ");\n" + LoadLine("D", base + "_D.txt") +
       LoadLine("b", base + "_b.txt") + LoadLine("x", base + "_x.txt");
-  const bool jacobian = CloseWhole(std::move(file));
-  File loader(std::fopen((base + ".m").c_str(), "w"));
-  if (loader != nullptr) {
-    std::fputs(script.c_str(), loader.get());
-  }
-  return CloseWhole(std::move(loader)) && jacobian && WriteVector(base + "_D.txt", D) &&
-         WriteVector(base + "_b.txt", b) && WriteVector(base + "_x.txt", x);
+  const bool loader = WriteLines(base + ".m", 1, [&](std::size_t) { return script; });
+  return loader && jacobian && WriteVector(base + "_D.txt", D) && WriteVector(base + "_b.txt", b) &&
+         WriteVector(base + "_x.txt", x);
 }
 
 }  // namespace inceres::internal

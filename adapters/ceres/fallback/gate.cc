@@ -1,9 +1,14 @@
 #include "adapters/ceres/fallback/gate.h"
 
+#include <glog/logging.h>
+
 #include "adapters/ceres/read/selection.h"
 
 namespace inceres::internal {
 namespace {
+
+// Up to here nobody asks whether there is memory for DENSE_QR.
+constexpr double kMaxUncheckedQrBytes = 64.0 * 1024 * 1024;
 
 std::string OrderingObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                              const OrderingView& ordering, ceres::LinearSolverType type) {
@@ -83,6 +88,20 @@ std::string CommonOptionsObstacle(const ceres::Solver::Options& options) {
 
 }  // namespace
 
+void Decline(const SolveCall& call, const std::string& reason) {
+  call.report->fallback_reason = reason;
+  call.report->exact_reason.clear();  // it is not solved here, exactly or not
+  if (call.solve_options.strict) {
+    call.summary->termination_type = ceres::FAILURE;
+    call.summary->message =
+        "inceres does not solve this problem, and strict forbids stock Ceres: " + reason;
+    return;
+  }
+  call.report->used_stock = true;
+  LOG(INFO) << "inceres: handed to stock Ceres: " << reason;
+  SolveWithStock(call.options, call.problem, call.summary);
+}
+
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                             const OrderingView& ordering, const AvailableMemory& available) {
   const bool nothing_to_solve = view.reduced.num_parameter_blocks == 0;
@@ -103,12 +122,6 @@ std::string OptionsObstacle(const ceres::Solver::Options& options) {
            " with " + ceres::LinearSolverTypeToString(options.linear_solver_type);
   }
   return obstacle;
-}
-
-std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
-                            const OrderingView& ordering) {
-  const std::string obstacle = CommonObstacle(options, view, ordering);
-  return !obstacle.empty() ? obstacle : DenseQrObstacle(options, view, ordering);
 }
 
 std::string NeedsExactMode(const ceres::Solver::Options& options,
@@ -159,6 +172,17 @@ std::string FindObstacle(const ceres::Solver::Options& options, bool incremental
   }
   return !obstacle.empty() || is_incremental() ? obstacle
                                                : DenseQrObstacle(options, view, *ordering);
+}
+
+std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback,
+                         const ceres::Problem& problem) {
+  ProblemView view;
+  OrderingView ordering;
+  std::string exact_reason;
+  return FindObstacle(
+      options, incremental, evaluation_callback, [&] { Introspect(problem, &view); }, view,
+      &ordering, &exact_reason);
 }
 
 }  // namespace inceres::internal

@@ -4,28 +4,41 @@
 #include <string>
 
 #include <ceres/evaluation_callback.h>
+#include <ceres/problem.h>
 #include <ceres/solver.h>
 
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
+#include "inceres/ceres/solve.h"
 #include "src/base/available_memory.h"
 
 namespace inceres::internal {
 
-/// Up to here nobody asks whether there is memory for DENSE_QR.
-inline constexpr double kMaxUncheckedQrBytes = 64.0 * 1024 * 1024;
+/// What a solve is called with, and where it writes.
+struct SolveCall {
+  const ceres::Solver::Options& options;
+  ceres::Problem* problem;
+  ceres::Solver::Summary* summary;
+  const SolveOptions& solve_options;
+  SolveReport* report;
+};
+
+/// Stock Ceres's solver. The member function is called, not the free ceres::Solve: the free one
+/// goes through the member, so whoever replaces the member must never be reached from here by way
+/// of the free one.
+void SolveWithStock(const ceres::Solver::Options& options, ceres::Problem* problem,
+                    ceres::Solver::Summary* summary);
+
+/// A problem we do not solve: stock Ceres does, unless the caller is strict. Requires that nothing
+/// of the user's has been called or written so far.
+void Decline(const SolveCall& call, const std::string& reason);
 
 /// Why these options cannot be honored here, or an empty string. Looks at nothing but the options.
 std::string OptionsObstacle(const ceres::Solver::Options& options);
 
-/// Why this problem cannot be solved here under these options, or an empty string. Nothing of the
-/// user's has been called yet.
-std::string ProblemObstacle(const ceres::Solver::Options& options, const ProblemView& view,
-                            const OrderingView& ordering);
-
-/// Its part: DENSE_QR, asked for or what an empty group of landmarks makes of a Schur solver, of a
-/// Jacobian for which there is no memory. Then the problem goes to stock Ceres: QR is never
-/// replaced by normal equations.
+/// Why there is no memory for the Jacobian of DENSE_QR, asked for or what an empty group of
+/// landmarks makes of a Schur solver, or an empty string. Then the problem goes to stock Ceres: QR
+/// is never replaced by normal equations.
 std::string DenseQrObstacle(const ceres::Solver::Options& options, const ProblemView& view,
                             const OrderingView& ordering,
                             const AvailableMemory& available = AvailableBytes);
@@ -46,5 +59,9 @@ std::string FindObstacle(const ceres::Solver::Options& options, bool incremental
                          const ceres::EvaluationCallback* evaluation_callback,
                          const std::function<void()>& look, const ProblemView& view,
                          OrderingView* ordering, std::string* exact_reason);
+/// The same of a problem of which nothing else is asked.
+std::string FindObstacle(const ceres::Solver::Options& options, bool incremental,
+                         const ceres::EvaluationCallback* evaluation_callback,
+                         const ceres::Problem& problem);
 
 }  // namespace inceres::internal

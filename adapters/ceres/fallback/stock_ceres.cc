@@ -1,4 +1,4 @@
-#include "adapters/ceres/fallback/decline.h"
+#include "adapters/ceres/fallback/gate.h"
 
 namespace inceres::internal {
 

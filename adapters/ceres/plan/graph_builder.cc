@@ -1,5 +1,3 @@
-#include "adapters/ceres/plan/graph_builder.h"
-
 #include <algorithm>
 #include <cstddef>
 #include <memory>
@@ -9,11 +7,12 @@
 
 #include <ceres/cost_function.h>
 
+#include "adapters/ceres/plan/graph_plan.h"
 #include "adapters/ceres/read/ceres_adapters.h"
 #include "adapters/ceres/read/index.h"
 #include "inceres/problem/ambient_family.h"
 #include "src/base/aligned_vector.h"
-#include "src/base/parallel_for.h"
+#include "src/base/executor.h"
 
 namespace inceres::internal {
 namespace {
@@ -98,7 +97,7 @@ class Builder {
       return make_family_(view_, family);
     }
     UnwrittenVector<const ceres::CostFunction*> costs(family.residuals.size());
-    ParallelFor(num_threads_, static_cast<int>(costs.size()), kCostGrain, [&](int begin, int end) {
+    Executor(num_threads_).For(static_cast<int>(costs.size()), kCostGrain, [&](int begin, int end) {
       for (int k = begin; k < end; ++k) {
         costs[At(k)] = view_.residuals[At(family.residuals[At(k)])].cost;
       }

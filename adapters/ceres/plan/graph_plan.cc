@@ -5,7 +5,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "src/base/counting_sort.h"
-#include "src/base/parallel_for.h"
+#include "src/base/executor.h"
 
 namespace inceres::internal {
 namespace {
@@ -155,7 +155,7 @@ class Planner {
   const ShapeTable& shapes_;
   std::vector<VariableId> variable_of_;  // per parameter block
   VariableId first_landmark_ = 0;
-  const Threads threads_;
+  const Executor threads_;
   UnwrittenVector<int> landmark_slot_;  // per residual block that moves
   UnwrittenVector<int> order_;          // these by landmark
   GraphPlan plan_;

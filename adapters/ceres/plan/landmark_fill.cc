@@ -1,5 +1,3 @@
-#include "adapters/ceres/plan/landmark_fill.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "adapters/ceres/plan/landmark_selection.h"
 #include "adapters/ceres/plan/reduced_graph.h"
 #include "adapters/ceres/read/index.h"
 #include "src/linear/reduced_prediction.h"

@@ -8,11 +8,10 @@
 #include <utility>
 
 #include "adapters/ceres/plan/block_graph.h"
-#include "adapters/ceres/plan/landmark_fill.h"
 #include "adapters/ceres/read/index.h"
 #include "src/base/aligned_vector.h"
 #include "src/base/counting_sort.h"
-#include "src/base/parallel_for.h"
+#include "src/base/executor.h"
 
 namespace inceres::internal {
 namespace {
@@ -79,8 +78,7 @@ class Chooser {
         kinds_(view.blocks.size(), shapes.num_places) {}
 
   LandmarkSelection Run() {
-    LandmarkSelection selection;
-    selection.is_landmark.assign(view_.blocks.size(), 0);
+    LandmarkSelection selection(view_.blocks.size());
     if (NothingIsWorthIt() || MarkCandidates() == 0) {
       return selection;
     }
@@ -277,7 +275,7 @@ class Chooser {
 
   const ProblemView& view_;
   const ShapeTable& shapes_;
-  const Threads threads_;
+  const Executor threads_;
   // A residual block and a candidate of its blocks, in the order of its slots.
   struct Place {
     int residual;
@@ -321,8 +319,7 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
   }
   LandmarkSelection selection = LandmarksOfFirstGroup(view, eliminated);
   if (selection.num_too_large > 0) {
-    selection = LandmarkSelection();
-    selection.is_landmark.assign(view.blocks.size(), 0);
+    selection = LandmarkSelection(view.blocks.size());
     selection.large.assign(eliminated.first_group.begin(), eliminated.first_group.end());
   }
   if (ordering.numbers_frames && IsSchurType(type)) {
@@ -339,8 +336,7 @@ LandmarkSelection LandmarksOfIterativeSolver(const ProblemView& view, const Orde
 
 LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingView& ordering,
                                         int max_size) {
-  LandmarkSelection selection;
-  selection.is_landmark.assign(view.blocks.size(), 0);
+  LandmarkSelection selection(view.blocks.size());
   for (const int b : ordering.first_group) {
     const bool small = view.block(b).tangent_size <= max_size;
     selection.is_landmark[At(b)] = small;
@@ -358,9 +354,7 @@ LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& o
                                   const ShapeTable& shapes, ceres::LinearSolverType type,
                                   const AvailableMemory& available, int num_threads) {
   if (type == ceres::DENSE_QR) {
-    LandmarkSelection none;
-    none.is_landmark.assign(view.blocks.size(), 0);
-    return none;
+    return LandmarkSelection(view.blocks.size());
   }
   if (IsIterative(type)) {
     return LandmarksOfIterativeSolver(view, ordering, type);
@@ -370,6 +364,15 @@ LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& o
                                     : ChooseLandmarks(view, shapes, num_threads);
   KeepLongTracks(view, available, &selection);
   return selection;
+}
+
+LandmarkSelection WithLarge(const LandmarkSelection& landmarks) {
+  LandmarkSelection eliminated = landmarks;
+  for (const int block : landmarks.large) {
+    eliminated.is_landmark[At(block)] = 1;
+    ++eliminated.num_landmarks;
+  }
+  return eliminated;
 }
 
 }  // namespace inceres::internal

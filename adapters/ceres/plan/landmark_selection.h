@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,10 @@ struct LandmarkCounts {
 /// Which blocks are eliminated before the reduced system is formed: at most one in any residual
 /// block.
 struct LandmarkSelection : LandmarkCounts {
+  LandmarkSelection() = default;
+  /// Chooses none of so many blocks.
+  explicit LandmarkSelection(std::size_t num_blocks) : is_landmark(num_blocks, 0) {}
+
   std::vector<char> is_landmark;  ///< per parameter block
   /// Of ITERATIVE_SCHUR, where some are too large for landmarks: the blocks that are eliminated,
   /// none of which is a landmark. Else empty.
@@ -67,12 +72,33 @@ LandmarkSelection LandmarksOfFirstGroup(const ProblemView& view, const OrderingV
 LandmarkSelection ChooseLandmarks(const ProblemView& view, const ShapeTable& shapes,
                                   int num_threads = 1);
 
+/// Takes back those landmarks of a selection whose elimination costs more than it saves, because it
+/// couples all the frames of a landmark to each other: a few points seen by hundreds of cameras
+/// make S full, while next to the cameras they leave it nearly empty, and its sparse factorization
+/// then eliminates the cameras first, in effect.
+///
+/// What may stay is as little as the frames are: all landmarks, or those that meet at least 1/2,
+/// 1/4 or 1/8 of the unknowns of the frames, as long as they have no more unknowns together than
+/// these. For each such choice elimination and factorization are predicted, the latter by the
+/// symbolic analysis of the block pattern; the cheapest is taken, the selection itself unless it
+/// takes a fifth more. Where memory is short, so is the cheapest of those that fit; where none
+/// does, `obstacle` says so.
+///
+/// Cost: nothing for S of up to 300 unknowns, linear where S is cheap to factor for another reason,
+/// else the pairs of frames that landmarks bring and half a microsecond a block of S: less than one
+/// step of the solver that is spared.
+void KeepLongTracks(const ProblemView& view, const AvailableMemory& available,
+                    LandmarkSelection* selection);
+
 /// Which of the two, or neither for a QR factorization, goes with a linear solver (the effective
 /// one); without the landmarks that KeepLongTracks takes back from either. What the user asked for
 /// is a hint, too: the solution is the same up to rounding.
 LandmarkSelection SelectLandmarks(const ProblemView& view, const OrderingView& ordering,
                                   const ShapeTable& shapes, ceres::LinearSolverType type,
                                   const AvailableMemory& available = nullptr, int num_threads = 1);
+
+/// All that is eliminated, of whatever size.
+LandmarkSelection WithLarge(const LandmarkSelection& landmarks);
 
 /// Whether the user has said which blocks to eliminate.
 inline bool LandmarksAreGiven(const OrderingView& ordering, ceres::LinearSolverType type) {

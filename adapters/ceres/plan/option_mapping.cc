@@ -22,10 +22,14 @@ class Differences {
  public:
   explicit Differences(const ceres::Solver::Options& options) : options_(options) {}
 
-  template <typename T>
-  void Check(const char* name, T ceres::Solver::Options::*member) {
+  // Names and members in turn.
+  template <typename T, typename... Rest>
+  void Check(const char* name, T ceres::Solver::Options::*member, Rest... rest) {
     if (options_.*member != defaults_.*member) {
       Add(name);
+    }
+    if constexpr (sizeof...(rest) > 0) {
+      Check(rest...);
     }
   }
   void Add(std::string name) {
@@ -43,62 +47,54 @@ class Differences {
 
 // Only read by the line-search minimizer.
 void CheckLineSearch(Differences* differences) {
-  differences->Check(OPTION(line_search_direction_type));
-  differences->Check(OPTION(line_search_type));
-  differences->Check(OPTION(nonlinear_conjugate_gradient_type));
-  differences->Check(OPTION(max_lbfgs_rank));
-  differences->Check(OPTION(use_approximate_eigenvalue_bfgs_scaling));
-  differences->Check(OPTION(max_num_line_search_direction_restarts));
-  differences->Check(OPTION(line_search_sufficient_curvature_decrease));
-  differences->Check(OPTION(max_line_search_step_expansion));
+  differences->Check(OPTION(line_search_direction_type), OPTION(line_search_type),
+                     OPTION(nonlinear_conjugate_gradient_type), OPTION(max_lbfgs_rank),
+                     OPTION(use_approximate_eigenvalue_bfgs_scaling),
+                     OPTION(max_num_line_search_direction_restarts),
+                     OPTION(line_search_sufficient_curvature_decrease),
+                     OPTION(max_line_search_step_expansion));
 }
 
 // Only read in the projected line search of problems with bounds.
 void CheckProjectedLineSearch(Differences* differences) {
-  differences->Check(OPTION(line_search_interpolation_type));
-  differences->Check(OPTION(min_line_search_step_size));
-  differences->Check(OPTION(line_search_sufficient_function_decrease));
-  differences->Check(OPTION(max_line_search_step_contraction));
-  differences->Check(OPTION(min_line_search_step_contraction));
-  differences->Check(OPTION(max_num_line_search_step_size_iterations));
+  differences->Check(
+      OPTION(line_search_interpolation_type), OPTION(min_line_search_step_size),
+      OPTION(line_search_sufficient_function_decrease), OPTION(max_line_search_step_contraction),
+      OPTION(min_line_search_step_contraction), OPTION(max_num_line_search_step_size_iterations));
 }
 
 // Choices within Ceres's own linear algebra.
 void CheckLinearSolver(Differences* differences) {
-  differences->Check(OPTION(dense_linear_algebra_library_type));
-  differences->Check(OPTION(sparse_linear_algebra_library_type));
-  differences->Check(OPTION(use_mixed_precision_solves));
-  differences->Check(OPTION(max_num_refinement_iterations));
-  ForEachOptionOfThisRelease(
-      [&](const char* name, auto member) { differences->Check(name, member); });
+  differences->Check(OPTION(dense_linear_algebra_library_type),
+                     OPTION(sparse_linear_algebra_library_type), OPTION(use_mixed_precision_solves),
+                     OPTION(max_num_refinement_iterations));
+  WithOptionsOfThisRelease(
+      [&](auto... names_and_members) { differences->Check(names_and_members...); });
 }
 
 // When conjugate gradients stop.
 void CheckEndOfIteration(Differences* differences) {
-  differences->Check(OPTION(eta));
-  differences->Check(OPTION(min_linear_solver_iterations));
-  differences->Check(OPTION(max_linear_solver_iterations));
+  differences->Check(OPTION(eta), OPTION(min_linear_solver_iterations),
+                     OPTION(max_linear_solver_iterations));
 }
 
 // By what they get on.
 void CheckPreconditioner(Differences* differences) {
-  differences->Check(OPTION(preconditioner_type));
-  differences->Check(OPTION(use_explicit_schur_complement));
+  differences->Check(OPTION(preconditioner_type), OPTION(use_explicit_schur_complement));
 }
 
 // What belongs to features that are off.
 void CheckFeaturesThatAreOff(const ceres::Solver::Options& options, Differences* differences) {
   if (!options.use_inner_iterations) {
-    differences->Check(OPTION(inner_iteration_ordering));
-    differences->Check(OPTION(inner_iteration_tolerance));
+    differences->Check(OPTION(inner_iteration_ordering), OPTION(inner_iteration_tolerance));
   }
   if (options.trust_region_minimizer_iterations_to_dump.empty()) {
-    differences->Check(OPTION(trust_region_problem_dump_directory));
-    differences->Check(OPTION(trust_region_problem_dump_format_type));
+    differences->Check(OPTION(trust_region_problem_dump_directory),
+                       OPTION(trust_region_problem_dump_format_type));
   }
   if (!options.check_gradients) {
-    differences->Check(OPTION(gradient_check_relative_precision));
-    differences->Check(OPTION(gradient_check_numeric_derivative_relative_step_size));
+    differences->Check(OPTION(gradient_check_relative_precision),
+                       OPTION(gradient_check_numeric_derivative_relative_step_size));
   }
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences->Check(OPTION(max_trust_region_radius));  // as in Ceres
@@ -327,17 +323,11 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
                                                          const LandmarkCounts& landmarks,
                                                          bool iterates_in_batch) {
   Differences differences(options);
-  differences.Check(OPTION(dynamic_sparsity));
-  differences.Check(OPTION(gradient_tolerance));
-  differences.Check(OPTION(parameter_tolerance));
-  differences.Check(OPTION(max_trust_region_radius));
-  differences.Check(OPTION(min_trust_region_radius));
-  differences.Check(OPTION(min_lm_diagonal));
-  differences.Check(OPTION(max_lm_diagonal));
-  differences.Check(OPTION(max_num_consecutive_invalid_steps));
-  differences.Check(OPTION(jacobi_scaling));
-  differences.Check(OPTION(use_nonmonotonic_steps));
-  differences.Check(OPTION(max_consecutive_nonmonotonic_steps));
+  differences.Check(
+      OPTION(dynamic_sparsity), OPTION(gradient_tolerance), OPTION(parameter_tolerance),
+      OPTION(max_trust_region_radius), OPTION(min_trust_region_radius), OPTION(min_lm_diagonal),
+      OPTION(max_lm_diagonal), OPTION(max_num_consecutive_invalid_steps), OPTION(jacobi_scaling),
+      OPTION(use_nonmonotonic_steps), OPTION(max_consecutive_nonmonotonic_steps));
   if (options.trust_region_strategy_type == ceres::DOGLEG) {
     differences.Check(OPTION(initial_trust_region_radius));
   }
@@ -346,8 +336,8 @@ std::vector<std::string> IncrementalOptionsWithoutEffect(const ceres::Solver::Op
     CheckEndOfIteration(&differences);
   }
   CheckPreconditioner(&differences);
-  differences.Check(OPTION(visibility_clustering_type));
-  differences.Check(OPTION(residual_blocks_for_subset_preconditioner));
+  differences.Check(OPTION(visibility_clustering_type),
+                    OPTION(residual_blocks_for_subset_preconditioner));
   CheckCommon(options, landmarks, /*numbers_frames=*/false, &differences);
   return differences.Take();
 }
@@ -379,12 +369,12 @@ void ChooseIterativeSolver(const ceres::Solver::Options& options, const ProblemV
 
 IncrementalOptions IncrementalOptionsFor(const SolveInput& input, const IncrementalOptions& core) {
   IncrementalOptions result = MapIncrementalOptions(input.options, core);
-  if (input.asked != nullptr && input.asked->max_memory_bytes != 0) {
-    result.batch_max_memory_bytes = input.asked->max_memory_bytes;
+  if (input.asked.max_memory_bytes != 0) {
+    result.batch_max_memory_bytes = input.asked.max_memory_bytes;
   }
-  if (input.asked != nullptr && input.asked->conjugate_gradients) {
+  if (input.asked.conjugate_gradients) {
     result.batch_linear_model = LinearModelKind::kIterativeSchur;
-    result.batch_conjugate_gradients = *input.asked->conjugate_gradients;
+    result.batch_conjugate_gradients = *input.asked.conjugate_gradients;
   }
   ChooseIterativeSolver(input.options, input.view, input.ordering, kMaxDirectSize, &result);
   if (result.batch_share > 0.0 && HasBounds(input.view)) {

@@ -4,7 +4,7 @@
 
 #include "adapters/ceres/read/index.h"
 #include "adapters/ceres/read/introspection.h"
-#include "inceres/linear/reduced_matrix.h"
+#include "inceres/linear/reduced_solver.h"
 
 namespace inceres::internal {
 

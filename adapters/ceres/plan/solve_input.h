@@ -1,7 +1,5 @@
 #pragma once
 
-#include <chrono>
-#include <functional>
 #include <memory>
 #include <optional>
 
@@ -13,28 +11,19 @@
 #include "adapters/ceres/read/ordering.h"
 #include "adapters/ceres/read/user_state.h"
 #include "inceres/ceres/solve.h"
+#include "src/base/stopwatch.h"
 
 namespace inceres::internal {
-
-/// Wall time since construction.
-class WallClock {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 /// A problem that passed the gate.
 struct SolveInput {
   const ceres::Solver::Options& options;
   ProblemView& view;  ///< a solver may give back what it no longer needs of it
   const OrderingView& ordering;
-  const WallClock& clock;  ///< started with the solve
+  double began;  ///< NowInSeconds() when the solve began
   /// of the problem, if Ceres shows it or the caller told
-  ceres::EvaluationCallback* evaluation_callback = nullptr;
+  ceres::EvaluationCallback* evaluation_callback;
+  const SolveOptions& asked;  ///< what the caller has asked for
   /// The last iteration of the part of this solve that another solver did, where there is one: it
   /// is this one's start.
   std::optional<int> last_iteration = std::nullopt;
@@ -47,11 +36,9 @@ struct SolveInput {
   std::shared_ptr<const GraphPlan> plan = nullptr;
   /// The same, where nobody else has it: a solver may give back what it no longer needs of it.
   std::shared_ptr<GraphPlan> own_plan = nullptr;
-  /// Asked at the end of each iteration, after all callbacks: whether the solve is to be aborted.
-  /// May be empty.
-  std::function<bool()> is_to_abort = nullptr;
-  MakeFamily make_family = nullptr;     ///< if set, makes the families of the graph
-  const SolveOptions* asked = nullptr;  ///< what the caller has asked for; null: nothing
+
+  /// Wall time since the solve began.
+  double Seconds() const { return NowInSeconds() - began; }
 };
 
 }  // namespace inceres::internal

@@ -84,16 +84,15 @@ inline ceres::EvaluationCallback* EvaluationCallbackOf(
 /// Whose trace exact mode follows.
 constexpr CeresRules kCeresRules = INCERES_CERES_RELEASE >= 202 ? CeresRules::k22 : CeresRules::k21;
 
-/// check(name, member) for each option that only some releases have. Only Ceres's own linear
-/// algebra reads them.
+/// check(name, member, name, member, …) with the options that only some releases have. Only Ceres's
+/// own linear algebra reads them.
 template <typename Check>
-void ForEachOptionOfThisRelease(const Check& check) {
+void WithOptionsOfThisRelease(const Check& check) {
   using Options = ceres::Solver::Options;
 #if INCERES_CERES_RELEASE >= 202
-  check("linear_solver_ordering_type", &Options::linear_solver_ordering_type);
-  check("max_num_spse_iterations", &Options::max_num_spse_iterations);
-  check("use_spse_initialization", &Options::use_spse_initialization);
-  check("spse_tolerance", &Options::spse_tolerance);
+  check("linear_solver_ordering_type", &Options::linear_solver_ordering_type,
+        "max_num_spse_iterations", &Options::max_num_spse_iterations, "use_spse_initialization",
+        &Options::use_spse_initialization, "spse_tolerance", &Options::spse_tolerance);
 #else
   check("use_postordering", &Options::use_postordering);
 #endif

@@ -1,26 +1,16 @@
 #include "adapters/ceres/read/introspection.h"
 
 #include <algorithm>
-#include <cstdint>
-#include <cstdio>
 #include <numeric>
 
-#include <ceres/cost_function.h>
-
 #include "adapters/ceres/read/index.h"
-#include "adapters/ceres/read/residual_look_ups.h"
 #include "adapters/ceres/read/touched_blocks.h"
 #include "inceres/problem/ambient_family.h"
-#include "src/base/parallel_for.h"
+#include "src/base/executor.h"
+#include "src/base/formatted.h"
 
 namespace inceres::internal {
 namespace {
-
-void SetDefect(ProblemView* view, std::string text) {
-  if (view->defect.empty()) {
-    view->defect = std::move(text);
-  }
-}
 
 void LookUpBounds(const ceres::Problem& problem, bool may_have_bounds, std::vector<double>* bounds,
                   ParameterBlockView* block) {
@@ -35,7 +25,7 @@ void LookUpBounds(const ceres::Problem& problem, bool may_have_bounds, std::vect
 void CheckValues(const ParameterBlockView& block, ProblemView* view) {
   if (!AreWritten(block.values,
                   block.ambient_size)) {  // what Ceres fills outputs with it rejects as input
-    SetDefect(view, Describe(block) + " has a value that is not finite");
+    view->SetDefect(Describe(block) + " has a value that is not finite");
   }
 }
 
@@ -56,7 +46,7 @@ void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int n
   constexpr std::size_t kBlocksPerTask = 1024;
   const std::size_t count = view->blocks.size();
   std::vector<std::vector<double>> bounds((count + kBlocksPerTask - 1) / kBlocksPerTask);
-  ParallelFor(num_threads, static_cast<int>(bounds.size()), 1, [&](int begin, int end) {
+  Executor(num_threads).For(static_cast<int>(bounds.size()), 1, [&](int begin, int end) {
     for (std::size_t b = At(begin) * kBlocksPerTask; b < std::min(count, At(end) * kBlocksPerTask);
          ++b) {
       ParameterBlockView& block = view->blocks[b];
@@ -77,7 +67,7 @@ void LookUpBlocks(const ceres::Problem& problem, bool have_been_looked_up, int n
       block.tangent_size = TangentSizeOf(*block.manifold);
       block.constant = problem.IsParameterBlockConstant(block.values);
       if (block.tangent_size > block.ambient_size) {
-        SetDefect(view, Describe(block) + " has a manifold of more degrees of freedom than values");
+        view->SetDefect(Describe(block) + " has a manifold of more degrees of freedom than values");
       }
       LookUpBounds(problem, may_have_bounds, &view->bounds, &block);
     }
@@ -110,107 +100,17 @@ void ReadParameterBlocks(const ceres::Problem& problem, int num_threads, bool ma
   for (std::size_t b = 0; b < view->blocks.size(); ++b) {
     const ParameterBlockView& block = view->blocks[b];
     if (block.ambient_size == 0) {  // constant to Ceres, and no variable of the core's
-      SetDefect(view, Describe(block) + " has no values");
+      view->SetDefect(Describe(block) + " has no values");
     }
     CheckValues(block, view);
     if (b > 0) {
       const ParameterBlockView& previous = view->blocks[b - 1];
       if (previous.values + previous.ambient_size > block.values) {
-        SetDefect(view, Describe(previous) + " overlaps " + Describe(block));
+        view->SetDefect(Describe(previous) + " overlaps " + Describe(block));
       }
     }
   }
 }
-
-class ResidualReader {
- public:
-  explicit ResidualReader(ProblemView* view) : view_(*view) {}
-
-  void Run(const ceres::Problem& problem, const TouchedBlocks& touched, int num_threads) {
-    count_ = static_cast<int>(view_.ids.size());
-    view_.residuals.resize(view_.ids.size());
-    view_.moving.reserve(view_.ids.size());
-    view_.slots.reserve(std::max(3 * view_.ids.size(), touched.slots().size()));
-    ResidualLookUps look_ups(problem, touched.slots(), &view_);
-    while (next_ < count_) {
-      const int num_groups = look_ups.Take(next_, num_threads);
-      for (int group = 0; group < num_groups; ++group) {
-        ReadGroup(look_ups.SlotsOf(group));
-      }
-    }
-    view_.all.num_residual_blocks = count_;
-    view_.reduced.num_residual_blocks = static_cast<int>(view_.moving.size());
-  }
-
- private:
-  // Run by run of residual blocks that are like the one before.
-  void ReadGroup(const std::vector<int>& slots) {
-    const int first_slot = static_cast<int>(view_.slots.size());
-    view_.slots.insert(view_.slots.end(), slots.begin(), slots.end());
-    ResidualBlockView* const residuals = view_.residuals.data();
-    const int end = std::min(next_ + ResidualLookUps::kGroup, count_);
-    while (next_ < end) {
-      ResidualBlockView& first = residuals[next_];
-      first.first_slot += first_slot;
-      if (!first.sound) {
-        FindDefect(first);
-      }
-      int run_end = next_ + 1;
-      for (; run_end < end && residuals[run_end].like_previous; ++run_end) {
-        residuals[run_end].first_slot = first.first_slot;
-      }
-      view_.all.num_residuals += first.num_residuals * (run_end - next_);
-      if (!first.fixed) {
-        Move(first, run_end);
-      }
-      next_ = run_end;
-    }
-  }
-
-  // Those from next_ on, all like this one.
-  void Move(const ResidualBlockView& residual, int end) {
-    const int count = end - next_;
-    const std::size_t num_before = view_.moving.size();
-    view_.moving.resize(num_before + At(count));
-    std::iota(view_.moving.begin() + static_cast<std::ptrdiff_t>(num_before), view_.moving.end(),
-              next_);
-    view_.reduced.num_residuals += residual.num_residuals * count;
-    const int* const slots = view_.SlotsOf(residual);
-    for (int s = 0; s < residual.num_slots; ++s) {
-      view_.blocks[At(slots[s])].degree += count;
-    }
-  }
-
-  void FindDefect(const ResidualBlockView& residual) {
-    // In program order, which is the order Ceres's own messages use.
-    const std::string name = "residual block " + std::to_string(next_);
-    const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
-    const int* const slots = view_.SlotsOf(residual);
-    if (sizes.size() != At(residual.num_slots)) {
-      SetDefect(&view_,
-                "the cost function of " + name + " has changed its number of parameter blocks");
-    }
-    for (int s = 0; s < residual.num_slots; ++s) {
-      if (std::find(slots, slots + s, slots[s]) != slots + s) {
-        SetDefect(&view_, Describe(view_.block(slots[s])) + " appears twice in " + name);
-      }
-    }
-    for (std::size_t s = 0; s < std::min(sizes.size(), At(residual.num_slots)); ++s) {
-      const ParameterBlockView& block = view_.block(slots[s]);
-      if (sizes[s] != block.ambient_size) {
-        SetDefect(&view_, "the cost function of " + name + " expects another size than that of " +
-                              Describe(block));
-      }
-    }
-    if (residual.num_residuals <= 0) {
-      SetDefect(&view_, name + " has no residuals");
-    }
-  }
-
-  ProblemView& view_;
-  int count_ = 0;
-  int next_ = 0;  // the residual block that is read
-};
 
 void Count(const ParameterBlockView& block, ProblemTotals* totals) {
   ++totals->num_parameter_blocks;
@@ -229,10 +129,8 @@ std::size_t BytesOf(const std::vector<ResidualGroup>& groups) {
 }  // namespace
 
 std::string Describe(const ParameterBlockView& block) {
-  char text[80];
-  std::snprintf(text, sizeof(text), "parameter block %p of size %d",
-                static_cast<const void*>(block.values), block.ambient_size);
-  return text;
+  return Formatted("parameter block %p of size %d", static_cast<const void*>(block.values),
+                   block.ambient_size);
 }
 
 ProblemView Introspect(const ceres::Problem& problem) {
@@ -266,7 +164,7 @@ void Introspect(const ceres::Problem& problem, ProblemView* view, int num_thread
   problem.GetResidualBlocks(&view->ids);
   TouchedBlocks touched;
   ReadParameterBlocks(problem, num_threads, may_have_bounds, view, &touched);
-  ResidualReader(view).Run(problem, touched, num_threads);
+  ReadResidualBlocks(problem, touched, num_threads, view);
   for (const ParameterBlockView& block : view->blocks) {
     Count(block, &view->all);
     if (block.reduced()) {

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <ceres/problem.h>
 
 #include "adapters/ceres/read/ceres_version.h"
-#include "adapters/ceres/read/pointer_index.h"
+#include "adapters/ceres/read/index.h"
 #include "src/base/aligned_vector.h"
 
 namespace inceres::internal {
@@ -98,6 +99,13 @@ struct ProblemView {
   /// next solve, which in a problem of mostly constant blocks takes as long as to read it.
   bool IsSmall() const { return Bytes() <= kMaxKeptBytes; }
   std::size_t Bytes() const;
+
+  /// Keeps the first.
+  void SetDefect(std::string text) {
+    if (defect.empty()) {
+      defect = std::move(text);
+    }
+  }
 
   /// Empties it; the memory stays.
   void Clear();

@@ -7,8 +7,7 @@
 #include <ceres/cost_function.h>
 
 #include "adapters/ceres/read/index.h"
-#include "adapters/ceres/read/pointer_index.h"
-#include "src/base/parallel_for.h"
+#include "src/base/executor.h"
 
 namespace inceres::internal {
 namespace {
@@ -39,7 +38,7 @@ void SortInParts(int num_threads, std::vector<T>* items) {
     return items->begin() +
            static_cast<std::ptrdiff_t>(std::min(part, num_parts) * items->size() / num_parts);
   };
-  ParallelFor(num_threads, static_cast<int>(num_parts), 1, [&](int begin, int end) {
+  Executor(num_threads).For(static_cast<int>(num_parts), 1, [&](int begin, int end) {
     for (std::size_t part = At(begin); part < At(end); ++part) {
       std::sort(begin_of(part), begin_of(part + 1));
     }
@@ -83,7 +82,7 @@ bool TouchedBlocks::Find(const ceres::Problem& problem, int num_threads, Problem
   std::vector<Part> parts(num_parts);
   std::vector<std::size_t> first_slot(num_parts + 1, 0);
   const auto for_each_part = [&](const auto& visit) {
-    ParallelFor(num_threads, static_cast<int>(num_parts), 1, [&](int begin, int end) {
+    Executor(num_threads).For(static_cast<int>(num_parts), 1, [&](int begin, int end) {
       for (std::size_t k = At(begin); k < At(end); ++k) {
         visit(k);
       }
@@ -186,7 +185,7 @@ void TouchedBlocks::Place(const Part& part, std::size_t first_slot, ProblemView*
 void TouchedBlocks::SortByAddress(int num_threads, ProblemView* view) {
   constexpr int kGrain = 1 << 13;
   const auto for_each = [&](std::size_t size, const auto& visit) {
-    ParallelFor(num_threads, static_cast<int>(size), kGrain, [&](int begin, int end) {
+    Executor(num_threads).For(static_cast<int>(size), kGrain, [&](int begin, int end) {
       for (std::size_t i = At(begin); i < At(end); ++i) {
         visit(i);
       }

@@ -65,4 +65,10 @@ class TouchedBlocks {
 /// that is not known yet, but 0.
 void LookUpBlock(const ceres::Problem& problem, ParameterBlockView* block);
 
+/// Reads the residual blocks into a view that has its parameter blocks and the ids of its residual
+/// blocks. `touched`: what has been read of them, or empty. The view is the same with any number of
+/// threads. In residual_reader.cc.
+void ReadResidualBlocks(const ceres::Problem& problem, const TouchedBlocks& touched,
+                        int num_threads, ProblemView* view);
+
 }  // namespace inceres::internal

@@ -18,6 +18,16 @@ UserState::UserState(const ceres::Problem& problem) {
   }
 }
 
+UserState::UserState(const ProblemView& view) {
+  for (std::size_t i = 0; i < view.blocks.size(); ++i) {
+    const ParameterBlockView& block = view.blocks[i];
+    if (block.reduced()) {
+      blocks_.push_back({block.values, static_cast<int>(i), block.ambient_size, num_values_});
+      num_values_ += block.ambient_size;
+    }
+  }
+}
+
 std::vector<double> UserState::Read() const {
   std::vector<double> values(static_cast<std::size_t>(num_values_));
   for (const Block& block : blocks_) {
@@ -32,27 +42,6 @@ void UserState::Write(const std::vector<double>& values) const {
     if (std::memcmp(block.values, values.data() + block.first, bytes) != 0) {
       std::memcpy(block.values, values.data() + block.first, bytes);
     }
-  }
-}
-
-StartValues::StartValues(const ProblemView& view) {
-  for (const ParameterBlockView& block : view.blocks) {
-    if (block.reduced()) {
-      blocks_.emplace_back(block.values, block.ambient_size);
-      values_.insert(values_.end(), block.values, block.values + block.ambient_size);
-    }
-  }
-}
-
-StartValues::~StartValues() {
-  PutBack();
-}
-
-void StartValues::PutBack() const {
-  const double* kept = values_.data();
-  for (const auto& [values, size] : blocks_) {
-    std::copy_n(kept, size, values);
-    kept += size;
   }
 }
 

@@ -22,6 +22,8 @@ class UserState {
   };
 
   explicit UserState(const ceres::Problem& problem);
+  /// Of the blocks that a solver moves; `index` is among the view's.
+  explicit UserState(const ProblemView& view);
 
   std::vector<double> Read() const;
   /// Leaves alone what is the same already.
@@ -33,21 +35,28 @@ class UserState {
   int num_values_ = 0;
 };
 
-/// What is in the user's memory of the blocks that a solver moves. It is there again when this is
-/// gone, by an exception out of user code too, unless Keep was called.
+/// What is in the user's memory. It is there again when this is gone, by an exception out of user
+/// code too, unless Keep was called.
 class StartValues {
  public:
-  explicit StartValues(const ProblemView& view);
-  ~StartValues();
+  explicit StartValues(UserState layout) : layout_(std::move(layout)), values_(layout_.Read()) {}
+  /// Of the blocks that a solver moves.
+  explicit StartValues(const ProblemView& view) : StartValues(UserState(view)) {}
+  ~StartValues() {
+    if (armed_) {
+      PutBack();
+    }
+  }
   StartValues(const StartValues&) = delete;
   StartValues& operator=(const StartValues&) = delete;
-  void Keep() { blocks_.clear(); }
+  void Keep() { armed_ = false; }
   /// Writes them into the user's memory, now.
-  void PutBack() const;
+  void PutBack() const { layout_.Write(values_); }
 
  private:
-  std::vector<std::pair<double*, int>> blocks_;  // and their sizes
-  std::vector<double> values_;
+  const UserState layout_;
+  const std::vector<double> values_;
+  bool armed_ = true;
 };
 
 }  // namespace inceres::internal

@@ -1,7 +1,10 @@
 #include "adapters/ceres/report/environment.h"
 
+#include <algorithm>
 #include <charconv>
+#include <cstddef>
 #include <cstdlib>
+#include <iterator>
 #include <optional>
 #include <sstream>
 #include <system_error>
@@ -13,14 +16,15 @@ namespace inceres {
 namespace internal {
 namespace {
 
+// In the order of DropinMode.
+constexpr const char* kModeNames[] = {"exact", "incremental", "auto", "fallback", "stock"};
+static_assert(std::size(kModeNames) == static_cast<std::size_t>(DropinMode::kStock) + 1);
+
 std::optional<DropinMode> ModeNamed(const std::string& name) {
-  for (const DropinMode mode : {DropinMode::kExact, DropinMode::kIncremental, DropinMode::kAuto,
-                                DropinMode::kFallback, DropinMode::kStock}) {
-    if (name == ModeName(mode)) {
-      return mode;
-    }
-  }
-  return std::nullopt;
+  const auto* const found = std::find(std::begin(kModeNames), std::end(kModeNames), name);
+  return found != std::end(kModeNames)
+             ? std::optional<DropinMode>(static_cast<DropinMode>(found - kModeNames))
+             : std::nullopt;
 }
 
 // With a decimal point, whatever the program's locale.
@@ -73,35 +77,16 @@ std::string Complaint(const char* variable, const std::string& value, const char
 }
 
 SolveMode ModeOfOneSolve(DropinMode mode) {
-  switch (mode) {
-    case DropinMode::kIncremental:
-      return SolveMode::kIncremental;
-    case DropinMode::kFallback:
-    case DropinMode::kStock:
-      return SolveMode::kStock;
-    case DropinMode::kExact:
-    case DropinMode::kAuto:
-      break;
+  if (mode == DropinMode::kFallback || mode == DropinMode::kStock) {
+    return SolveMode::kStock;
   }
-  return SolveMode::kExact;
+  return mode == DropinMode::kIncremental ? SolveMode::kIncremental : SolveMode::kExact;
 }
 
 }  // namespace
 
 const char* ModeName(DropinMode mode) {
-  switch (mode) {
-    case DropinMode::kExact:
-      return "exact";
-    case DropinMode::kIncremental:
-      return "incremental";
-    case DropinMode::kAuto:
-      return "auto";
-    case DropinMode::kFallback:
-      return "fallback";
-    case DropinMode::kStock:
-      break;
-  }
-  return "stock";
+  return kModeNames[static_cast<std::size_t>(mode)];
 }
 
 Environment ReadEnvironment(const std::function<const char*(const char*)>& variable) {

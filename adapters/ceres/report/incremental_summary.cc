@@ -131,11 +131,6 @@ bool Fail(const std::string& message, ceres::Solver::Summary* summary) {
   return false;
 }
 
-void ReportNothingToSolve(const SolveInput& input, SolveReport* report) {
-  *report = SolveReport();
-  report->options_without_effect = IncrementalOptionsWithoutEffect(input.options, LandmarkCounts());
-}
-
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
                  ceres::Solver::Summary* summary, SolveReport* report) {
   WriteSolution(input.options.eta, core, summary);

@@ -35,9 +35,6 @@ Summary ToSummary(const UpdateResult& result, const SolveInput& input);
 bool WriteUpdate(UpdateResult result, Summary core, const SolveInput& input,
                  ceres::Solver::Summary* summary, SolveReport* report);
 
-/// The report of a problem without a variable parameter block.
-void ReportNothingToSolve(const SolveInput& input, SolveReport* report);
-
 /// Ends a solve as a failure, in the log too. False.
 bool Fail(const std::string& message, ceres::Solver::Summary* summary);
 

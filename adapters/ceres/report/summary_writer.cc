@@ -187,39 +187,34 @@ void WriteSolution(double eta, const Summary& core, ceres::Solver::Summary* summ
                                            core.seconds.back_substitution;
 }
 
-void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary) {
+void WriteNothingToSolve(const SolveInput& input, double fixed_cost,
+                         ceres::Solver::Summary* summary) {
+  summary->linear_solver_ordering_used = summary->linear_solver_ordering_given;
+  summary->preprocessor_time_in_seconds = input.Seconds();
   summary->termination_type = ceres::CONVERGENCE;
   summary->message = "Function tolerance reached. No non-constant parameter blocks found.";
   summary->initial_cost = fixed_cost;
   summary->final_cost = fixed_cost;
 }
 
-void WriteReduced(const ProblemView& view, ceres::Solver::Summary* summary) {
-  summary->num_parameter_blocks_reduced = view.reduced.num_parameter_blocks;
-  summary->num_parameters_reduced = view.reduced.num_parameters;
-  summary->num_effective_parameters_reduced = view.reduced.num_effective_parameters;
-  summary->num_residual_blocks_reduced = view.reduced.num_residual_blocks;
-  summary->num_residuals_reduced = view.reduced.num_residuals;
-}
-
-namespace {
-
-// What is eliminated, of whatever size.
-LandmarkSelection Eliminated(const LandmarkSelection& landmarks) {
-  LandmarkSelection eliminated = landmarks;
-  for (const int block : landmarks.large) {
-    eliminated.is_landmark[static_cast<std::size_t>(block)] = 1;
-    ++eliminated.num_landmarks;
+void WriteEnd(const SolveInput& input, bool preprocessed, ceres::Solver::Summary* summary) {
+  const double postprocessor_start = input.Seconds();
+  if (preprocessed) {
+    const ProblemTotals& reduced = input.view.reduced;
+    summary->num_parameter_blocks_reduced = reduced.num_parameter_blocks;
+    summary->num_parameters_reduced = reduced.num_parameters;
+    summary->num_effective_parameters_reduced = reduced.num_effective_parameters;
+    summary->num_residual_blocks_reduced = reduced.num_residual_blocks;
+    summary->num_residuals_reduced = reduced.num_residuals;
   }
-  return eliminated;
+  summary->total_time_in_seconds = input.Seconds();
+  summary->postprocessor_time_in_seconds = summary->total_time_in_seconds - postprocessor_start;
 }
-
-}  // namespace
 
 void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,
                        const LandmarkSelection& selection, ceres::LinearSolverType type,
                        ceres::Solver::Summary* summary) {
-  const LandmarkSelection landmarks = Eliminated(selection);
+  const LandmarkSelection landmarks = WithLarge(selection);
   summary->linear_solver_type_used = type;
   summary->preconditioner_type_used = PreconditionerFor(summary->preconditioner_type_given,
                                                         summary->linear_solver_type_given, type);

@@ -6,6 +6,7 @@
 #include <ceres/solver.h>
 
 #include "adapters/ceres/plan/landmark_selection.h"
+#include "adapters/ceres/plan/solve_input.h"
 #include "adapters/ceres/read/introspection.h"
 #include "adapters/ceres/read/ordering.h"
 #include "inceres/solver/summary.h"
@@ -23,11 +24,12 @@ void WriteGiven(const ceres::Solver::Options& options, const ProblemView& view,
 /// Costs, iterations, termination, counts and times of a solve by the core. `eta` as above.
 void WriteSolution(double eta, const Summary& core, ceres::Solver::Summary* summary);
 
-/// The result of a problem in which nothing can move.
-void WriteNothingToSolve(double fixed_cost, ceres::Solver::Summary* summary);
+/// The result of a problem in which nothing can move, where preprocessing ends.
+void WriteNothingToSolve(const SolveInput& input, double fixed_cost,
+                         ceres::Solver::Summary* summary);
 
-/// Sizes of the reduced problem; not called if preprocessing failed.
-void WriteReduced(const ProblemView& view, ceres::Solver::Summary* summary);
+/// Sizes of the reduced problem, unless preprocessing failed, and the times of the end of a solve.
+void WriteEnd(const SolveInput& input, bool preprocessed, ceres::Solver::Summary* summary);
 
 /// Linear solver used, its Schur structure, and the groups of the elimination.
 void WriteLinearSolver(const ProblemView& view, const OrderingView& ordering,

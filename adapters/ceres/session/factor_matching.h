@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "adapters/ceres/read/ceres_adapters.h"
-#include "adapters/ceres/read/pointer_index.h"
-#include "adapters/ceres/session/correspondence.h"
+#include "adapters/ceres/read/index.h"
 #include "adapters/ceres/session/variable_matching.h"
 
 namespace inceres::internal {

@@ -7,7 +7,6 @@
 
 #include "adapters/ceres/read/ceres_adapters.h"
 #include "adapters/ceres/read/introspection.h"
-#include "adapters/ceres/session/correspondence.h"
 #include "adapters/ceres/session/variable_matching.h"
 #include "inceres/ceres/solve.h"
 #include "inceres/problem/graph_edit.h"

@@ -1,9 +1,10 @@
 #include "adapters/ceres/session/mode_choice.h"
 
 #include <algorithm>
-#include <cstdio>
 
 #include <glog/logging.h>
+
+#include "src/base/formatted.h"
 
 namespace inceres::internal {
 namespace {
@@ -16,8 +17,7 @@ constexpr double kIncrementalResiduals = 0.4;
 constexpr double kBookkeeping = 0.1;  // of a residual block in a session
 constexpr double kRow = 1.0;          // of the reduced system, factored
 
-}  // namespace
-
+// Work of an incremental solve over that of an exact one with as many iterations.
 double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
                  const ProblemView& view, int num_frames, bool verified) {
   const double num_factors =
@@ -34,6 +34,8 @@ double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
       kRow * static_cast<double>(update.num_factored_rows);
   return incremental / exact;
 }
+
+}  // namespace
 
 bool ModeChoice::WantsExact() {
   if (num_exact_left_ == 0) {
@@ -65,10 +67,8 @@ void ModeChoice::Note(const UpdateSummary& update, const ProblemChanges& changes
   if (++num_losses_ < kLosses && !is_trial_) {
     return;
   }
-  char text[128];
-  std::snprintf(text, sizeof text,
-                "auto: incremental solves took %.2f times the work that exact ones would", ratio);
-  reason_ = text;
+  reason_ =
+      Formatted("auto: incremental solves took %.2f times the work that exact ones would", ratio);
   num_losses_ = 0;
   num_exact_left_ = pause_;
   pause_ *= 2;

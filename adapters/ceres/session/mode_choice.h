@@ -63,8 +63,4 @@ class ModeChoice {
   std::string reason_;
 };
 
-/// Work of an incremental solve over that of an exact one with as many iterations.
-double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
-                 const ProblemView& view, int num_frames, bool verified);
-
 }  // namespace inceres::internal

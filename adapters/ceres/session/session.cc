@@ -10,7 +10,6 @@
 
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/exact/exact_solve.h"
-#include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
 #include "adapters/ceres/plan/option_mapping.h"
 #include "adapters/ceres/plan/structure_cache.h"
@@ -21,6 +20,7 @@
 #include "adapters/ceres/session/incremental_solve.h"
 #include "adapters/ceres/session/mode_choice.h"
 #include "adapters/ceres/session/window_watch.h"
+#include "src/base/stopwatch.h"
 #include "src/incremental/descent_pace.h"
 
 namespace inceres {
@@ -138,7 +138,7 @@ class CeresSession::Impl {
 };
 
 void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
-  const internal::WallClock clock;
+  const double began = internal::NowInSeconds();
   const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
   has_view = has_view && LooksTheSame(*problem);
@@ -152,8 +152,7 @@ void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
     internal::Decline(call, obstacle);
     return;
   }
-  internal::SolveInput input{solver_options, view, ordering, clock, callback};
-  input.asked = &solve_options;
+  internal::SolveInput input{solver_options, view, ordering, began, callback, solve_options};
   const bool was_paused = choice.IsPaused();
   if (reason.empty()) {
     reason = ReasonForExact(solver_options);
@@ -222,7 +221,7 @@ bool CeresSession::Impl::IsUnfinished(const internal::SolveInput& input,
          (core.batch_share < 1.0 || !internal::IsIterative(input.options.linear_solver_type)) &&
          static_cast<int>(summary.iterations.size()) <= input.options.max_num_iterations &&
          NumEvaluations(report.update) < options.core.max_factor_evaluations &&
-         input.clock.Seconds() < input.options.max_solver_time_in_seconds;
+         input.Seconds() < input.options.max_solver_time_in_seconds;
 }
 
 // The batch solver, or what is remembered, from the values in the user's memory, which shows the
@@ -235,8 +234,9 @@ CeresSession::Impl::Part CeresSession::Impl::GoOn(const internal::SolveInput& in
   if (NumEvaluations(report->update) >= options.core.max_factor_evaluations) {
     return Part::kNone;
   }
-  internal::SolveInput again{input.options, view, input.ordering, input.clock};
-  again.asked = input.asked;
+  internal::SolveInput again{
+      input.options, view, input.ordering, input.began, /*evaluation_callback=*/nullptr,
+      input.asked};
   again.shown = &start;
   again.fixed_cost = summary->fixed_cost;
   again.last_iteration = static_cast<int>(summary->iterations.size()) - 1;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <utility>
 
 #include "adapters/ceres/read/index.h"
 
@@ -89,15 +90,15 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
   const auto is_state = [any_large](const ParameterBlockView& block) {
     return block.reduced() && (!any_large || block.tangent_size > kLandmarkSize);
   };
-  states_now_.clear();
+  now_.states.clear();
   for (const ParameterBlockView& block : view.blocks) {
     if (is_state(block)) {
-      states_now_.push_back(block.values);
+      now_.states.push_back(block.values);
     }
   }
-  std::sort(states_now_.begin(), states_now_.end());
-  links_now_.clear();
-  bonds_now_.clear();
+  std::sort(now_.states.begin(), now_.states.end());
+  now_.links.clear();
+  now_.bonds.clear();
   bool has_new_link = false;
   for (const int r : view.moving) {
     const ResidualBlockView& residual = view.residuals[At(r)];
@@ -108,23 +109,22 @@ bool WindowWatch::HasSlid(const ProblemView& view, bool any_large) {
     }
     const std::size_t bond = HashOf(view, residual);
     for (int s = 0; s < residual.num_slots; ++s) {
-      bonds_now_.emplace_back(view.block(slots[s]).values, bond);
+      now_.bonds.emplace_back(view.block(slots[s]).values, bond);
     }
-    links_now_.push_back(bond);
-    Mix(&links_now_.back(), std::hash<const void*>()(view.ids[At(r)]));
+    now_.links.push_back(bond);
+    Mix(&now_.links.back(), std::hash<const void*>()(view.ids[At(r)]));
     const bool all_old = std::all_of(slots, slots + residual.num_slots, [&](int b) {
-      return std::binary_search(states_.begin(), states_.end(), view.block(b).values);
+      return std::binary_search(last_.states.begin(), last_.states.end(), view.block(b).values);
     });
-    has_new_link |= all_old && !std::binary_search(links_.begin(), links_.end(), links_now_.back());
+    has_new_link |=
+        all_old && !std::binary_search(last_.links.begin(), last_.links.end(), now_.links.back());
   }
-  std::sort(links_now_.begin(), links_now_.end());
+  std::sort(now_.links.begin(), now_.links.end());
   // Bonds are put in order where they decide alone: nothing new between old states is no slide.
-  const bool has_slid = has_new_link && (!std::includes(states_now_.begin(), states_now_.end(),
-                                                        states_.begin(), states_.end()) ||
-                                         AnyLostAll(&bonds_, &bonds_now_));
-  states_.swap(states_now_);
-  links_.swap(links_now_);
-  bonds_.swap(bonds_now_);
+  const bool has_slid = has_new_link && (!std::includes(now_.states.begin(), now_.states.end(),
+                                                        last_.states.begin(), last_.states.end()) ||
+                                         AnyLostAll(&last_.bonds, &now_.bonds));
+  std::swap(last_, now_);
   return has_slid;
 }
 

@@ -38,15 +38,16 @@ class WindowWatch {
  private:
   bool HasSlid(const ProblemView& view, bool any_large);
 
-  // Of the last look, ascending but for bonds_.
-  std::vector<const double*> states_;
-  // of residual blocks that touch states only: hashes of what they are
-  std::vector<std::size_t> links_;
-  // each of these with each of its states
-  std::vector<std::pair<const double*, std::size_t>> bonds_;
-  std::vector<const double*> states_now_;
-  std::vector<std::size_t> links_now_;
-  std::vector<std::pair<const double*, std::size_t>> bonds_now_;
+  // Ascending but for bonds.
+  struct Look {
+    std::vector<const double*> states;
+    // of residual blocks that touch states only: hashes of what they are
+    std::vector<std::size_t> links;
+    // each of these with each of its states
+    std::vector<std::pair<const double*, std::size_t>> bonds;
+  };
+  Look last_;
+  Look now_;
   int num_quiet_ = 0;
   bool slides_ = false;
   bool begun_ = false;

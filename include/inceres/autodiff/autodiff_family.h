@@ -1,7 +1,6 @@
 #pragma once
 
 #include "inceres/autodiff/differentiate.h"
-#include "inceres/autodiff/functor_family.h"
 
 namespace inceres {
 

@@ -3,8 +3,10 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "inceres/autodiff/jet_math.h"
 #include "inceres/problem/ambient_family.h"
@@ -163,3 +165,60 @@ class Differentiator {
 };
 
 }  // namespace inceres::internal
+
+namespace inceres {
+
+/// In place of a number of residuals: it is given when the program runs.
+constexpr int kDynamicResiduals = 0;
+
+/// Factors that are functors of one type, kept by value, for variables of Ns values each: what
+/// AutoDiffFamily and NumericDiffFamily have in common. Derived supplies EvaluateOne, as
+/// AmbientFamily has it.
+///
+/// Threads: functors are called concurrently if the solver runs with several; Add and Place are for
+/// one writer.
+///
+/// @tparam Functor copyable
+/// @tparam kResiduals residuals of a factor, ≥ 1, or kDynamicResiduals
+/// @tparam Ns values of each of its variables
+template <typename Derived, typename Functor, int kResiduals, int... Ns>
+class FunctorFamily : public MeasuredFamily<Functor, AmbientFamily<Derived>> {
+  using Base = MeasuredFamily<Functor, AmbientFamily<Derived>>;
+
+ public:
+  /// One a variable: degrees of freedom.
+  using TangentSizes = std::array<int, sizeof...(Ns)>;
+
+  /// What error messages call a factor, and the tangent sizes of its variables, where they have
+  /// manifolds.
+  explicit FunctorFamily(std::string name = "functor", const TangentSizes& tangent_sizes = {Ns...})
+      : Base(kResiduals, Slots(tangent_sizes)), name_(std::move(name)) {
+    static_assert(kResiduals > 0, "say how many residuals: (num_residuals, name)");
+  }
+  /// The same for kDynamicResiduals. Requires num_residuals ≥ 1.
+  explicit FunctorFamily(int num_residuals, std::string name = "functor",
+                         const TangentSizes& tangent_sizes = {Ns...})
+      : Base(num_residuals, Slots(tangent_sizes)), name_(std::move(name)) {
+    static_assert(kResiduals == kDynamicResiduals, "the type says how many residuals: (name)");
+  }
+
+  /// The functor at an index.
+  const Functor& at(int index) const { return this->measurement(index); }
+
+  /// What error messages call a factor.
+  const char* Name() const override { return name_.c_str(); }
+
+ private:
+  static std::vector<FactorFamily::Slot> Slots(const TangentSizes& tangent_sizes) {
+    constexpr TangentSizes kAmbientSizes = {Ns...};
+    std::vector<FactorFamily::Slot> slots;
+    for (std::size_t s = 0; s < sizeof...(Ns); ++s) {
+      slots.push_back({kAmbientSizes[s], tangent_sizes[s]});
+    }
+    return slots;
+  }
+
+  std::string name_;
+};
+
+}  // namespace inceres

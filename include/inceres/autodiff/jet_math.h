@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "inceres/autodiff/jet.h"
-#include "inceres/autodiff/jet_classify.h"
 #include "inceres/autodiff/jet_powers.h"
 
 namespace inceres::internal {
@@ -38,36 +37,10 @@ constexpr double kTwoOverSqrtPi = 0x1.20dd750429b6dp+0;  // 2 / √π
 namespace inceres::jets {
 
 // What a functor may call with doubles and Jets alike.
-using std::abs;
-using std::acos;
-using std::asin;
-using std::atan;
-using std::atan2;
-using std::cbrt;
-using std::ceil;
-using std::copysign;
-using std::cos;
-using std::cosh;
-using std::erf;
-using std::erfc;
-using std::exp;
-using std::exp2;
-using std::expm1;
-using std::fdim;
-using std::floor;
-using std::fma;
-using std::fmax;
-using std::fmin;
-using std::hypot;
-using std::log;
-using std::log10;
-using std::log1p;
-using std::log2;
-using std::sin;
-using std::sinh;
-using std::sqrt;
-using std::tan;
-using std::tanh;
+using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cbrt, std::ceil, std::copysign,
+    std::cos, std::cosh, std::erf, std::erfc, std::exp, std::exp2, std::expm1, std::fdim,
+    std::floor, std::fma, std::fmax, std::fmin, std::hypot, std::log, std::log10, std::log1p,
+    std::log2, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
 
 /// |f|; at 0 the derivative of the side that the zero's sign is of.
 template <int N>

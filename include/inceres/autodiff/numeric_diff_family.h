@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "inceres/autodiff/differentiate.h"
-#include "inceres/autodiff/functor_family.h"
 #include "inceres/status.h"
 
 namespace inceres {

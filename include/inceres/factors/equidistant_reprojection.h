@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "inceres/export.h"
-#include "inceres/factors/point_observation.h"
 #include "inceres/factors/point_reprojection.h"
 
 namespace inceres {

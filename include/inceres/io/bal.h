@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -63,10 +61,6 @@ struct INCERES_EXPORT BalProblem {
   /// first offending entry. Cost: one pass.
   Status Validate() const;
 };
-
-/// Told how far a read has come: bytes of the file (as they are on disk) read so far, and of how
-/// many; 0 if that is not known, as of a pipe.
-using ReadProgress = std::function<void(std::int64_t bytes_read, std::int64_t file_bytes)>;
 
 /// Reads a BAL file: text, or text compressed with gzip (name ends in .gz) or bzip2 (name ends in
 /// .bz2); or the binary form (name ends in .balb; docs/file_formats.md, "BAL, binary"), whose

@@ -7,7 +7,7 @@
 #include "inceres/export.h"
 #include "inceres/factors/bal_reprojection.h"
 #include "inceres/io/bal.h"
-#include "inceres/io/graph_options.h"
+#include "inceres/io/read_options.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/status.h"
 

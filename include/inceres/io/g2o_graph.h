@@ -6,10 +6,9 @@
 
 #include "inceres/export.h"
 #include "inceres/factors/planar_relative_pose.h"
-#include "inceres/factors/pose_edge.h"
 #include "inceres/factors/relative_pose.h"
 #include "inceres/io/g2o.h"
-#include "inceres/io/graph_options.h"
+#include "inceres/io/read_options.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/status.h"
 

@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "inceres/export.h"
+#include "inceres/factors/body_reprojection.h"
 #include "inceres/factors/diagonal_prior.h"
-#include "inceres/factors/inverse_depth_reprojection.h"
 #include "inceres/factors/relative_pose.h"
-#include "inceres/io/graph_options.h"
 #include "inceres/io/keyframes.h"
+#include "inceres/io/read_options.h"
 #include "inceres/problem/factor_graph.h"
 #include "inceres/status.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "inceres/export.h"
-#include "inceres/factors/stereo_reprojection.h"
+#include "inceres/factors/point_reprojection.h"
 #include "inceres/status.h"
 
 namespace inceres {

@@ -241,13 +241,13 @@ class MeasuredFamily : public Base {
   using Base::Base;
 
   /// Appends a measurement.
-  void Add(const Measurement& measurement) { measurements_.push_back(measurement); }
+  void Add(Measurement measurement) { measurements_.push_back(std::move(measurement)); }
   /// Overwrites the measurement at `index`, or appends it if index == size().
   void Place(int index, const Measurement& measurement) {
     this->PlaceIn(&measurements_, index, measurement);
   }
   /// Memory for so many factors.
-  void Reserve(int num_factors) { measurements_.reserve(static_cast<std::size_t>(num_factors)); }
+  void Reserve(std::size_t num_factors) { measurements_.reserve(num_factors); }
   /// The measurement at an index.
   const Measurement& measurement(int i) const { return measurements_[static_cast<std::size_t>(i)]; }
 

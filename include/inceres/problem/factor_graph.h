@@ -37,23 +37,6 @@ struct FamilyHandle {
 class GraphEdit;
 namespace internal {
 
-// What Check keeps for Commit (src/problem/edit_state.h); copies of a graph have their own.
-struct EditState;
-class INCERES_EXPORT EditStateOwner {
- public:
-  EditStateOwner();
-  EditStateOwner(const EditStateOwner& other);
-  EditStateOwner(EditStateOwner&& other) noexcept;
-  EditStateOwner& operator=(const EditStateOwner& other);
-  EditStateOwner& operator=(EditStateOwner&& other) noexcept;
-  ~EditStateOwner();
-  EditState& operator*() { return *state_; }
-  EditState* operator->() { return state_.get(); }
-
- private:
-  std::unique_ptr<EditState> state_;
-};
-
 class GraphRestorer;
 
 // Counts the changes of a graph's structure. An assignment is one, and gives a number that neither
@@ -403,7 +386,7 @@ class INCERES_EXPORT FactorGraph {
   Status misuse_;  // the first call that could not be carried out
   internal::Revision revision_;
   bool is_edited_ = false;  // an edit was checked
-  internal::EditStateOwner edits_;
+  internal::EditState edits_;
 };
 
 }  // namespace inceres

@@ -127,6 +127,24 @@ class INCERES_EXPORT VariableTable {
   int num_grouped_ = 0;  // in another group than 0
 };
 
+// What the edit being checked does to a variable.
+struct VariableMark {
+  std::int32_t new_variable = -1;  // index among the variables that come
+  bool going = false;
+  bool checked = false;
+  signed char constant = -1;  // set to 0 or 1
+};
+
+// What FactorGraph::Check makes and keeps for Commit, and scratch memory of the former.
+struct EditState {
+  std::vector<VariableMark> marks;     // scratch of Check
+  std::vector<VariableRecord> comers;  // scratch of Check: the variables that come
+  // What the edit leaves of pins and bounds, made by Check, so that Commit need not allocate.
+  std::map<VariableId, std::vector<double>> coming_pins;
+  std::map<VariableId, VariableBounds> coming_bounds;
+  bool measurements_placed = false;  // those of the edit that was checked last
+};
+
 // A place of a family. kGoing and kComing only while an edit is checked.
 enum class PlaceState : std::uint8_t { kIncremental, kFree, kGoing, kComing };
 

@@ -13,7 +13,7 @@ namespace inceres {
 /// A Euclidean variable needs no manifold (null pointer). Implement this class for a space of your
 /// own; the built-in ones follow. Calls of Plus and PlusJacobian by the solver come from the
 /// solving thread only, never concurrently. Minus, which only prior factors use
-/// (solver/linear_prior.h), is called while factors are evaluated, so from any of the solver's
+/// (solver/marginalization.h), is called while factors are evaluated, so from any of the solver's
 /// threads, several at once; and Plus with it, as long as Minus is the default one, which calls
 /// Plus.
 class INCERES_EXPORT Manifold {
@@ -212,6 +212,19 @@ class INCERES_EXPORT SE3Manifold final : public Manifold {
  public:
   int AmbientSize() const override { return 7; }
   int TangentSize() const override { return 6; }
+  [[nodiscard]] bool Plus(const double* x, const double* delta,
+                          double* x_plus_delta) const override;
+  [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;
+  [[nodiscard]] bool Minus(const double* y, const double* x, double* delta) const override;
+};
+
+/// Pose with a scale, a similarity of space: storage p (3), q (x, y, z, w), s > 0; δ = (δp, φ, σ);
+/// p + δp, q ⊗ Exp(φ), s e^σ with σ cut to [−300, 300]. A scale stays on its side of zero, and 0
+/// stays 0.
+class INCERES_EXPORT SimilarityManifold final : public Manifold {
+ public:
+  int AmbientSize() const override { return 8; }
+  int TangentSize() const override { return 7; }
   [[nodiscard]] bool Plus(const double* x, const double* delta,
                           double* x_plus_delta) const override;
   [[nodiscard]] bool PlusJacobian(const double* x, double* jacobian) const override;

@@ -116,9 +116,8 @@ class INCERES_EXPORT GraphCovariance {
   const RankDeficiency& deficiency() const { return deficiency_; }
 
  private:
-  template <typename Factorize, typename System>
-  Status Fill(const FactorGraph& graph, const Pairs& pairs, const Factorize& factorize,
-              const System& system);
+  template <typename System>
+  Status Fill(const FactorGraph& graph, const Pairs& pairs, System* system);
   Status ComputeAt(const FactorGraph& graph, const Status& valid, const std::vector<double>& state,
                    const Pairs& pairs);
 

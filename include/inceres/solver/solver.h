@@ -94,10 +94,9 @@ class INCERES_EXPORT Solver {
   std::vector<VariableId> EliminationOrder() const;
 
  private:
-  friend Summary Solve(const SolverOptions& options, FactorGraph* graph);
   friend void internal::SolveWith(const SolverOptions& options, const internal::LoopOptions& loop,
                                   FactorGraph* graph, Solver* solver, Summary* summary);
-  class INCERES_HIDDEN Impl;
+  struct INCERES_HIDDEN Impl;
   std::unique_ptr<Impl> impl_;
 };
 

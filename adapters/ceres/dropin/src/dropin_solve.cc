@@ -8,10 +8,7 @@
 
 #include "adapters/ceres/compare/cross_check.h"
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
-#include "adapters/ceres/fallback/decline.h"
 #include "adapters/ceres/fallback/gate.h"
-#include "adapters/ceres/plan/structure_cache.h"
-#include "adapters/ceres/read/ordering.h"
 #include "adapters/ceres/report/environment.h"
 #include "adapters/ceres/session/window_watch.h"
 #include "inceres/ceres/session.h"
@@ -144,19 +141,6 @@ void SolveKnown(DropinMode mode, KnownProblem* known, const ceres::Solver::Optio
   }
 }
 
-// As exact mode does.
-std::string Look(const ceres::Solver::Options& options, const ceres::Problem& problem,
-                 ceres::EvaluationCallback* callback) {
-  std::unique_ptr<ProblemView> view = StructureCache::OfProcess().TakeView();
-  OrderingView ordering;
-  std::string exact_reason;
-  std::string obstacle = FindObstacle(
-      options, /*incremental=*/false, callback, [&] { Introspect(problem, view.get()); }, *view,
-      &ordering, &exact_reason);
-  StructureCache::OfProcess().GiveBack(std::move(view));
-  return obstacle;
-}
-
 void HandOver(const ceres::Solver::Options& options, ceres::Problem* problem,
               ceres::Solver::Summary* summary, const std::string& reason) {
   SolveOptions asked = OptionsFromEnvironment();
@@ -181,7 +165,8 @@ void SolveInsteadOfCeres(const Environment& environment, KnownProblem* known,
     return;
   }
   if (environment.mode == DropinMode::kFallback) {
-    const std::string obstacle = Look(options, *problem, known->evaluation_callback);
+    const std::string obstacle =
+        FindObstacle(options, /*incremental=*/false, known->evaluation_callback, *problem);
     HandOver(options, problem, summary, obstacle.empty() ? "INCERES_MODE is fallback" : obstacle);
     return;
   }

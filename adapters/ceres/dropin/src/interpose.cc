@@ -1,7 +1,6 @@
 // The functions that stand in for Ceres's. Compiled twice: under Ceres's own symbols for the shared
 // library, under __wrap_… for a program linked with --wrap.
 #include "adapters/ceres/dropin/src/ceres_symbols.h"
-#include "adapters/ceres/dropin/src/covariance_registry.h"
 #include "adapters/ceres/dropin/src/dropin_solve.h"
 #include "adapters/ceres/dropin/src/registry.h"
 #include "adapters/ceres/read/ceres_version.h"

@@ -3,16 +3,59 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <ceres/cost_function.h>
+#include <ceres/covariance.h>
 #include <ceres/evaluation_callback.h>
 #include <ceres/problem.h>
 
-#include "adapters/ceres/dropin/src/living_objects.h"
+#include "adapters/ceres/covariance/problem_covariance.h"
 #include "inceres/ceres/session.h"
 
 namespace inceres::internal {
+
+/// What is known of the living objects of a process by address. An entry is made by an object's
+/// constructor and ends with its destructor, before the address can be used again.
+///
+/// Threads: any. Cost: a lock and a hash lookup a call. Entries are destroyed outside the lock: a
+/// session is large.
+template <typename Object, typename Entry>
+class LivingObjects {
+ public:
+  /// One has been constructed here. Whatever was known of this address is forgotten.
+  void Add(const Object* object, std::unique_ptr<Entry> entry) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    entries_[object].swap(entry);
+  }
+  std::unique_ptr<Entry> Take(const Object* object) {
+    std::unique_ptr<Entry> taken;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto found = entries_.find(object);
+    if (found != entries_.end()) {
+      taken = std::move(found->second);
+      entries_.erase(found);
+    }
+    return taken;
+  }
+  /// Null if its constructor has not been seen. Valid as long as the object lives.
+  Entry* Find(const Object* object) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto found = entries_.find(object);
+    return found == entries_.end() ? nullptr : found->second.get();
+  }
+  int size() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return static_cast<int>(entries_.size());
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::unordered_map<const Object*, std::unique_ptr<Entry>> entries_;
+};
 
 /// What the drop-in has seen happen to a living ceres::Problem and what it keeps for it.
 ///
@@ -56,5 +99,33 @@ class Registry : public LivingObjects<ceres::Problem, KnownProblem> {
 
 /// The process's only one. It is never destroyed: static Problems may outlive everything.
 Registry& TheRegistry();
+
+/// The options of a ceres::Covariance object, and what was computed in its place.
+struct KnownCovariance {
+  explicit KnownCovariance(const ceres::Covariance::Options& given) : options(given) {}
+
+  ceres::Covariance::Options options;
+  std::unique_ptr<ProblemCovariance> ours;
+  bool has_failed = false;  // the last Compute, which was ours
+};
+
+/// The living ceres::Covariance objects of a process. Threads: any, on different objects.
+class CovarianceRegistry : public LivingObjects<ceres::Covariance, KnownCovariance> {
+ public:
+  /// Computes in the place of an object whose constructor was seen; false, and nothing is kept, if
+  /// that is stock's to do, for this reason or another, which is said in the log.
+  bool Compute(const ceres::Covariance* covariance, const ProblemCovariance::Pairs& pairs,
+               const ceres::Problem& problem, ceres::EvaluationCallback* callback, bool* computed);
+
+  /// What was computed before is out of date: the next is stock's.
+  void Forget(const ceres::Covariance* covariance);
+
+  /// What Compute has computed; null if it was stock, or nothing was. After a Compute that has
+  /// failed it ends the process, as Ceres does.
+  const ProblemCovariance* Computed(const ceres::Covariance* covariance) const;
+};
+
+/// The process's only one. It is never destroyed: static objects may outlive everything.
+CovarianceRegistry& TheCovariances();
 
 }  // namespace inceres::internal
