@@ -305,7 +305,7 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
         0, input.options.max_num_iterations - static_cast<int>(summary->iterations.size()) + 1);
   };
   // With too few iterations left to begin anew all of them go on from there.
-  if (iterations_left() < 2 * ModeChoice::kPatience) {
+  if (iterations_left() <= ModeChoice::kPatience) {
     const Descent only{
         IsOnItsWay(*summary, *report, iterations_left()) ? core.batch_strategy : kGoOn,
         iterations_left(), /*as_ceres=*/false, working};
