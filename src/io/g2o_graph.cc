@@ -33,7 +33,7 @@ constexpr double kLeastEigenvalue = 1e-9;
 // The edges as measurements; all or, with the culprit's message, none.
 template <typename Family>
 Status ConvertEdges(const PoseGraph& poses, const PoseGraphOptions& options, Family* family) {
-  const auto make = [&options](const PoseGraphEdge& edge, auto* measurement) {
+  const auto make = [&](const PoseGraphEdge& edge, auto* measurement) {
     if constexpr (std::is_same_v<Family, PlanarRelativePoseFamily>) {
       return ToMeasurement(edge, options.convention, measurement);
     } else {
