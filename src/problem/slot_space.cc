@@ -31,9 +31,9 @@ constexpr double kTolerance = 1e-6;
 // kEuclidean, whose manifold has any size.
 const Manifold* ManifoldOf(SlotSpace space) {
   // In the order of the enumeration. Never destroyed, for solves may run while the process ends.
-  static const Manifold* const manifolds[] = {nullptr, nullptr, new PoseManifold,
-                                              new LeftPoseManifold, new SimilarityManifold};
-  return manifolds[static_cast<std::size_t>(space)];
+  static const Manifold* const kManifolds[] = {nullptr, nullptr, new PoseManifold,
+                                               new LeftPoseManifold, new SimilarityManifold};
+  return kManifolds[static_cast<std::size_t>(space)];
 }
 
 // No coordinate is 0 or that of another; a quaternion has length 1, and a scale is positive. Poses

@@ -39,6 +39,7 @@ KeptBlocks::KeptBlocks(const ConjugateGradientsOptions& options, const KeptStruc
                                                               executor, status);
   } else if (!IsEmpty()) {
     std::vector<const double*> diagonal;
+    diagonal.reserve(static_cast<std::size_t>(pattern_.num_blocks()));
     for (int i = 0; i < pattern_.num_blocks(); ++i) {
       // The last block of a row is the one on the diagonal.
       diagonal.push_back(values_.data() + pattern_.value_begin[pattern_.row_begin[i + 1] - 1]);
