@@ -77,6 +77,8 @@ void SolveOnce(const internal::SolveCall& call) {
   }
   if (incremental && internal::HasBounds(view)) {
     // A session finishes what incremental steps have not, for the batch solver does not begin here.
+    // It looks at the problem by itself.
+    internal::StructureCache::OfProcess().GiveBack(std::move(view_memory));
     internal::SolveOnceInSession(call);
     return;
   }
