@@ -40,6 +40,10 @@ DEFINE_int32(max_threads, 2,
 DEFINE_bool(bounds, false,
             "Give a third of the parameter blocks bounds, in all modes; without it a life may have "
             "some where stock's iterates are followed.");
+DEFINE_bool(judge_by_stock, false,
+            "An end is too high only where Ceres as well, started there with the options of the "
+            "solve, gains more than ten tolerances, and no verdict is no defect: a life goes on "
+            "past ends that Ceres's own test would pass.");
 DEFINE_double(seconds, 0.0, "No new life begins in a mode after so many seconds; 0: no limit.");
 DEFINE_bool(verbose, false,
             "Print every edit and solve, and the iterations of the one that is a defect.");
@@ -94,10 +98,11 @@ void Print(const Defect& defect) {
                defect.edits, defect.solves, defect.finding.detail.c_str());
   std::fprintf(out,
                "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d "
-               "--max_threads %d%s\n",
+               "--max_threads %d%s%s\n",
                plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
                static_cast<std::uintmax_t>(plan.life), plan.max_edits, plan.max_threads,
-               plan.bounds ? " --bounds" : "");
+               plan.bounds ? " --bounds" : "",
+               plan.judges == Judges::kStock ? " --judge_by_stock" : "");
   std::fflush(out);
 }
 
@@ -121,6 +126,7 @@ ModeResult RunMode(const std::string& mode) {
                         FLAGS_edits,
                         FLAGS_max_threads,
                         FLAGS_bounds,
+                        FLAGS_judge_by_stock ? Judges::kStock : Judges::kDescent,
                         FLAGS_verbose};
     if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
       Print(*defect);
@@ -142,13 +148,14 @@ Status Report(const ModeResult& result) {
       tools::Out(),
       "%s: %ju lives, %ld edits, %ld solves in %.1f s; %ld judged, %ld creeping (worst %.2g "
       "tolerances), %ld beside faults, "
-      "%ld as far as stock; traces: %ld compared, %ld chaotic; %ld handed to stock, %ld failures "
+      "%ld as far as stock, %ld that stock would not leave; traces: %ld compared, %ld chaotic; %ld "
+      "handed to stock, %ld failures "
       "with a cause, %ld ended by a "
       "limit (%ld unproven); %zu defects\n",
       result.mode.c_str(), static_cast<std::uintmax_t>(result.lives), c.edits, c.solves,
       result.seconds, c.judged, c.creeping, c.worst_creeping_excess, c.beside_faults, c.as_stock,
-      c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures, c.not_converged,
-      c.unproven, result.defects.size());
+      c.unseen_by_stock, c.traces_compared, c.traces_chaotic, c.handed_to_stock, c.failures,
+      c.not_converged, c.unproven, result.defects.size());
   std::fflush(tools::Out());
   nlohmann::json line = ToJson(c);
   line.update({{"mode", result.mode},
@@ -174,7 +181,7 @@ int RunSibling(const DropInMode& mode) {
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
     for (const char* flag : {"seed", "first_life", "lives", "edits", "max_threads", "bounds",
-                             "seconds", "json", "verbose", "quiet", "progress"}) {
+                             "judge_by_stock", "seconds", "json", "verbose", "quiet", "progress"}) {
       words.push_back(std::string("--") + flag + "=" +
                       gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }

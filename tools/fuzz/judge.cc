@@ -35,6 +35,8 @@ class PlainDescent {
   }
 
   bool Run();
+  /// What the model promises where it is.
+  std::vector<double> Promises();
   const std::vector<double>& costs() const { return costs_; }
   double magnitude() const { return magnitude_; }
 
@@ -44,6 +46,7 @@ class PlainDescent {
   }
   bool Linearize();
   void HoldBounded();
+  Eigen::VectorXd DampedStep(double damping, double* promise) const;
   bool Step(double damping, double* promise);
   void Move(const Eigen::VectorXd& step);
   bool CostHere(double* cost);
@@ -125,14 +128,28 @@ void PlainDescent::Move(const Eigen::VectorXd& step) {
   }
 }
 
-// Whether a step with this damping was taken; *promise is what its model saw to gain.
-bool PlainDescent::Step(double damping, double* promise) {
+Eigen::VectorXd PlainDescent::DampedStep(double damping, double* promise) const {
   Eigen::VectorXd damped = H_.diagonal();
   damped = damping * damped.cwiseMax(kLeastDiagonal * std::max(damped.maxCoeff(), 1e-300));
   Eigen::MatrixXd A = H_;
   A.diagonal() += damped;
-  const Eigen::VectorXd step = A.ldlt().solve(-g_);
+  Eigen::VectorXd step = A.ldlt().solve(-g_);
   *promise = -step.dot(g_) - 0.5 * step.dot(H_ * step);
+  return step;
+}
+
+std::vector<double> PlainDescent::Promises() {
+  std::vector<double> promises;
+  for (double damping = kStartDamping; Linearize() && damping > 0.5 * kLeastDamping;
+       damping *= 0.01) {
+    DampedStep(damping, &promises.emplace_back());
+  }
+  return promises;
+}
+
+// Whether a step with this damping was taken; *promise is what its model saw to gain.
+bool PlainDescent::Step(double damping, double* promise) {
+  const Eigen::VectorXd step = DampedStep(damping, promise);
   if (!step.allFinite() || !(*promise > 0.0)) {
     // a system that could not be solved promises nothing
     *promise = std::numeric_limits<double>::infinity();
@@ -198,6 +215,9 @@ Verdict Judge(World* world, double function_tolerance) {
   verdict.steps = static_cast<int>(gained - first);
   verdict.is_excess = gained != descent.costs().end();
   verdict.is_creeping = verdict.is_excess && verdict.steps > kCreepingSteps;
+  if (verdict.is_excess) {
+    verdict.promises = descent.Promises();
+  }
   return verdict;
 }
 

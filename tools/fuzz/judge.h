@@ -20,6 +20,8 @@ struct Verdict {
   bool is_excess = false;
   /// an excess of which kCreepingSteps steps gained less than kExcessTolerances
   bool is_creeping = false;
+  /// Of an excess: what the model promises at the point with dampings of 1e-4, 1e-6 … 1e-12.
+  std::vector<double> promises;
 };
 
 /// How far above the minimum of its basin a solve may end, in units of its function tolerance.

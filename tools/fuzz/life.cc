@@ -93,7 +93,7 @@ std::optional<Finding> Life::Solve() {
   ceres::Solver::Options options = options_;
   options.num_threads = std::min(options.num_threads, plan_.max_threads);
   std::optional<Finding> finding =
-      SolveAndCheck(options, &world_, solver_.get(), &checks_, counts_);
+      SolveAndCheck(options, plan_.judges, &world_, solver_.get(), &checks_, counts_);
   if (plan_.verbose) {
     std::printf("  solve %ld: %zu blocks, %zu factors%s\n", solves_, world_.blocks().size(),
                 world_.factors().size(), finding ? " <- a defect" : "");

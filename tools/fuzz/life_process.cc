@@ -30,6 +30,7 @@ constexpr NamedCount kCounts[] = {{"edits", &Counts::edits},
                                   {"creeping", &Counts::creeping},
                                   {"beside_faults", &Counts::beside_faults},
                                   {"as_stock", &Counts::as_stock},
+                                  {"unseen_by_stock", &Counts::unseen_by_stock},
                                   {"traces_compared", &Counts::traces_compared},
                                   {"traces_chaotic", &Counts::traces_chaotic}};
 constexpr char kWorstCreeping[] = "worst_creeping_excess";

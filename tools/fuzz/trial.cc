@@ -27,12 +27,20 @@ std::string IterationsOf(const char* whose, const ceres::Solver::Summary& summar
   return lines;
 }
 
-std::string StepsOf(const std::vector<double>& costs, double tolerance) {
-  std::string lines = costs.empty() ? "" : "  judge, gains in tolerances:";
-  for (std::size_t i = 1; i < costs.size(); ++i) {
-    lines += Formatted(" %.2g", (costs[i - 1] - costs[i]) / (tolerance * costs[i]));
+std::string StepsOf(const Verdict& judge, double tolerance) {
+  if (judge.costs.empty()) {
+    return "";
   }
-  return lines + (costs.empty() ? "" : "\n");
+  std::string lines = "  judge, gains in tolerances:";
+  for (std::size_t i = 1; i < judge.costs.size(); ++i) {
+    lines +=
+        Formatted(" %.2g", (judge.costs[i - 1] - judge.costs[i]) / (tolerance * judge.costs[i]));
+  }
+  lines += "\n  promised there with dampings of 1e-4, 1e-6 ...:";
+  for (const double promise : judge.promises) {
+    lines += Formatted(" %.2g", promise / (tolerance * judge.best));
+  }
+  return lines + "\n";
 }
 
 }  // namespace
@@ -80,7 +88,7 @@ std::optional<Finding> Trial::Run() {
   }
   if (finding) {
     finding->iterations = IterationsOf("ours", summary_) +
-                          StepsOf(costs_of_judge_, options_.function_tolerance) +
+                          StepsOf(judge_, options_.function_tolerance) +
                           (stock_ != nullptr ? IterationsOf("stock", stock_->summary()) : "");
   }
   return finding;
@@ -169,9 +177,10 @@ std::optional<Finding> Trial::Costs() {
   return std::nullopt;
 }
 
-std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world,
-                                     SolverUnderTest* solver, Dice* dice, Counts* counts) {
-  return Trial(options, world, solver, dice, counts).Run();
+std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, Judges judges,
+                                     World* world, SolverUnderTest* solver, Dice* dice,
+                                     Counts* counts) {
+  return Trial(options, judges, world, solver, dice, counts).Run();
 }
 
 }  // namespace inceres::fuzz

@@ -17,6 +17,12 @@ struct Finding {
   std::string iterations = {};  ///< of the solve; of stock and the judge where they were asked
 };
 
+/// Who says that a solve ended too high.
+enum class Judges {
+  kDescent,  ///< Judge alone
+  kStock,    ///< Ceres as well: started at that end, with the user's options, it goes on as far
+};
+
 /// What was looked at; what was seen and let pass has a number of its own.
 struct Counts {
   long edits = 0;
@@ -33,6 +39,7 @@ struct Counts {
   /// … an excess while a cost function is faulty, and stock's end has one too
   long beside_faults = 0;
   long as_stock = 0;         ///< … an excess in exact mode, and stock's end has one as large
+  long unseen_by_stock = 0;  ///< … an excess that Ceres, started there, does not see either
   long traces_compared = 0;  ///< exact mode: iteration by iteration with stock
   long traces_chaotic = 0;   ///< … not compared: stock's own solvers do not agree
   double worst_creeping_excess = 0.0;  ///< in function tolerances
@@ -40,7 +47,8 @@ struct Counts {
 
 /// Solves the world's problem once and looks at all that a caller may rely on. The world is left
 /// where the solver left it.
-std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, World* world,
-                                     SolverUnderTest* solver, Dice* dice, Counts* counts);
+std::optional<Finding> SolveAndCheck(const ceres::Solver::Options& options, Judges judges,
+                                     World* world, SolverUnderTest* solver, Dice* dice,
+                                     Counts* counts);
 
 }  // namespace inceres::fuzz

@@ -14,9 +14,10 @@ namespace inceres::fuzz {
 /// where it ended).
 class Trial {
  public:
-  Trial(const ceres::Solver::Options& options, World* world, SolverUnderTest* solver, Dice* dice,
-        Counts* counts)
+  Trial(const ceres::Solver::Options& options, Judges judges, World* world, SolverUnderTest* solver,
+        Dice* dice, Counts* counts)
       : options_(options),
+        judges_(judges),
         world_(world),
         solver_(solver),
         dice_(dice),
@@ -43,9 +44,10 @@ class Trial {
   std::optional<Finding> End();
   std::optional<Finding> CheckExcess(const Verdict& ours);
   const StockTraces& Stock();
-  Verdict StockVerdict();
+  Verdict VerdictOn(const StockTraces& stock);
 
   const ceres::Solver::Options& options_;
+  const Judges judges_;
   World* world_;
   SolverUnderTest* solver_;
   Dice* dice_;
@@ -55,7 +57,7 @@ class Trial {
   bool start_evaluates_ = false;  // cost and Jacobians
 
   double start_cost_ = 0.0;
-  std::vector<double> costs_of_judge_;  // where it goes on from an excess
+  Verdict judge_;  // of an excess: where it goes on from there
   ceres::Solver::Summary summary_;
   std::unique_ptr<StockTraces> stock_;
 };

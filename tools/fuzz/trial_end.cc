@@ -44,7 +44,8 @@ std::optional<Finding> Trial::Termination() {
     return std::nullopt;
   }
   ++counts_->not_converged;
-  if (options_.max_num_iterations < kManyIterations || solver_->follows_stock()) {
+  if (options_.max_num_iterations < kManyIterations || solver_->follows_stock() ||
+      judges_ == Judges::kStock) {
     return std::nullopt;
   }
   return CheckLimit();
@@ -58,7 +59,7 @@ std::optional<Finding> Trial::CheckLimit() {
     return std::nullopt;
   }
   const Verdict verdict = Judge(world_, options_.function_tolerance);
-  const Verdict of_stock = StockVerdict();
+  const Verdict of_stock = VerdictOn(Stock());
   const bool is_there = verdict.judged && !verdict.is_excess;
   const double as_good =
       is_there ? kExcessTolerances * options_.function_tolerance * verdict.cost : 0.0;
@@ -141,10 +142,10 @@ std::optional<Finding> Trial::Repetition() {
           forgets ? ", the structure forgotten in between" : "")};
 }
 
-// Where plain LM goes from stock's end.
-Verdict Trial::StockVerdict() {
+// Where plain LM goes from an end of stock's.
+Verdict Trial::VerdictOn(const StockTraces& stock) {
   const std::vector<double> values = world_->Values();
-  world_->SetValues(Stock().end());
+  world_->SetValues(stock.end());
   const Verdict verdict = Judge(world_, options_.function_tolerance);
   world_->SetValues(values);
   return verdict;
@@ -157,7 +158,7 @@ std::optional<Finding> Trial::End() {
   const Verdict verdict = Judge(world_, options_.function_tolerance);
   counts_->judged += verdict.judged ? 1 : 0;
   if (verdict.judged && verdict.is_excess) {
-    costs_of_judge_ = verdict.costs;
+    judge_ = verdict;
     return CheckExcess(verdict);
   }
   return std::nullopt;
@@ -170,7 +171,7 @@ std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
         std::max(counts_->worst_creeping_excess, ours.excess / options_.function_tolerance);
     return std::nullopt;
   }
-  const Verdict stock = StockVerdict();
+  const Verdict stock = VerdictOn(Stock());
   if (world_->HasFault() && (!stock.judged || stock.is_excess)) {
     ++counts_->beside_faults;
     return std::nullopt;
@@ -186,15 +187,23 @@ std::optional<Finding> Trial::CheckExcess(const Verdict& ours) {
   const std::string kind = world_->HasFault() ? "excess_beside_fault"
                            : is_no_worse      ? "excess_as_stock"
                                               : "excess";
+  const Verdict goes_on = VerdictOn(StockTraces(options_, world_->Values(), world_, dice_));
+  const double gain = (ours.cost - goes_on.cost) / (options_.function_tolerance * ours.cost);
+  if (judges_ == Judges::kStock && gain <= kExcessTolerances) {
+    ++counts_->unseen_by_stock;
+    return std::nullopt;
+  }
   return Finding{
       kind,
       Formatted("%.3g tolerances above where plain LM goes, which gains ten in %d steps: %.12g, "
                 "%.12g (tolerance "
                 "%.2g, %zu iterations); stock "
-                "ends at %.12g with an excess of %.2g tolerances after %zu iterations; ",
+                "ends at %.12g with an excess of %.2g tolerances after %zu iterations, and started "
+                "where ours ends it gains %.2g; ",
                 ours.excess / options_.function_tolerance, ours.steps, ours.cost, ours.best,
                 options_.function_tolerance, summary_.iterations.size(), stock.cost,
-                stock.excess / options_.function_tolerance, Stock().summary().iterations.size()) +
+                stock.excess / options_.function_tolerance, Stock().summary().iterations.size(),
+                gain) +
           summary_.message};
 }
 
