@@ -163,6 +163,7 @@ void ActiveSet::Select(const std::vector<double>& frame_step, const ReducedVecto
                        const ReducedSolver::Rows& solved, const Limits& limits,
                        IncrementalSystem* system) {
   IncrementalSchur& schur = system->schur();
+  is_whole_ = limits.remaining_decrease < 0.0;
   // All lists have room for everything from the start: a steady window must not allocate.
   frames_.clear();
   frames_.reserve(schur.frames().size());

@@ -42,6 +42,8 @@ class ActiveSet {
     frames_.clear();
     landmarks_.clear();
   }
+  /// Whether all of the step was asked for.
+  bool is_whole() const { return is_whole_; }
   const std::vector<std::int32_t>& frames() const { return frames_; }
   const std::vector<std::int32_t>& landmarks() const { return landmarks_; }
   std::size_t Bytes() const { return partial_step_.Bytes(); }
@@ -59,6 +61,7 @@ class ActiveSet {
 
   enum class Fate : std::uint8_t { kMoves, kIsAsked, kIsLeft };
 
+  bool is_whole_ = true;
   std::vector<std::int32_t> candidates_;  // the rows that may move, ascending
   std::vector<double> gains_;             // per candidate
   std::vector<std::int32_t> order_;       // candidates by gain

@@ -101,6 +101,7 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
   double& long_ago = last_costs_[static_cast<std::size_t>(iteration.iteration % kPaceIterations)];
   gained_lately_ = std::exchange(long_ago, cost_) - cost_;
   num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
+  refused_radius_ = iteration.step_is_successful ? refused_radius_ : tried_radius_;
   WaitAfterRefusal(iteration);
   // What landmarks gained by themselves says nothing of the model.
   last_ratio_ = iteration.model_cost_change == last_promise_ ? iteration.relative_decrease : 0.0;

@@ -126,19 +126,25 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   }
   // Whether Levenberg–Marquardt's damping is small enough not to hide what weak directions could
   // gain; of a Dog-Leg, whether no refusal has shrunk its radius lately.
-  bool SeesAll() const { return HoldsLittleBack() && IsHardlyDamped(); }
+  bool SeesAll() const { return HoldsLittleBack(1.0) && IsHardlyDamped(); }
   bool IsHardlyDamped() const {
     return IsDamped(options_.batch_strategy) ? tried_radius_ >= tuning_.seeing_radius
                                              : !refused_lately();
   }
   // The same, or where steps with so little damping were refused lately, or others stagnate, with a
-  // bit more.
+  // bit more: what that holds back of a weak direction, steps would gain as many times over whose
+  // damping is that many times less, down to where they are refused.
   bool SeesEnough() const {
-    return SeesAll() ||
-           (IsByMarquardt() && HoldsLittleBack() && tried_radius_ >= tuning_.proof_radius &&
-            (steps_to_wait_ > 0 || stagnation_.is_proving() || hold_.on));
+    return SeesAll() || (IsByMarquardt() && tried_radius_ >= tuning_.proof_radius &&
+                         HoldsLittleBack(std::max(1.0, WidestRadius() / tried_radius_)) &&
+                         (steps_to_wait_ > 0 || stagnation_.is_proving() || hold_.on));
   }
-  bool HoldsLittleBack() const { return held_back_ <= tuning_.held_back_share * Tolerance(cost_); }
+  double WidestRadius() const {
+    return std::min(tuning_.seeing_radius, tuning_.refused_share * refused_radius_);
+  }
+  bool HoldsLittleBack(double times) const {
+    return times * held_back_ <= tuning_.held_back_share * Tolerance(cost_);
+  }
   bool HasStagnated(const IterationSummary& iteration);
   void BeginHold(Stagnation::Verdict verdict);
   bool IsWorthHolding(const IterationSummary& iteration) const;
@@ -160,9 +166,10 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   double previous_gain_ = 0.0;                        // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
-  double tried_radius_ = 0.0;     // of the step under judgment
-  double held_back_ = 0.0;        // of it, by its damping
-  bool within_rounding_ = false;  // all of it is
+  double tried_radius_ = 0.0;         // of the step under judgment
+  double refused_radius_ = HUGE_VAL;  // of the last step that was refused
+  double held_back_ = 0.0;            // of the one under judgment, by its damping
+  bool within_rounding_ = false;      // all of it is
   double last_ratio_ = 0.0;
   double rest_ = 0.0;
   std::string words_;

@@ -279,8 +279,8 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::TakeStep(double remaining) {
 IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
   // In the order of their cost: Jacobians that may mislead, then μ, which begins the factor of S
   // anew, then landmarks, which are eliminated anew.
-  context_.row().refreshed =
-      context_.relinearization.RefreshAged(context_.stop.ErrorAllowed(context_.system.cost()));
+  context_.row().refreshed = context_.relinearization.RefreshAged(
+      context_.stop.ErrorAllowed(context_.system.cost(), context_.tuning.relinearize.strict_share));
   if (context_.row().refreshed) {
     return Verdict::kGoOn;
   }
@@ -292,11 +292,11 @@ IncrementalMinimizer::Verdict IncrementalMinimizer::ClaimConvergence() {
     // What the last step tells is cheap, and what the next one does, more to the point.
     const double remaining = LeftBeyondRounding();
     const double little = context_.tuning.stop.rest_share * context_.Tolerance();
-    if (linearization_.MayHide() || context_.control.MayHide(remaining, little)) {
+    if (linearization_.MayHide(remaining) || context_.control.MayHide(remaining, little)) {
       LookAtStep();
     }
     const bool lowered = context_.control.LowerOnce(remaining, little);
-    switch (linearization_.FreeHeldLandmarks(lowered)) {
+    switch (linearization_.FreeHeldLandmarks(lowered, remaining)) {
       case UpdateLinearization::Freed::kSome:
         return Verdict::kGoOn;
       case UpdateLinearization::Freed::kFailed:
@@ -343,9 +343,9 @@ void IncrementalMinimizer::LookAtStep() {
 }
 
 // What the damping of landmarks, and that of frames, takes part with. Of a step that was shortened
-// it is not known how far the whole one would have gone.
+// it is not known how far the whole one would have gone, nor of one of which a part stays undone.
 void IncrementalMinimizer::NoteDampedSquares() {
-  if (context_.row().shortened) {
+  if (context_.row().shortened || !context_.active.is_whole()) {
     linearization_.NoteDampedSquare(HUGE_VAL);
     context_.control.NoteDampedSquare(HUGE_VAL);
     return;

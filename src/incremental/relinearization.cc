@@ -118,7 +118,7 @@ void Relinearization::FindAged() {
 
 // Factors leave the memory when they are marked, when they err by less than a quarter again, or
 // when they are gone.
-bool Relinearization::RefreshAged(double tolerance) {
+bool Relinearization::RefreshErring(double tolerance) {
   const ErrorLimits limits = AgedLimits(tolerance);
   const ErrorLimits ahead = AgedLimits(kAhead * tolerance);
   // T has fallen by more than kAhead since, or m has risen.
@@ -147,6 +147,25 @@ bool Relinearization::RefreshAged(double tolerance) {
       aged.Remove(i);
     });
   }
+  return any;
+}
+
+// An error Δg of the gradient hides ½ Δg² / s where H is as stiff as s: of a landmark with a pivot
+// that is mostly damping, as of a far point along its ray, thousands of times what the limits have
+// in mind.
+bool Relinearization::RefreshHeldLandmarks(double tolerance) {
+  const ErrorLimits limits = AgedLimits(tolerance);
+  const IncrementalSchur& schur = system_.schur();
+  bool any = false;
+  schur.blocks().ForEachHeld([&](std::int32_t landmark) {
+    for (const FactorRef& ref : schur.structure().landmarks()[landmark].factors) {
+      const IncrementalFamily& family = system_.families()[ref.family];
+      if (family.weighed().linearized(ref.factor) && limits.ExceededBy(family, ref.factor)) {
+        system_.MarkDirty(ref);
+        any = true;
+      }
+    }
+  });
   return any;
 }
 

@@ -27,9 +27,13 @@ class Relinearization {
   /// rule: with more weight an old linearization errs more.
   void LookAt(const std::vector<FactorRef>& factors, double tolerance);
   /// Marks every factor whose old linearization is not good enough to claim convergence on, however
-  /// long ago it became so: the tolerance may have been larger then. True if there are any. Cost:
-  /// what has aged, or all factors where the tolerance has fallen far since.
-  bool RefreshAged(double tolerance);
+  /// long ago it became so: the tolerance may have been larger then. Those of landmarks that hardly
+  /// more than damping holds are to be much better. True if there are any. Cost: what has aged and
+  /// those landmarks, or all factors where the tolerance has fallen far since.
+  bool RefreshAged(double tolerance) {
+    const bool errs = RefreshErring(tolerance);
+    return RefreshHeldLandmarks(tuning_.strict_share * tolerance) || errs;
+  }
   /// The step failed: with old Jacobians about, it was perhaps their fault. Marks those whose
   /// factors' costs rose furthest above what was predicted of them, and all if the step before
   /// failed like this, or the step was not evaluated. True if there are any.
@@ -61,6 +65,8 @@ class Relinearization {
     return LimitsOf(std::min(share_, tuning_.refresh_share), tolerance);
   }
   ErrorLimits BeginLooking(double tolerance);
+  bool RefreshErring(double tolerance);
+  bool RefreshHeldLandmarks(double tolerance);
   void Judge(const IncrementalFamily& family, int factor, bool is_stale, const ErrorLimits& aged);
   void MakeRoom();
   void FindAged();

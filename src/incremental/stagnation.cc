@@ -24,6 +24,10 @@ constexpr double kLargeShare = 0.25;
 // Between two dampings that are tried one after the other at a border.
 constexpr double kBetween = 10.0;
 
+// Of the radius, from one step to the next, at which no length is passed over: at a border it falls
+// to a hundredth.
+constexpr double kLargestFall = 1e-3;
+
 // Whether a cost function refuses where a step leads, and no share of it gains anything.
 bool IsRefused(const IterationSummary& iteration) {
   return !iteration.step_is_successful && iteration.cost >= std::numeric_limits<double>::max();
@@ -114,9 +118,8 @@ bool Stagnation::CreepsAgain(double cost, double tolerance) {
 bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, double tolerance,
                            double radius) {
   ++num_since_gain_;
-  // The widest radius since the last gain. A gain also forgets it: what was tried before it was
-  // tried elsewhere.
-  widest_ = std::max(widest_, radius);
+  Widen(radius);
+  // A gain forgets it: what was tried before it was tried elsewhere.
   if (gained_from_ - cost > tuning_.stall_gain * tolerance) {
     num_since_gain_ = 0;
     gained_from_ = cost;
@@ -124,6 +127,17 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
     went_between_ = false;
   }
   return num_since_gain_ >= tuning_.stall || IsAtLeastRadius(iteration, tolerance);
+}
+
+// The widest radius since the last gain, from which on no length was passed over. Steps that are
+// hardly damped for once are none of those.
+void Stagnation::Widen(double radius) {
+  if (radius >= tuning_.seeing_radius && 0.0 < last_radius_ &&
+      last_radius_ < kLargestFall * radius) {
+    return;
+  }
+  widest_ = radius < kLargestFall * last_radius_ ? radius : std::max(widest_, radius);
+  last_radius_ = radius;
 }
 
 // Whether more damping leads nowhere.

@@ -52,6 +52,7 @@ class Stagnation {
  private:
   bool CreepsAgain(double cost, double tolerance);
   bool IsStalled(const IterationSummary& iteration, double cost, double tolerance, double radius);
+  void Widen(double radius);
   bool IsAtLeastRadius(const IterationSummary& iteration, double tolerance) const;
   double GainOf(const IterationSummary& iteration) const;
   bool Brought(int num_steps, double tolerances, const IterationSummary& last,
@@ -63,8 +64,11 @@ class Stagnation {
   std::deque<double> costs_;  // where the last steps have led to
   // iterations, taken or not, since the cost last fell by more than next to nothing
   int num_since_gain_ = 0;
-  double gained_from_ = 0.0;     // to this
-  double widest_ = 0.0;          // radius of a step since then
+  double gained_from_ = 0.0;  // to this
+  // radius of a step since then, and less than that all of them, but for steps that are hardly
+  // damped for once
+  double widest_ = 0.0;
+  double last_radius_ = 0.0;     // of a step, but for those
   bool went_between_ = false;    // the radii since then, to those that a border passes over
   double lengths_from_ = 0.0;    // all lengths have been tried at a border since this cost
   bool creeps_ = false;          // and gained next to nothing

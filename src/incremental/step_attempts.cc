@@ -34,6 +34,7 @@ bool StepAttempts::Take(bool* refreshed, double* gain_ratio) {
       control.AdaptRadius(*gain_ratio, norm);
       return true;
     }
+    context_.stop.StepRefused();
     // Refresh before retreat. A step that was not evaluated predicts 0, and all its old Jacobians
     // are renewed.
     *refreshed = context_.relinearization.RefreshTouched(

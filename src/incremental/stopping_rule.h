@@ -88,10 +88,17 @@ class StoppingRule {
     checked_cost_ = cost;
   }
   /// What old Jacobians may err by where that rests on them: T, or a little of it where no step
-  /// bears out what they say.
-  double ErrorAllowed(double cost) const {
-    return (rests_on_nothing_ ? tuning_.nothing_share : 1.0) * Tolerance(cost);
+  /// bears out what they say, or WasOff.
+  double ErrorAllowed(double cost, double share_if_off) const {
+    const double share = rests_on_nothing_ ? tuning_.nothing_share : WasOff() ? share_if_off : 1.0;
+    return share * Tolerance(cost);
   }
+  /// Whether a step was refused, or off from its promise by more than half, or what was left had
+  /// fallen slowly with the last one: that next to nothing is left is then not for old Jacobians to
+  /// say.
+  bool WasOff() const { return was_off_ || previous_factor_ > tuning_.steady_factor; }
+  /// A step was refused, whatever its length.
+  void StepRefused() { was_off_ = true; }
   /// What the iterations that have stagnated have gained, if nothing else says that little is left;
   /// otherwise -1.
   double stagnated_gain() const { return stagnated_gain_; }
@@ -110,6 +117,7 @@ class StoppingRule {
   void StepTaken(double remaining, double gain, double gain_ratio) {
     has_stepped_ = true;
     has_curved_down_ = has_curved_down_ || gain_ratio > kCurvesDown;
+    was_off_ = was_off_ || std::fabs(gain_ratio - 1.0) > kOff;
     previous_factor_ = remaining > 0.0 && last_remaining_ > 0.0 ? remaining / last_remaining_ : 0.0;
     last_remaining_ = remaining;
     last_gain_ = gain;
@@ -152,6 +160,8 @@ class StoppingRule {
   static constexpr double kCurvesDown = 2.0;
   // Of a step that gained less than half of what it promised, for the cost curves upward there.
   static constexpr double kCurvesUp = 0.5;
+  // Of its promise.
+  static constexpr double kOff = 0.5;
 
   Tuning::Stop tuning_;
   double function_tolerance_ = 0.0;
@@ -166,6 +176,7 @@ class StoppingRule {
   bool waits_for_step_ = false;    // to bear out what has been claimed
   bool has_stepped_ = false;
   bool has_curved_down_ = false;  // along one of its steps
+  bool was_off_ = false;          // one of its steps
   bool asks_for_step_ = false;    // before the first one, too
   double last_remaining_ = 0.0;   // 0: of a step that was shortened, or of none
   double previous_factor_ = 0.0;  // by which it had fallen; 0: it is not known

@@ -45,6 +45,9 @@ struct Tuning {
     double gradient_share = 10.0;
     /// relinearization_share, at most, of what convergence may rest on, and marginalization.
     double refresh_share = 0.1;
+    /// Of the tolerance: what old Jacobians may err by, instead of all of it, where a claim rests
+    /// on them and landmarks are held by hardly more than damping, or the last step was off.
+    double strict_share = 0.03;
     /// Factor by which ρ' may have changed; and where H has half the curvature already, of which a
     /// step may not meet less than a quarter.
     double weight_change = 2.0;
@@ -165,6 +168,9 @@ struct Tuning {
     double seeing_radius = 1e8;
     /// Of the tolerance: what damping may hold back of a step that a claim rests on.
     double held_back_share = 0.1;
+    /// Of the radius at which a step was refused last: up to it steps are taken, as far as is
+    /// known.
+    double refused_share = 0.1;
     /// Iterations of the strategy that was asked for; what they do not finish Marquardt's rule goes
     /// on with, but for fast descents.
     int patience = 25;

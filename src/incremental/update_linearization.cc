@@ -60,23 +60,24 @@ bool UpdateLinearization::Count(const Status& status, const RelinearizeWork& wor
 // Along a direction with a gradient g, in which H is as stiff as s, there is ½ g² / (s + μ) to gain
 // with a damping of μ. With λ in its place the step is δ = g / (s + λ): where s is small beside λ,
 // g is λδ, and ½ (λδ)² / μ the most that is hidden: of what is worth it to look for, whatever μ the
-// frames happen to have.
-bool UpdateLinearization::MayHide() const {
+// frames happen to have. R has ½ (λδ)² / λ of it, at least.
+bool UpdateLinearization::MayHide(double remaining) const {
   const Tuning::Landmarks& landmarks = context_.tuning.landmarks;
   const double least = landmarks.least_seen * landmarks.min_damping;
-  return 0.5 * damped_square_ > least * context_.tuning.stop.rest_share * context_.Tolerance();
+  const double damped_square = std::min(damped_square_, 2.0 * LandmarkDamping() * remaining);
+  return 0.5 * damped_square > least * context_.tuning.stop.rest_share * context_.Tolerance();
 }
 
 // All of them, or those that would go by themselves.
-bool UpdateLinearization::MarkHeldLandmarks(bool all) {
+bool UpdateLinearization::MarkHeldLandmarks(bool all, double remaining) {
   const double mu = context_.control.mu();
-  return all || MayHide()
+  return all || MayHide(remaining)
              ? context_.system.RedampAll(mu)
              : context_.system.RedampHidden(mu, context_.stop.Allowed(context_.system.cost()));
 }
 
-UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks(bool all) {
-  if ((landmarks_freed_ && !all) || !MarkHeldLandmarks(all)) {
+UpdateLinearization::Freed UpdateLinearization::FreeHeldLandmarks(bool all, double remaining) {
+  if ((landmarks_freed_ && !all) || !MarkHeldLandmarks(all, remaining)) {
     return Freed::kNone;
   }
   const StageTimer timer(&context_.summary->linearize_seconds);

@@ -24,15 +24,15 @@ class UpdateLinearization {
   /// claim they are damped as little, where that shows more to gain than may be left undone, or all
   /// of them where the frames' damping has just been lowered. Once a step, but for `all`; kFailed:
   /// the Update is over.
-  Freed FreeHeldLandmarks(bool all);
+  Freed FreeHeldLandmarks(bool all, double remaining);
   /// An Update begins, or a step was taken: of the frames, or of landmarks that gained more than
   /// may be left undone.
   void ForgetFreed() { landmarks_freed_ = false; }
-  /// DampedSquares::more of a step of the frames; 0: there was none.
+  /// DampedSquares::more of a step of the frames; 0: there was none; infinite: it is not known.
   void NoteDampedSquare(double damped_square) { damped_square_ = damped_square; }
   /// Whether landmarks damped by more than the frames may hide more to gain than may be left undone
-  /// along a direction that the step noted last has gone.
-  bool MayHide() const;
+  /// along a direction that the step noted last has gone, where the model sees this much left.
+  bool MayHide(double remaining) const;
 
   /// Where the batch solver was the last to move: linearizes everything, with the least damping of
   /// landmarks. Between Updates; counted nowhere.
@@ -41,7 +41,7 @@ class UpdateLinearization {
   double LandmarkDamping() const;
 
  private:
-  bool MarkHeldLandmarks(bool all);
+  bool MarkHeldLandmarks(bool all, double remaining);
   bool Count(const Status& status, const RelinearizeWork& work);
 
   UpdateContext& context_;

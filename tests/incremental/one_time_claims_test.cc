@@ -282,6 +282,24 @@ TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
   EXPECT_EQ(restarts, once);
 }
 
+// One step with next to no damping, and lengths from some other one on, are not all of them.
+TEST(Stagnation, AtABorderOneStepWithLittleDampingIsNoLadder) {
+  const internal::Tuning::Batch tuning;
+  constexpr double kTolerance = 1e-6;
+  Stagnation stagnation(tuning);
+  stagnation.BeginAtBorder(1.0, /*refused=*/true);
+  EXPECT_EQ(stagnation.TakeRestartRadius(), tuning.proof_radius);
+  IterationSummary refused;
+  refused.cost = std::numeric_limits<double>::max();
+  refused.model_cost_change = 1.0;
+  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
+  for (const double radius : {1e8, 1e-4, 1e-6}) {
+    refused.trust_region_radius = 1e-2 * radius;
+    verdict = stagnation.After(refused, 1.0, kTolerance, radius);
+  }
+  EXPECT_NE(verdict, Stagnation::Verdict::kRefusals);
+}
+
 // Each length of a step gains a little before the border cuts it, and all of them together less
 // than the tolerance: that goes on, and proves nothing.
 TEST(Stagnation, CreepingAlongABorderEndsWithoutAProof) {

@@ -82,5 +82,40 @@ TEST(Relinearization, WhatWasRenewedIsGoodEnough) {
   EXPECT_FALSE(square.relinearization().RefreshAged(kSmall));
 }
 
+// A factor of a frame, which has moved since it was linearized, and of a landmark with a second
+// coordinate that is so stiff.
+bool IsRenewedAnyway(double stiffness) {
+  FactorGraph graph;
+  const auto family =
+      graph.AddFamily(test::JetFamily<3, 1, 2>([=](const auto* x, const auto* l, auto* f) {
+        f[0] = x[0] * x[0];
+        f[1] = l[0] + l[1];
+        f[2] = stiffness * l[1];
+      }));
+  const double start[2] = {1.0, 1.0};
+  const VariableId frame = graph.AddVariable(start, 1, Role::kFrame);
+  graph.AddFactor(family, 0, {frame, graph.AddVariable(start, 2, Role::kLandmark)});
+  IncrementalSystem system(graph, 1);
+  AddWholeGraph(&system);
+  RelinearizeWork work;
+  EXPECT_TRUE(
+      system.Relinearize(Tuning().landmarks.min_damping, RebuildPolicy::kNever, &work).ok());
+  const double step = 0.1;
+  system.step().SetFrame(0, &step);
+  double change = 0.0;
+  double predicted = 0.0;
+  EXPECT_TRUE(system.step().Evaluate(&change, &predicted).ok());
+  system.Accept();
+  constexpr double kTolerance = 0.1;  // enough for others
+  Relinearization relinearization(Tuning().relinearize, &system);
+  relinearization.Begin(IncrementalOptions(), /*share=*/0.1);
+  return relinearization.RefreshAged(kTolerance) && system.IsDirty({family.id, 0});
+}
+
+TEST(Relinearization, LandmarksThatDampingHoldsClaimNothingOnOldJacobians) {
+  EXPECT_FALSE(IsRenewedAnyway(1.0));
+  EXPECT_TRUE(IsRenewedAnyway(1e-4));
+}
+
 }  // namespace
 }  // namespace inceres::internal

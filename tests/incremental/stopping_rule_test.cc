@@ -53,6 +53,23 @@ TEST(StoppingRule, WhereTheCostHasCurvedDownwardASmallStepBearsOut) {
   }
 }
 
+// Steps that keep their promises, each promising a hundredth of the one before, leave old Jacobians
+// their say; what has fallen slowly, or been wrong, does not.
+TEST(StoppingRule, AfterWrongOrSlowStepsOldJacobiansSayLess) {
+  for (const double gain_ratio : {0.4, 1.0, 1.6}) {
+    for (const double second : {1.0, 60.0}) {
+      StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+      rule.StepTaken(100.0 * kTolerance, 100.0 * gain_ratio * kTolerance, gain_ratio);
+      rule.StepTaken(second * kTolerance, second * kTolerance, 1.0);
+      EXPECT_EQ(rule.WasOff(), gain_ratio != 1.0 || second > 50.0) << gain_ratio << " " << second;
+    }
+  }
+  StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+  EXPECT_FALSE(rule.WasOff());
+  rule.StepRefused();
+  EXPECT_TRUE(rule.WasOff());
+}
+
 // A step that promised more than the one before had come to another direction, of which nothing is
 // known but that.
 TEST(StoppingRule, PromisesThatHaveRisenDoNotFallSteadily) {
