@@ -118,7 +118,7 @@ bool Stagnation::CreepsAgain(double cost, double tolerance) {
 bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, double tolerance,
                            double radius) {
   ++num_since_gain_;
-  Widen(radius);
+  NoteRadius(radius);
   // A gain forgets it: what was tried before it was tried elsewhere.
   if (gained_from_ - cost > tuning_.stall_gain * tolerance) {
     num_since_gain_ = 0;
@@ -131,7 +131,7 @@ bool Stagnation::IsStalled(const IterationSummary& iteration, double cost, doubl
 
 // The widest radius since the last gain, from which on no length was passed over. Steps that are
 // hardly damped for once are none of those.
-void Stagnation::Widen(double radius) {
+void Stagnation::NoteRadius(double radius) {
   if (radius >= tuning_.seeing_radius && 0.0 < last_radius_ &&
       last_radius_ < kLargestFall * radius) {
     return;

@@ -52,7 +52,7 @@ class Stagnation {
  private:
   bool CreepsAgain(double cost, double tolerance);
   bool IsStalled(const IterationSummary& iteration, double cost, double tolerance, double radius);
-  void Widen(double radius);
+  void NoteRadius(double radius);
   bool IsAtLeastRadius(const IterationSummary& iteration, double tolerance) const;
   double GainOf(const IterationSummary& iteration) const;
   bool Brought(int num_steps, double tolerances, const IterationSummary& last,

@@ -20,7 +20,7 @@ struct Finding {
 /// Who says that a solve ended too high.
 enum class Judges {
   kDescent,  ///< Judge alone
-  kStock,    ///< Ceres as well: started at that end, with the user's options, it goes on as far
+  kStock,    ///< and Ceres: started there, with the user's options, it gains kExcessTolerances
 };
 
 /// What was looked at; what was seen and let pass has a number of its own.
