@@ -28,8 +28,9 @@ namespace {
 // information (docs/algorithms.md, "Incremental Schur complement"): it is undetermined.
 constexpr double kNoInformation = 1e-12;
 
-// Times the damping: a pivot below this is mostly damping.
+// Times the damping: a pivot below the first is mostly damping, and one below the second is weak.
 constexpr double kHeld = 10.0;
+constexpr double kWeak = 1000.0;
 
 // As InvertCholeskyFactor, without what is held: rows and columns of zeros.
 // A held coordinate has a pivot of 1 in P's place, so that the others' Cholesky factor is that of
@@ -69,14 +70,14 @@ void LandmarkBlocks::Grow() {
   targets_.resize(n);
   y_quads_.resize(n, 0);
   heavily_damped_.Grow(n);
-  held_by_damping_.Grow(n);
+  weak_.Grow(n);
 }
 
 void LandmarkBlocks::Remove(std::int32_t l) {
   Release(l);
   SetState(l, LandmarkState::kOutside);
   heavily_damped_.Remove(l);
-  held_by_damping_.Remove(l);
+  weak_.Remove(l);
 }
 
 // The counter follows every change of state.
@@ -134,18 +135,20 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
     largest = std::max(largest, P[k * kQuad + k]);
   }
   // Entered again below, if it still is.
-  held_by_damping_.Remove(l);
+  weak_.Remove(l);
   // In this order: a P of zeros has no factor, and a factor may exist thanks to rounding alone.
   const bool inverted = largest > 0.0 &&
                         InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
                         !HasPivotBelow(l, kNoInformation);
-  // Of a pivot that is small against λ P_kk nearly all is damping, and with less of it the landmark
-  // would go further.
-  if (inverted && HasPivotBelow(l, kHeld * lambda)) {
-    held_by_damping_.Add(l);
+  if (inverted && HasPivotBelow(l, kWeak * lambda)) {
+    weak_.Add(l);
   }
   return inverted;
 }
+
+// Of a pivot that is small against λ P_kk nearly all is damping, and with less of it the landmark
+// would go further.
+bool LandmarkBlocks::IsHeld(std::int32_t l) const { return HasPivotBelow(l, kHeld * lambda_[l]); }
 
 // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry. It is looked at
 // relative to that, which has the units of the coordinate: the test does not depend on them.

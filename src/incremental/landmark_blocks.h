@@ -92,10 +92,21 @@ class LandmarkBlocks {
   /// What a landmark could gain by itself with less damping, of what its own hides: ½ ηᵀ(P + λD)⁻¹η
   /// with this λ less that with its own; 0 where there is no information. `held` as for Invert.
   double HiddenGain(std::int32_t l, double lambda, const double* eta, const char* held) const;
-  /// Calls visit(landmark) for those of which a pivot is mostly damping, ascending.
+  /// Calls visit(landmark) for those of which a pivot is weak: little more than damping. Ascending.
+  template <typename Visit>
+  void ForEachWeak(Visit&& visit) const {
+    weak_.ForEach(visit);
+  }
+  /// Whether a pivot is mostly damping.
+  bool IsHeld(std::int32_t l) const;
+  /// The same for those of which a pivot is mostly damping.
   template <typename Visit>
   void ForEachHeld(Visit&& visit) const {
-    held_by_damping_.ForEach(visit);
+    weak_.ForEach([&](std::int32_t l) {
+      if (IsHeld(l)) {
+        visit(l);
+      }
+    });
   }
 
   std::size_t Bytes() const;
@@ -126,7 +137,7 @@ class LandmarkBlocks {
   std::vector<std::int32_t> y_quads_;               // room taken in Y
   int num_undetermined_ = 0;
   IndexSet heavily_damped_;
-  IndexSet held_by_damping_;
+  IndexSet weak_;
   AlignedVector<double> Y_;
   std::vector<std::vector<std::int32_t>> free_y_;  // by quads
   std::vector<char> begun_;                        // scratch of PointFactors

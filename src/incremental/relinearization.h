@@ -32,7 +32,7 @@ class Relinearization {
   /// those landmarks, or all factors where the tolerance has fallen far since.
   bool RefreshAged(double tolerance) {
     const bool errs = RefreshErring(tolerance);
-    return RefreshHeldLandmarks(tuning_.strict_share * tolerance) || errs;
+    return RefreshWeakLandmarks(tuning_.strict_share * tolerance) || errs;
   }
   /// The step failed: with old Jacobians about, it was perhaps their fault. Marks those whose
   /// factors' costs rose furthest above what was predicted of them, and all if the step before
@@ -66,7 +66,7 @@ class Relinearization {
   }
   ErrorLimits BeginLooking(double tolerance);
   bool RefreshErring(double tolerance);
-  bool RefreshHeldLandmarks(double tolerance);
+  bool RefreshWeakLandmarks(double tolerance);
   void Judge(const IncrementalFamily& family, int factor, bool is_stale, const ErrorLimits& aged);
   void MakeRoom();
   void FindAged();

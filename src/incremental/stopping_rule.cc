@@ -90,7 +90,8 @@ bool StoppingRule::IsBorneOut(double remaining, double cost) const {
       remaining < last_remaining_ &&
       remaining <= tuning_.factor_growth * previous_factor_ * last_remaining_;
   return last_gain_ratio_ <= kCurvesDown && last_gain_ratio_ >= kCurvesUp &&
-         (falls_steadily || last_gain_ <= tuning_.rest_share * Tolerance(cost));
+         (falls_steadily || (last_gain_ <= tuning_.rest_share * Tolerance(cost) &&
+                             !(last_remaining_ > 0.0 && remaining > last_remaining_)));
 }
 
 // Of the old rest it is known what steps make of it; what has come since is held against what may
