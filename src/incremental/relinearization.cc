@@ -150,20 +150,16 @@ bool Relinearization::RefreshErring(double tolerance) {
   return any;
 }
 
-// An error Δg of the gradient hides ½ Δg² / s where H is as stiff as s: of a landmark with a pivot
-// that is mostly damping, as of a far point along its ray, thousands of times what the limits have
-// in mind.
-bool Relinearization::RefreshWeakLandmarks(double tolerance) {
+// An error Δg of the gradient hides ½ Δg² / s where H is as stiff as s: of a far point along its
+// ray, thousands of times what the limits have in mind.
+bool Relinearization::RefreshWeak(double tolerance) {
   const ErrorLimits limits = AgedLimits(tolerance);
-  const IncrementalSchur& schur = system_.schur();
   bool any = false;
-  schur.blocks().ForEachWeak([&](std::int32_t landmark) {
-    for (const FactorRef& ref : schur.structure().landmarks()[landmark].factors) {
-      const IncrementalFamily& family = system_.families()[ref.family];
-      if (family.weighed().linearized(ref.factor) && limits.ExceededBy(family, ref.factor)) {
-        system_.MarkDirty(ref);
-        any = true;
-      }
+  weak_.ForEachFactor([&](FactorRef ref) {
+    const IncrementalFamily& family = system_.families()[ref.family];
+    if (family.weighed().linearized(ref.factor) && limits.ExceededBy(family, ref.factor)) {
+      system_.MarkDirty(ref);
+      any = true;
     }
   });
   return any;

@@ -7,6 +7,7 @@
 #include "incremental/incremental_system.h"
 #include "incremental/index_set.h"
 #include "incremental/tuning.h"
+#include "incremental/weak_variables.h"
 
 namespace inceres::internal {
 
@@ -16,7 +17,7 @@ namespace inceres::internal {
 class Relinearization {
  public:
   Relinearization(const Tuning::Relinearize& tuning, IncrementalSystem* system)
-      : tuning_(tuning), system_(*system) {}
+      : tuning_(tuning), system_(*system), weak_(&system->schur()) {}
 
   /// An Update begins; `share` is relinearization_share, resolved.
   void Begin(const IncrementalOptions& options, double share);
@@ -27,12 +28,12 @@ class Relinearization {
   /// rule: with more weight an old linearization errs more.
   void LookAt(const std::vector<FactorRef>& factors, double tolerance);
   /// Marks every factor whose old linearization is not good enough to claim convergence on, however
-  /// long ago it became so: the tolerance may have been larger then. Those of landmarks that hardly
-  /// more than damping holds are to be much better. True if there are any. Cost: what has aged and
-  /// those landmarks, or all factors where the tolerance has fallen far since.
+  /// long ago it became so: the tolerance may have been larger then. Those of weak variables are to
+  /// be much better. True if there are any. Cost: what has aged and those variables, or all factors
+  /// where the tolerance has fallen far since.
   bool RefreshAged(double tolerance) {
     const bool errs = RefreshErring(tolerance);
-    return RefreshWeakLandmarks(tuning_.strict_share * tolerance) || errs;
+    return RefreshWeak(tuning_.strict_share * tolerance) || errs;
   }
   /// The step failed: with old Jacobians about, it was perhaps their fault. Marks those whose
   /// factors' costs rose furthest above what was predicted of them, and all if the step before
@@ -66,13 +67,14 @@ class Relinearization {
   }
   ErrorLimits BeginLooking(double tolerance);
   bool RefreshErring(double tolerance);
-  bool RefreshWeakLandmarks(double tolerance);
+  bool RefreshWeak(double tolerance);
   void Judge(const IncrementalFamily& family, int factor, bool is_stale, const ErrorLimits& aged);
   void MakeRoom();
   void FindAged();
 
   const Tuning::Relinearize tuning_;
   IncrementalSystem& system_;
+  WeakVariables weak_;
   double share_ = 0.0;
   RelinearizationRule rule_ = RelinearizationRule::kResidualError;
   double step_ = 0.0;  // of RelinearizationRule::kStepSize

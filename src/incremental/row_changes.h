@@ -14,7 +14,8 @@ class RowChanges {
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
     for (IndexSet* set :
-         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_, &unbounded_}) {
+         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_, &unbounded_,
+          &unjudged_}) {
       set->Grow(num_rows);
     }
   }
@@ -24,6 +25,7 @@ class RowChanges {
     formed_.Add(row);
     unfactored_.Add(row);
     uninverted_.Add(row);
+    unjudged_.Add(row);
     TouchB(row);
   }
   /// Its entries of b alone.
@@ -45,6 +47,8 @@ class RowChanges {
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
   /// For whoever keeps a factor for covariances.
   void TakeUninverted(std::vector<std::int32_t>* rows) { Take(&uninverted_, rows); }
+  /// For whoever knows how stiff they are.
+  void TakeUnjudged(std::vector<std::int32_t>* rows) { Take(&unjudged_, rows); }
   /// For whoever bounds what rounding does: all of it, and values.
   void TakeUnbounded(std::vector<std::int32_t>* rows) { Take(&unbounded_, rows); }
   /// How many rows of S whoever factors it has not seen.
@@ -65,6 +69,7 @@ class RowChanges {
   IndexSet formed_;
   IndexSet unfactored_;
   IndexSet uninverted_;
+  IndexSet unjudged_;
   IndexSet unsolved_;
   IndexSet unread_;
   IndexSet unchecked_;

@@ -1,6 +1,7 @@
 #include "schur/inner_iterations.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -45,6 +46,9 @@ constexpr double kChosenShare = 0.1;
 // be told.
 constexpr int kSampleStride = 8;
 constexpr int kMinSample = 128;
+
+// A loss that is bounded may have a value where the residual is not a number.
+double CostOf(const LossValue& loss) { return std::isnan(loss.s) ? loss.s : loss.cost(); }
 
 // Whether landmarks that gain this much are asked again after a step that gained so much.
 bool IsWorthwhile(double gain, double step_gain) {
@@ -357,7 +361,7 @@ void InnerIterations::Accumulate(const Group& group, int size, NormalEquations* 
     const std::int32_t factor = sightings_[k];
     double* f = cache.candidate_residuals.data() + std::ptrdiff_t{factor} * rows;
     const LossValue loss(cache.graph->loss(cache.id, factor), f, rows);
-    equations->cost += loss.cost();
+    equations->cost += CostOf(loss);
     // First order in the loss: LossCurvature::kNone leaves P = Σ ρ' J_lᵀJ_l, which is never
     // indefinite.
     RobustifyFactor(loss, rows, 1, &blocks, factor, &kHasJacobian, LossCurvature::kNone, f);
@@ -379,7 +383,7 @@ double InnerIterations::Cost(int landmark) const {
     const int rows = cache.residual_size;
     for (int at = groups_[k].begin; at < groups_[k].end; ++at) {
       const double* f = cache.candidate_residuals.data() + std::ptrdiff_t{sightings_[at]} * rows;
-      cost += LossValue(cache.graph->loss(cache.id, sightings_[at]), f, rows).cost();
+      cost += CostOf(LossValue(cache.graph->loss(cache.id, sightings_[at]), f, rows));
     }
   }
   return cost;

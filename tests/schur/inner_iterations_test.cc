@@ -4,10 +4,12 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "inceres/problem/losses.h"
 #include "inceres/solver/solver.h"
 #include "support/core_pipeline.h"
 #include "support/random_graph.h"
@@ -142,6 +144,29 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
 
 // The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends
 // that.
+// As Ceres's Tukey loss, for which what is not a number is far out.
+struct BoundedLoss final : Loss {
+  void Evaluate(double s, double rho[3]) const override {
+    const bool is_inside = s <= 1.0;
+    rho[0] = is_inside ? s : 1.0;
+    rho[1] = is_inside ? 1.0 : 0.0;
+    rho[2] = 0.0;
+  }
+};
+
+TEST(InnerIterations, WhatABoundedLossMakesOfAFactorThatCannotBeEvaluatedCountsForNothing) {
+  Cliff cliff(/*floor=*/0.0);
+  const auto guarded = cliff.graph.AddFamily(JetFamily<1, 1>([](const auto* y, auto* f) {
+    f[0] = 100.0 + y[0];
+    return y[0] >= 1.5;
+  }));
+  cliff.graph.AddFactor(guarded, 0, {cliff.landmark}, std::make_shared<BoundedLoss>());
+  CorePipeline core(cliff.graph);
+  InnerIterations inner(&core.evaluator);
+  EXPECT_EQ(inner.Run(0.0), 0.0);
+  EXPECT_EQ(*cliff.graph.ValuesIn(core.evaluator.points().candidate().data(), cliff.landmark), 2.0);
+}
+
 TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   const auto bundle = MakeBundle(Bundle());
   CorePipeline core(bundle->graph());
