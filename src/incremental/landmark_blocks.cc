@@ -28,9 +28,8 @@ namespace {
 // information (docs/algorithms.md, "Incremental Schur complement"): it is undetermined.
 constexpr double kNoInformation = 1e-12;
 
-// Times the damping: a pivot below the first is mostly damping, and one below the second is weak.
+// Times the damping: a pivot below this is mostly damping.
 constexpr double kHeld = 10.0;
-constexpr double kWeak = 1000.0;
 
 // As InvertCholeskyFactor, without what is held: rows and columns of zeros.
 // A held coordinate has a pivot of 1 in P's place, so that the others' Cholesky factor is that of
@@ -140,7 +139,7 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   const bool inverted = largest > 0.0 &&
                         InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
                         !HasPivotBelow(l, kNoInformation);
-  if (inverted && HasPivotBelow(l, kWeak * lambda)) {
+  if (inverted && HasPivotBelow(l, std::max(kWeakPivot, kHeld * lambda))) {
     weak_.Add(l);
   }
   return inverted;

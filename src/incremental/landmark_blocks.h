@@ -92,14 +92,14 @@ class LandmarkBlocks {
   /// What a landmark could gain by itself with less damping, of what its own hides: ½ ηᵀ(P + λD)⁻¹η
   /// with this λ less that with its own; 0 where there is no information. `held` as for Invert.
   double HiddenGain(std::int32_t l, double lambda, const double* eta, const char* held) const;
-  /// Calls visit(landmark) for those of which a pivot is weak: little more than damping. Ascending.
+  /// Of the entry of diag P: a pivot below this is weak.
+  static constexpr double kWeakPivot = 1e-3;
+  /// Calls visit(landmark) for those with a pivot that is weak or mostly damping, ascending.
   template <typename Visit>
   void ForEachWeak(Visit&& visit) const {
     weak_.ForEach(visit);
   }
-  /// Whether a pivot is mostly damping.
-  bool IsHeld(std::int32_t l) const;
-  /// The same for those of which a pivot is mostly damping.
+  /// The same for those with a pivot that is mostly damping.
   template <typename Visit>
   void ForEachHeld(Visit&& visit) const {
     weak_.ForEach([&](std::int32_t l) {
@@ -115,6 +115,7 @@ class LandmarkBlocks {
   static constexpr std::ptrdiff_t kBlock = 4 * kQuad;
 
   double* UInv(std::int32_t l) { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
+  bool IsHeld(std::int32_t l) const;
   bool HasPivotBelow(std::int32_t l, double share) const;
   void PlaceY(std::int32_t l);
   void PointFactors(std::int32_t l);

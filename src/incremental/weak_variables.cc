@@ -7,10 +7,7 @@
 namespace inceres::internal {
 namespace {
 
-// Of the entry of diag C: a pivot below this is weak, and that of a landmark with the least
-// damping (docs/algorithms.md, "Stopping rule", trust rule 1).
-constexpr double kWeak = 1e-3;
-// The same: what is nothing but rounding of S.
+// Of the entry of diag C: what may be nothing but rounding of S.
 constexpr double kRounding = 1e-10;
 
 }  // namespace
@@ -45,7 +42,7 @@ bool WeakVariables::IsWeak(std::int32_t frame) {
   }
   for (int k = 0; k < size; ++k) {
     const double inverse = inverse_pivots_[static_cast<std::size_t>(k)];
-    if (kWeak * diagonal[k] * inverse * inverse > 1.0) {
+    if (LandmarkBlocks::kWeakPivot * diagonal[k] * inverse * inverse > 1.0) {
       return true;
     }
   }
