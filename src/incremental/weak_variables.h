@@ -8,10 +8,10 @@
 
 namespace inceres::internal {
 
-/// The variables of a living problem that have a direction which is weak against the scale of their
-/// coordinates even while the others stay: a pivot of the frame's block of S is small against its
-/// entry of diag C, or one of the landmark's P + λD against that of P. A small error of the gradient
-/// moves them far.
+/// The variables of a living problem that have a direction which is weak against the scale of
+/// their coordinates even while the others stay: a pivot of the frame's block of S is small against
+/// its entry of diag C, or one of the landmark's P + λD against that of P, or it is mostly damping.
+/// There a small error of the gradient hides much.
 class WeakVariables {
  public:
   explicit WeakVariables(IncrementalSchur* schur) : schur_(*schur) {}

@@ -87,9 +87,9 @@ TEST(Relinearization, WhatWasRenewedIsGoodEnough) {
   EXPECT_FALSE(square.relinearization().RefreshAged(kSmall));
 }
 
-// A factor of a frame, which has moved since it was linearized, and of a landmark with a second
-// coordinate that is so stiff.
-bool IsRenewedAnyway(double stiffness) {
+// A factor of a frame, which has moved since it was linearized, and of another variable, of which
+// the second coordinate has a pivot of stiffness² by itself, about.
+bool IsRenewedAnyway(Role role, double stiffness) {
   FactorGraph graph;
   const auto family =
       graph.AddFamily(test::JetFamily<3, 1, 2>([=](const auto* x, const auto* l, auto* f) {
@@ -99,7 +99,7 @@ bool IsRenewedAnyway(double stiffness) {
       }));
   const double start[2] = {1.0, 1.0};
   const VariableId frame = graph.AddVariable(start, 1, Role::kFrame);
-  graph.AddFactor(family, 0, {frame, graph.AddVariable(start, 2, Role::kLandmark)});
+  graph.AddFactor(family, 0, {frame, graph.AddVariable(start, 2, role)});
   IncrementalSystem system(graph, 1);
   AddWholeGraph(&system);
   RelinearizeWork work;
@@ -112,9 +112,14 @@ bool IsRenewedAnyway(double stiffness) {
   return relinearization.RefreshAged(kTolerance) && system.IsDirty({family.id, 0});
 }
 
-TEST(Relinearization, LandmarksThatDampingHoldsClaimNothingOnOldJacobians) {
-  EXPECT_FALSE(IsRenewedAnyway(1.0));
-  EXPECT_TRUE(IsRenewedAnyway(1e-4));
+TEST(Relinearization, WhereADirectionIsWeakOldJacobiansClaimNothing) {
+  for (const Role role : {Role::kFrame, Role::kLandmark}) {
+    EXPECT_FALSE(IsRenewedAnyway(role, 1.0));
+    EXPECT_FALSE(IsRenewedAnyway(role, 0.1));
+    EXPECT_TRUE(IsRenewedAnyway(role, 0.02));
+    EXPECT_TRUE(IsRenewedAnyway(role, 1e-4));
+    EXPECT_TRUE(IsRenewedAnyway(role, 0.0));
+  }
 }
 
 }  // namespace

@@ -82,6 +82,16 @@ TEST(StoppingRule, PromisesThatHaveRisenDoNotFallSteadily) {
   }
 }
 
+// However little the step before gained.
+TEST(StoppingRule, WhatHasRisenWithTheLastStepIsNotBorneOut) {
+  for (const double remaining : {0.02, 0.07}) {
+    StoppingRule rule(Tuning::Stop(), kTolerance / kCost, 0.0, 0.0, 0, kCost);
+    rule.StepTaken(0.05 * kTolerance, 0.05 * kTolerance, 1.0);
+    EXPECT_TRUE(IsLittle(&rule, remaining, 0.0));
+    EXPECT_EQ(rule.WaitForStep(), remaining > 0.05);
+  }
+}
+
 TEST(StoppingRule, LandmarksThatMayCreepAreAskedFirst) {
   StoppingRule rule = RuleAfterAStep();
   EXPECT_FALSE(IsLittle(&rule, 0.07, 0.05));
