@@ -147,7 +147,9 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
 
 // Of a pivot that is small against λ P_kk nearly all is damping, and with less of it the landmark
 // would go further.
-bool LandmarkBlocks::IsHeld(std::int32_t l) const { return HasPivotBelow(l, kHeld * lambda_[l]); }
+bool LandmarkBlocks::IsHeld(std::int32_t l) const {
+  return HasPivotBelow(l, kHeld * lambda_[l]);
+}
 
 // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry. It is looked at
 // relative to that, which has the units of the coordinate: the test does not depend on them.

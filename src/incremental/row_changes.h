@@ -13,9 +13,8 @@ class RowChanges {
  public:
   /// Makes room for rows < num_rows.
   void Grow(std::size_t num_rows) {
-    for (IndexSet* set :
-         {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_, &unbounded_,
-          &unjudged_}) {
+    for (IndexSet* set : {&formed_, &unfactored_, &unsolved_, &unread_, &unchecked_, &uninverted_,
+                          &unbounded_, &unjudged_}) {
       set->Grow(num_rows);
     }
   }
