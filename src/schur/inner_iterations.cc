@@ -48,7 +48,9 @@ constexpr int kSampleStride = 8;
 constexpr int kMinSample = 128;
 
 // A loss that is bounded may have a value where the residual is not a number.
-double CostOf(const LossValue& loss) { return std::isnan(loss.s) ? loss.s : loss.cost(); }
+double CostOf(const LossValue& loss) {
+  return std::isnan(loss.s) ? loss.s : loss.cost();
+}
 
 // Whether landmarks that gain this much are asked again after a step that gained so much.
 bool IsWorthwhile(double gain, double step_gain) {

@@ -105,6 +105,14 @@ bool LoopEvaluation::CandidateCost(double* cost) {
   return usable;
 }
 
+bool LoopEvaluation::TakesCurvatureBack() {
+  const bool was_reduced = parts_.evaluator.loss_curvature() == LossCurvature::kBoth;
+  if (was_reduced) {
+    parts_.evaluator.set_loss_curvature(LossCurvature::kPositive);
+  }
+  return was_reduced;
+}
+
 // A failure here ends the solve, where one at a candidate only refuses a step.
 bool LoopEvaluation::Jacobians(bool new_point, double* cost) {
   ++parts_.summary.work.num_jacobian_evaluations;

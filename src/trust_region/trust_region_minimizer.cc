@@ -170,6 +170,9 @@ void TrustRegionMinimizer::Minimize() {
       }
     } else {
       RejectStep(trial_.cost());
+      if (evaluation_.TakesCurvatureBack() && !Linearize(/*new_point=*/true)) {
+        return;
+      }
     }
   }
 }
@@ -225,10 +228,8 @@ bool TrustRegionMinimizer::EvaluateStart() {
   Recenter();
   if (!Linearize(/*new_point=*/true)) {
     // In the place of what Linearize has said.
-    if (loop_.rules == CeresRules::k22) {
-      Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
-    }
-    return false;
+    return loop_.rules == CeresRules::k22 &&
+           Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
   }
   std::vector<double>& scale = parts_.memory.scale;
   JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale);
@@ -240,8 +241,7 @@ bool TrustRegionMinimizer::EvaluateStart() {
   // It stays where it is: model and strategy keep its address.
   StartStrategy(options_, scale, &strategy_);
   quality_ = JudgeFromHere();
-  summary_.initial_cost = cost_;
-  iteration_.cost = summary_.initial_cost;
+  iteration_.cost = summary_.initial_cost = cost_;
   iteration_.step_is_valid = true;
   iteration_.step_is_successful = true;
   return loop_.resume == nullptr || Resume();

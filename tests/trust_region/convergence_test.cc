@@ -1,5 +1,7 @@
 // Known minima are found, by both strategies and every linear model.
 #include <cmath>
+#include <cstddef>
+#include <memory>
 #include <string>
 #include <tuple>
 
@@ -11,6 +13,7 @@
 #include "support/classic_problems.h"
 #include "support/dense_oracle.h"
 #include "support/random_graph.h"
+#include "support/test_families.h"
 
 namespace inceres {
 namespace {
@@ -99,6 +102,42 @@ TEST(ReduceCurvatureOfLosses, TakesFewerIterations) {
   EXPECT_EQ(reduced.termination, Termination::kConvergence);
   EXPECT_NEAR(reduced.final_cost, as_ceres.final_cost, 1e-10 * as_ceres.final_cost);
   EXPECT_LT(reduced.iterations.size(), as_ceres.iterations.size());
+}
+
+// One residual x with a loss, and a wall that the model does not see: what a step is long by tells
+// the curvature that it was found with.
+TEST(ReduceCurvatureOfLosses, ARefusedStepIsFollowedByOneOfTheModelWithout) {
+  FactorGraph graph;
+  const double start = 29.5;
+  const VariableId x = graph.AddVariable(&start, 1, Role::kFrame);
+  const auto residual =
+      graph.AddFamily(test::JetFamily<1, 1>([](const auto* v, auto* f) { f[0] = v[0]; }));
+  graph.AddFactor(residual, 0, {x}, std::make_shared<CauchyLoss>(1.0));
+  const auto wall = graph.AddFamily(test::JetFamily<1, 1>(
+      [](const auto* v, auto* f) { f[0] = v[0] < 29.0 ? 1e3 * (29.0 - v[0]) : 0.0 * v[0]; }));
+  graph.AddFactor(wall, 0, {x});
+  SolverOptions options;
+  options.reduce_curvature_of_losses = true;
+  options.initial_trust_region_radius = 1e-3;
+  options.function_tolerance = 1e-7;
+  const Summary summary = Solve(options, &graph);
+  int num_after_refusal = 0;
+  int num_long = 0;
+  for (std::size_t i = 2; i < summary.iterations.size(); ++i) {
+    const IterationSummary& before = summary.iterations[i - 1];
+    const double g = before.gradient_max_norm;  // x / (1 + x²)
+    const double at = (1.0 + std::sqrt(1.0 - 4.0 * g * g)) / (2.0 * g);
+    const double undamped =
+        summary.iterations[i].step_norm * (1.0 + 1.0 / before.trust_region_radius);
+    if (!before.step_is_successful) {
+      EXPECT_NEAR(undamped, at, 1e-6 * at) << "iteration " << i;
+      ++num_after_refusal;
+    } else {
+      num_long += undamped > 1.5 * at ? 1 : 0;
+    }
+  }
+  EXPECT_GT(num_after_refusal, 1);
+  EXPECT_GT(num_long, 1);
 }
 
 std::string ConfigurationName(const testing::TestParamInfo<Configuration>& info) {

@@ -205,9 +205,10 @@ struct INCERES_EXPORT SolverOptions {
   bool refine_landmarks = false;
 
   /// Where a robust loss takes away curvature (ρ'' < 0), let H have up to half of it less, in steps
-  /// after one that gained less than a hundredth of the cost. Without that, as in Ceres, H has more
-  /// curvature than the cost: each step gains 1.3 to 1.7 times what it promises, and convergence is
-  /// as much slower. Changes the trace. Source: Triggs et al. 1999, section 4.3.
+  /// after one that gained less than a hundredth of the cost, until one is refused. Without that,
+  /// as in Ceres, H has more curvature than the cost: each step gains 1.3 to 1.7 times what it
+  /// promises, and convergence is as much slower. Changes the trace. Source: Triggs et al. 1999,
+  /// section 4.3.
   bool reduce_curvature_of_losses = false;
 
   /// Of graphs with bounds only: each step δ is shortened to t δ until the cost at x ⊞ t δ, clamped
