@@ -46,7 +46,7 @@ class RowChanges {
   void TakeUnsolved(std::vector<std::int32_t>* rows) { Take(&unsolved_, rows); }
   /// For whoever keeps a factor for covariances.
   void TakeUninverted(std::vector<std::int32_t>* rows) { Take(&uninverted_, rows); }
-  /// For whoever knows how stiff they are.
+  /// For whoever keeps which of them are weak.
   void TakeUnjudged(std::vector<std::int32_t>* rows) { Take(&unjudged_, rows); }
   /// For whoever bounds what rounding does: all of it, and values.
   void TakeUnbounded(std::vector<std::int32_t>* rows) { Take(&unbounded_, rows); }

@@ -62,9 +62,9 @@ class LoopEvaluation {
   /// Jacobians and cost at the current point; false, with the reason in the summary's detail.
   /// `new_point`: no cost has been asked for there.
   bool Jacobians(bool new_point, double* cost);
-  /// A step was refused. If its model had less curvature for losses with ρ'' < 0, Jacobians are
-  /// those of Ceres's model from now on, and true: or that steps of all lengths are refused would
-  /// be true of one model only.
+  /// A step was refused. True if its model had less curvature for losses with ρ'' < 0: Jacobians
+  /// are those of Ceres's model from now on, and to be evaluated. Without that "steps of all
+  /// lengths are refused" would be true of one model only.
   bool TakesCurvatureBack();
 
   /// Factors move their expansion points to the current point; how many have, in all processes.

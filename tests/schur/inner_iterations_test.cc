@@ -142,8 +142,6 @@ TEST(InnerIterations, AStepThatCannotBeEvaluatedIsTakenBackAndTheNextIsShorter) 
   EXPECT_GE(y(), 1.5);
 }
 
-// The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends
-// that.
 // As Ceres's Tukey loss, for which what is not a number is far out.
 struct BoundedLoss final : Loss {
   void Evaluate(double s, double rho[3]) const override {
@@ -167,6 +165,8 @@ TEST(InnerIterations, WhatABoundedLossMakesOfAFactorThatCannotBeEvaluatedCountsF
   EXPECT_EQ(*cliff.graph.ValuesIn(core.evaluator.points().candidate().data(), cliff.landmark), 2.0);
 }
 
+// The landmarks rest one step, then two, then four, while they gain little; a gain that counts ends
+// that.
 TEST(InnerIterations, RestWhereLandmarksGainLittleBesideTheStep) {
   const auto bundle = MakeBundle(Bundle());
   CorePipeline core(bundle->graph());
