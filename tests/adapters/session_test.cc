@@ -221,6 +221,28 @@ TEST(Session, AFunctionThatBeginsToRefuseWhereItIsAndNowhereElseIsAFailure) {
   EXPECT_EQ(session.summary.termination_type, ceres::FAILURE);
 }
 
+// Ceres ends there with a step that is too short to change anything: that is no proof.
+TEST(Session, WhereNoStepCanBeEvaluatedAClaimRestsOnRefusals) {
+  std::vector<double> x = {1.0, 2.0, 3.0};
+  const std::vector<double> start = x;
+  lambdas::Formula rigid(3, {3},
+                         [&](double const* const* at, double* residuals, double** jacobians) {
+                           for (int k = 0; k < 3; ++k) {
+                             residuals[k] = at[0][k] - 100.0 * k;
+                             jacobians[0][4 * k] = 1.0;
+                           }
+                           return std::equal(start.begin(), start.end(), at[0]);
+                         });
+  ceres::Problem problem(Borrowing());
+  problem.AddResidualBlock(&rigid, nullptr, x.data());
+  Session session;
+  ceres::Solver::Options options;
+  options.max_num_iterations = 200;
+  session.Solve(&problem, options);
+  EXPECT_TRUE(session.report.update.rests_on_refusals) << session.summary.message;
+  EXPECT_EQ(x, start);
+}
+
 // An automatic session that has solved exactly calls user code once more, for what it remembers.
 TEST(Session, AnExceptionOutOfAnyCallOfAnAutomaticSessionLeavesMemoryAsItWas) {
   int num_thrown = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <numeric>
 #include <string>
@@ -66,6 +67,16 @@ bool IsSameEnd(double cost, double other, double tolerance) {
   constexpr double kShare = 1e-2;
   constexpr double kDigits = 1e-15;
   return std::fabs(cost - other) <= std::max(kShare * tolerance, kDigits * other);
+}
+
+// Whether there were iterations from this one on, and no step of theirs could be evaluated: no way
+// was gone.
+bool AllRefused(const ceres::Solver::Summary& summary, std::size_t first) {
+  const auto begin = summary.iterations.begin() + static_cast<std::ptrdiff_t>(first);
+  return begin != summary.iterations.end() &&
+         std::all_of(begin, summary.iterations.end(), [](const ceres::IterationSummary& row) {
+           return row.cost >= std::numeric_limits<double>::max();
+         });
 }
 
 }  // namespace
@@ -323,6 +334,8 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
   }
   const ceres::TerminationType termination = summary->termination_type;
   const std::string message = summary->message;
+  const bool rests_on_refusals = report->update.rests_on_refusals;
+  const double remaining = report->update.remaining_decrease;
   const double lowest = MovingCost(*report);
   const double lowest_of_all = summary->final_cost;
   // Another end next to it is none.
@@ -331,6 +344,7 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
   start.PutBack();
   Look(problem);
   const Descent anew{core.batch_strategy, iterations_left() / 2, /*as_ceres=*/true};
+  const std::size_t num_before = summary->iterations.size();
   const Part part = GoOn(input, anew, start, report, summary);
   if (part == Part::kAborted) {
     return false;
@@ -339,6 +353,7 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
   const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
   // Two ways that are not alike have come to the same place, and Ceres calls it converged.
   const bool is_same = part == Part::kDone && summary->termination_type == ceres::CONVERGENCE &&
+                       !AllRefused(*summary, num_before) &&
                        IsSameEnd(MovingCost(*report), lowest, Tolerance(input, *report));
   if (!is_lower) {
     reached.PutBack();
@@ -347,6 +362,8 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
     if (!ended_by_user && !is_same) {
       summary->message = message;
       summary->termination_type = termination;
+      report->update.rests_on_refusals = rests_on_refusals;
+      report->update.remaining_decrease = remaining;
     }
   }
   reached.Keep();
