@@ -47,29 +47,45 @@ StockTraces::StockTraces(const ceres::Solver::Options& options, const std::vecto
   for (double& x : nudged) {
     x *= 1.0 + kNudge * dice->Signed();
   }
-  distance_ = std::max(Distance(SolveFrom(start, other, world)),
-                       Distance(SolveFrom(nudged, options, world)));
+  Count(summary_);
+  for (const ceres::Solver::Summary& one :
+       {SolveFrom(start, other, world), SolveFrom(nudged, options, world)}) {
+    distance_ = std::max(distance_, Distance(one));
+    Count(one);
+  }
   agree_ = distance_ <= kStockAgrees;
   world->SetValues(values);
 }
 
+void StockTraces::Count(const ceres::Solver::Summary& one) {
+  num_iterations_ = one.termination_type == ceres::CONVERGENCE
+                        ? std::max(num_iterations_, static_cast<int>(one.iterations.size()) - 1)
+                        : std::numeric_limits<int>::max();
+}
+
 // The largest relative difference of costs along the way; infinite if the ways are not the same.
+// Where both have come to a cost that is rounding, so is what follows: whether a step is taken, and
+// which test ends the solve.
 double StockTraces::Distance(const ceres::Solver::Summary& other) const {
-  if (other.termination_type != summary_.termination_type ||
-      other.iterations.size() != summary_.iterations.size()) {
-    return std::numeric_limits<double>::infinity();
-  }
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const std::size_t num_common = std::min(summary_.iterations.size(), other.iterations.size());
   double distance = 0.0;
-  for (std::size_t i = 0; i < summary_.iterations.size(); ++i) {
+  for (std::size_t i = 0; i < num_common; ++i) {
     const ceres::IterationSummary& a = summary_.iterations[i];
     const ceres::IterationSummary& b = other.iterations[i];
+    if (a.cost <= floor_ && b.cost <= floor_) {
+      return distance;
+    }
     if (a.step_is_successful != b.step_is_successful) {
-      return std::numeric_limits<double>::infinity();
+      return kInfinity;
     }
     distance = std::max(distance, std::abs(a.cost - b.cost) / (std::abs(a.cost) + floor_ +
                                                                std::numeric_limits<double>::min()));
   }
-  return distance;
+  return other.termination_type == summary_.termination_type &&
+                 other.iterations.size() == summary_.iterations.size()
+             ? distance
+             : kInfinity;
 }
 
 bool StockTraces::EndedByLength() const {

@@ -25,6 +25,9 @@ class StockTraces {
   /// were accepted, or a cost by more than 1e-6 and a hundred times what stock's differ by.
   std::optional<std::string> Difference(const ceres::Solver::Summary& ours) const;
 
+  /// Whether all three converge in fewer iterations: otherwise it is a matter of luck.
+  bool Converge(int num_iterations) const { return num_iterations_ < num_iterations; }
+
   /// Whether stock ended by its gradient or parameter tolerance, which tell nothing of the cost.
   bool EndedByLength() const;
   const ceres::Solver::Summary& summary() const { return summary_; }
@@ -32,12 +35,14 @@ class StockTraces {
 
  private:
   double Distance(const ceres::Solver::Summary& other) const;
+  void Count(const ceres::Solver::Summary& one);
 
   ceres::Solver::Summary summary_;
   std::vector<double> end_;
   double floor_ = 0.0;  // costs that differ by less are equal
   bool agree_ = false;
-  double distance_ = 0.0;  // among stock's
+  double distance_ = 0.0;   // among stock's
+  int num_iterations_ = 0;  // the most that one of the three took to converge
 };
 
 }  // namespace inceres::fuzz

@@ -54,8 +54,7 @@ std::optional<Finding> Trial::Termination() {
 // Ours has used up its iterations, or has found no proof: is it for nothing, or behind stock?
 std::optional<Finding> Trial::CheckLimit() {
   const ceres::Solver::Summary& stock = Stock().summary();
-  if (stock.termination_type != ceres::CONVERGENCE ||
-      static_cast<double>(stock.iterations.size()) >= kFewShare * options_.max_num_iterations) {
+  if (!Stock().Converge(static_cast<int>(kFewShare * options_.max_num_iterations))) {
     return std::nullopt;
   }
   const Verdict verdict = Judge(world_, options_.function_tolerance);
