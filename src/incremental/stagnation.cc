@@ -158,13 +158,19 @@ double Stagnation::GainOf(const IterationSummary& iteration) const {
 }
 
 // Whether the last so many steps have brought no more than so many tolerances together. Gains that
-// grow, as where a valley begins to fall, are no end.
+// grow, as where a valley begins to fall or a saddle is left, tell of more: nothing is taken as
+// nothing there.
 bool Stagnation::Brought(int num_steps, double tolerances, const IterationSummary& last,
                          double tolerance) const {
   const auto n = static_cast<std::size_t>(num_steps);
-  // Against the sum, and against the last gain times their number: whichever is larger.
-  return costs_.size() > n && std::max(costs_[costs_.size() - 1 - n] - costs_.back(),
-                                       num_steps * last.cost_change) <= tolerances * tolerance;
+  if (costs_.size() <= n) {
+    return false;
+  }
+  // The sum, and the last gain times their number.
+  const double brought = costs_[costs_.size() - 1 - n] - costs_.back();
+  const double to_come = num_steps * last.cost_change;
+  return to_come <= brought ? brought <= tolerances * tolerance
+                            : to_come <= std::min(tolerances, tuning_.stagnation_gain) * tolerance;
 }
 
 void Stagnation::BeginProof(const IterationSummary& iteration, double tolerance) {

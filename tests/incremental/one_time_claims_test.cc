@@ -11,14 +11,12 @@
 #include <gtest/gtest.h>
 
 #include "incremental/one_time_solve.h"
-#include "incremental/stagnation.h"
 #include "support/classic_problems.h"
 #include "support/test_families.h"
 
 namespace inceres {
 namespace {
 
-using internal::Stagnation;
 using test::FunctionFamily;
 
 // Of a function of (x, y).
@@ -208,123 +206,6 @@ TEST(OneTimeClaims, ABorderThatCanBeFollowedIsNoMinimum) {
   const UpdateSummary summary = world.Solve();
   EXPECT_LE(summary.final_cost, LeastAtBorder<2>() * (1.0 + 1e-6));
   EXPECT_LT(summary.iterations.size(), 51u);
-}
-
-// Steps that gain a hundredth of the tolerance each.
-Stagnation::Verdict Walk(double radius, double* restart_radius) {
-  const internal::Tuning::Batch tuning;
-  Stagnation stagnation(tuning);
-  double cost = 1.0;
-  stagnation.Begin(cost);
-  IterationSummary iteration;
-  iteration.step_is_successful = true;
-  iteration.cost_change = 1e-8;
-  iteration.trust_region_radius = radius;
-  for (int i = 0; i < 15; ++i) {
-    cost -= iteration.cost_change;
-    const Stagnation::Verdict verdict = stagnation.After(iteration, cost, 1e-6, radius);
-    *restart_radius = std::max(*restart_radius, stagnation.TakeRestartRadius());
-    if (verdict != Stagnation::Verdict::kGoOn) {
-      return verdict;
-    }
-  }
-  return Stagnation::Verdict::kGoOn;
-}
-
-TEST(Stagnation, IsProvenByStepsWithLittleDampingOnly) {
-  const double proof_radius = internal::Tuning::Batch().proof_radius;
-  for (const double radius : {1e-5, 0.1 * proof_radius, proof_radius, 1e8}) {
-    double restart_radius = 0.0;
-    EXPECT_EQ(Walk(radius, &restart_radius), radius >= proof_radius
-                                                 ? Stagnation::Verdict::kProven
-                                                 : Stagnation::Verdict::kUnproven)
-        << radius;
-    EXPECT_EQ(restart_radius, proof_radius);
-  }
-}
-
-// All lengths of steps refused, where the gradient promises so many tolerances times the radius;
-// the radii to begin anew from go to `restarts`. The number of steps.
-int StepsAtBorder(double tolerances, std::vector<double>* restarts) {
-  const internal::Tuning::Batch tuning;
-  constexpr double kTolerance = 1e-6;
-  Stagnation stagnation(tuning);
-  stagnation.Begin(1.0);
-  IterationSummary refused;
-  refused.cost = std::numeric_limits<double>::max();
-  double radius = tuning.proof_radius;
-  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
-  int num_steps = 0;
-  for (; num_steps < 50 && verdict == Stagnation::Verdict::kGoOn; ++num_steps) {
-    refused.trust_region_radius = 1e-2 * radius;
-    refused.model_cost_change = tolerances * kTolerance * radius;
-    verdict = stagnation.After(refused, 1.0, kTolerance, radius);
-    const double restart = stagnation.TakeRestartRadius();
-    radius = restart > 0.0 ? restart : refused.trust_region_radius;
-    if (restart > 0.0) {
-      restarts->push_back(restart);
-    }
-  }
-  EXPECT_EQ(verdict, Stagnation::Verdict::kRefusals);
-  return num_steps;
-}
-
-// At a border every second decade of the damping is passed over: those are tried before the end.
-TEST(Stagnation, AtABorderEndsAfterTwoLaddersOfDampings) {
-  const std::vector<double> once{0.1 * internal::Tuning::Batch().proof_radius};
-  std::vector<double> restarts;
-  // From 1e4 and from 1e3 down to 1e-8.
-  EXPECT_EQ(StepsAtBorder(1e9, &restarts), 13);
-  EXPECT_EQ(restarts, once);
-  // Until they promise a thousandth of the tolerance: with 1e-4, and with 1e-3.
-  restarts.clear();
-  EXPECT_EQ(StepsAtBorder(1.0, &restarts), 9);
-  EXPECT_EQ(restarts, once);
-}
-
-// One step with next to no damping, and lengths from some other one on, are not all of them.
-TEST(Stagnation, AtABorderOneStepWithLittleDampingIsNoLadder) {
-  const internal::Tuning::Batch tuning;
-  constexpr double kTolerance = 1e-6;
-  Stagnation stagnation(tuning);
-  stagnation.BeginAtBorder(1.0, /*refused=*/true);
-  EXPECT_EQ(stagnation.TakeRestartRadius(), tuning.proof_radius);
-  IterationSummary refused;
-  refused.cost = std::numeric_limits<double>::max();
-  refused.model_cost_change = 1.0;
-  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
-  for (const double radius : {1e8, 1e-4, 1e-6}) {
-    refused.trust_region_radius = 1e-2 * radius;
-    verdict = stagnation.After(refused, 1.0, kTolerance, radius);
-  }
-  EXPECT_NE(verdict, Stagnation::Verdict::kRefusals);
-}
-
-// Each length of a step gains a little before the border cuts it, and all of them together less
-// than the tolerance: that goes on, and proves nothing.
-TEST(Stagnation, CreepingAlongABorderEndsWithoutAProof) {
-  const internal::Tuning::Batch tuning;
-  constexpr double kTolerance = 1e-6;
-  Stagnation stagnation(tuning);
-  double cost = 1.0;
-  stagnation.Begin(cost);
-  IterationSummary cut;
-  cut.step_is_successful = true;
-  cut.step_share = 1e-6;
-  cut.cost_change = 0.1 * kTolerance;
-  double radius = tuning.proof_radius;
-  Stagnation::Verdict verdict = Stagnation::Verdict::kGoOn;
-  int num_iterations = 0;
-  for (; num_iterations < 100 && verdict == Stagnation::Verdict::kGoOn; ++num_iterations) {
-    cost -= cut.cost_change;
-    cut.trust_region_radius = 1e-2 * radius;
-    verdict = stagnation.After(cut, cost, kTolerance, radius);
-    const double restart = stagnation.TakeRestartRadius();
-    radius = restart > 0.0 ? restart : cut.trust_region_radius;
-  }
-  EXPECT_EQ(verdict, Stagnation::Verdict::kUnproven);
-  EXPECT_LT(num_iterations, 20);
-  EXPECT_NE(stagnation.InWords(verdict, cost).find("creep"), std::string::npos);
 }
 
 }  // namespace
