@@ -90,6 +90,9 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool PromisesLittle(double cost_change) const {
     return last_promise_ <= Tolerance(cost_) && (cost_change == 0.0 || IsBorneOut(cost_change));
   }
+  /// Whether steps with less damping than the last one, where such were refused lately, would gain
+  /// little more: down to where they are refused.
+  bool HidesLittle() const { return steps_to_wait_ == 0 || HoldsLittleBack(TimesMore()); }
   /// Whether a step was refused so lately that a Dog-Leg's radius is still what that has made it.
   bool refused_lately() const { return num_accepted_in_row_ < kAcceptedInRow; }
   /// What the last step and those to come promise, where they are not taken; -1: it is not known.
@@ -136,11 +139,12 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   // damping is that many times less, down to where they are refused.
   bool SeesEnough() const {
     return SeesAll() || (IsByMarquardt() && tried_radius_ >= tuning_.proof_radius &&
-                         HoldsLittleBack(std::max(1.0, WidestRadius() / tried_radius_)) &&
+                         HoldsLittleBack(TimesMore()) &&
                          (steps_to_wait_ > 0 || stagnation_.is_proving() || hold_.on));
   }
-  double WidestRadius() const {
-    return std::min(tuning_.seeing_radius, tuning_.refused_share * refused_radius_);
+  double TimesMore() const {
+    const double widest = std::min(tuning_.seeing_radius, tuning_.refused_share * refused_radius_);
+    return std::max(1.0, widest / tried_radius_);
   }
   bool HoldsLittleBack(double times) const {
     return times * held_back_ <= tuning_.held_back_share * Tolerance(cost_);

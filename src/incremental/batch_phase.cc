@@ -200,7 +200,7 @@ BatchOutcome RunPart(const BatchCall& call) {
   const bool no_gradient = solved.iterations.empty() ||
                            solved.iterations.back().gradient_max_norm <= batch.gradient_tolerance;
   const bool settled = observer.PromisesLittle(solved.discarded_cost_change) &&
-                       HasSettled(solved, options, call.tuning);
+                       observer.HidesLittle() && HasSettled(solved, options, call.tuning);
   return {solved.termination, !held_back && settled, held_back,
           observer.PromisesNothing(solved.discarded_cost_change) || no_gradient};
 }

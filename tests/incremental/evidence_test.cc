@@ -162,6 +162,34 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
 }
 
 // What was converged by looser options has not by these.
+// A curved valley, along which there are fifty tolerances to gain: a step without damping leaves
+// it, one with the damping at first promises next to nothing, and one in between gains much. The
+// batch solver begins, and where it ends is no minimum.
+TEST(Evidence, WhatDampingHidesBelowARefusedStepIsNoMinimum) {
+  constexpr double kWeight = 3e-4;
+  constexpr double kLength = 3e-3;
+  IncrementalOptions options;
+  options.max_num_iterations = 200;
+  const double tolerance = 0.5 * kWeight * kWeight * kLength * kLength / 50.0;
+  const double least = tolerance / options.function_tolerance;
+  IncrementalSolver solver(options);
+  const auto family = solver.AddFamily(
+      test::JetFamily<4, 2, 1>([=](const auto* valley, const auto* other, auto* f) {
+        f[0] = valley[1] - valley[0] * valley[0];
+        f[1] = kWeight * (valley[0] - 1.0 - kLength);
+        f[2] = other[0];
+        f[3] = std::sqrt(2.0 * least) + 0.0 * other[0];
+      }));
+  const double valley[2] = {1.0, 1.0}, other = std::sqrt(10.0 * tolerance);
+  GraphEdit edit(solver.graph());
+  const VariableId id = edit.AddVariable(valley, 2, Role::kFrame);
+  edit.AddFactor(family, 0, {id, edit.AddVariable(&other, 1, Role::kFrame)});
+  ASSERT_TRUE(solver.Apply(edit).ok());
+  const UpdateSummary summary = solver.Update();
+  ASSERT_GT(summary.num_batch_iterations, 0);
+  EXPECT_LT(summary.final_cost - least, tolerance) << summary.FullReport();
+}
+
 TEST(Evidence, StricterOptionsAskAgain) {
   IncrementalOptions loose = WithoutBatch(1e-6);
   IncrementalFunction one(loose, Identity());
