@@ -1,6 +1,5 @@
 #include "incremental/batch_observer.h"
 
-#include <cstddef>
 #include <utility>
 
 namespace inceres::internal {
@@ -98,8 +97,7 @@ void BatchObserver::NoteIteration(const IterationSummary& iteration) {
     cost_ = iteration.cost;
     best_cost_ = iteration.iteration == last_judged_ ? std::min(best_cost_, cost_) : cost_;
   }
-  double& long_ago = last_costs_[static_cast<std::size_t>(iteration.iteration % kPaceIterations)];
-  gained_lately_ = std::exchange(long_ago, cost_) - cost_;
+  pace_.Note(iteration.iteration, cost_);
   num_accepted_in_row_ = iteration.step_is_successful ? num_accepted_in_row_ + 1 : 0;
   refused_radius_ = iteration.step_is_successful ? refused_radius_ : tried_radius_;
   WaitAfterRefusal(iteration);
@@ -164,7 +162,7 @@ ObserverAction BatchObserver::EndOfIteration(const IterationSummary& iteration,
 bool BatchObserver::IsOutOfPatience(const IterationSummary& iteration) const {
   return call_.end == BatchEnd::kToTheEnd && options_.batch_share > 0.0 && !IsByMarquardt() &&
          iteration.iteration >= tuning_.patience &&
-         !IsOnItsWay(gained_lately_, cost_ - options_.fixed_cost,
+         !IsOnItsWay(pace_.gained(), cost_ - options_.fixed_cost,
                      options_.max_num_iterations - iteration.iteration);
 }
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <string>
@@ -165,9 +164,8 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   UpdateTrace& trace_;
   double cost_ = 0.0;       // of the state
   double best_cost_ = 0.0;  // of a state there was, since the cost became another function
-  std::array<double, kPaceIterations> last_costs_{};  // cost_ after each of the last iterations
-  double gained_lately_ = 0.0;                        // by all of these
-  double previous_gain_ = 0.0;                        // 0, of no use, gives no ratio
+  DescentPace pace_;
+  double previous_gain_ = 0.0;  // 0, of no use, gives no ratio
   double previous_ratio_ = HUGE_VAL;
   double last_promise_ = HUGE_VAL;
   double tried_radius_ = 0.0;         // of the step under judgment

@@ -1,5 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <utility>
+
 namespace inceres::internal {
 
 /// Iterations that a descent's pace is taken from.
@@ -10,5 +14,20 @@ inline constexpr int kPaceIterations = 10;
 inline bool IsOnItsWay(double gained, double cost, int iterations_left) {
   return gained * iterations_left >= kPaceIterations * cost;
 }
+
+/// What the last kPaceIterations of a descent have gained.
+class DescentPace {
+ public:
+  /// After each iteration, from number 0 on: the cost that it has led to.
+  void Note(int iteration, double cost) {
+    double& long_ago = costs_[static_cast<std::size_t>(iteration % kPaceIterations)];
+    gained_ = std::exchange(long_ago, cost) - cost;
+  }
+  double gained() const { return gained_; }
+
+ private:
+  std::array<double, kPaceIterations> costs_{};
+  double gained_ = 0.0;
+};
 
 }  // namespace inceres::internal
