@@ -77,6 +77,43 @@ TEST(Session, TheSameStartIsSolvedAsWellAgain) {
   }
 }
 
+// Of a solve that goes on after its incremental steps.
+TEST(Session, OptionsThatACallbackChangesAreThoseOfTheNextSolve) {
+  class Meddler final : public ceres::IterationCallback {
+   public:
+    explicit Meddler(ceres::Solver::Options* options) : options_(*options) {}
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
+      options_.max_num_iterations = 1;
+      options_.function_tolerance = 1.0;
+      return ceres::SOLVER_CONTINUE;
+    }
+
+   private:
+    ceres::Solver::Options& options_;
+  };
+  double last_cost[2];
+  for (const bool meddles : {false, true}) {
+    std::vector<double> x(25, -1.2);
+    auto valley = Valley();
+    ceres::Problem problem(Borrowing());
+    for (std::size_t k = 1; k < x.size(); ++k) {
+      problem.AddResidualBlock(&valley, nullptr, &x[k - 1], &x[k]);
+    }
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    Meddler meddler(&options);
+    if (meddles) {
+      options.callbacks.push_back(&meddler);
+    }
+    ceres::Solver::Summary summary;
+    CeresSession session(testing::AlwaysIncremental());
+    session.Solve(options, &problem, &summary);
+    EXPECT_GT(summary.iterations.size(), 26u);
+    last_cost[meddles ? 1 : 0] = summary.final_cost;
+  }
+  EXPECT_EQ(last_cost[0], last_cost[1]);
+}
+
 TEST(Session, HoweverItEndsReportsTheCostOfTheMemoryThatItLeaves) {
   std::vector<double> x(200);
   for (std::size_t k = 0; k < x.size(); ++k) {

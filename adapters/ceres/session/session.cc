@@ -101,7 +101,7 @@ class CeresSession::Impl {
            problem.NumResiduals() == view.all.num_residuals;
   }
 
-  void SolveOnce(const internal::SolveCall& call);
+  void SolveOnce(const internal::SolveCall& given);
   void SolveLiving(const internal::SolveCall& call, const internal::SolveInput& input,
                    IncrementalOptions core, internal::StartValues* start);
 
@@ -148,8 +148,12 @@ class CeresSession::Impl {
   int num_moving_before = 0;  // of the last exact solve: residual blocks that touch variable ones
 };
 
-void CeresSession::Impl::SolveOnce(const internal::SolveCall& call) {
+void CeresSession::Impl::SolveOnce(const internal::SolveCall& given) {
   const double began = internal::NowInSeconds();
+  // Ceres works on a copy, too: a callback may change the caller's options.
+  const ceres::Solver::Options own_options = given.options;
+  const internal::SolveCall call{own_options, given.problem, given.summary, given.solve_options,
+                                 given.report};
   const auto& [solver_options, problem, summary, solve_options, report] = call;
   internal::OrderingView ordering;
   has_view = has_view && LooksTheSame(*problem);
