@@ -1,6 +1,7 @@
 #include "adapters/ceres/session/mode_choice.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include <glog/logging.h>
 
@@ -17,21 +18,28 @@ constexpr double kIncrementalResiduals = 0.4;
 constexpr double kBookkeeping = 0.1;  // of a residual block in a session
 constexpr double kRow = 1.0;          // of the reduced system, factored
 
-// Work of an incremental solve over that of an exact one with as many iterations.
+// Work of an incremental solve over that of an exact one with as many iterations. The batch
+// solver's share of them is exact mode's.
 double WorkRatio(const UpdateSummary& update, const ProblemChanges& changes,
                  const ProblemView& view, int num_frames, bool verified) {
   const double num_factors =
       changes.num_kept_factors + changes.num_replaced_factors + changes.num_added_factors;
-  const double iterations = std::max(1, update.num_iterations);
   const double num_moving = view.reduced.num_residual_blocks;
+  const auto whole_iterations = [num_moving, num_frames](double count) {
+    return count * (num_moving * (1.0 + kResiduals) + kRow * num_frames);
+  };
+  // Of all residual blocks, once each.
+  const double in_batch = num_moving * update.num_batch_iterations;
+  const auto beside_batch = [in_batch](std::int64_t num_evaluations) {
+    return std::max(0.0, static_cast<double>(num_evaluations) - in_batch);
+  };
   const double once = kResiduals * (view.all.num_residual_blocks - num_moving);
-  const double exact = once + num_moving * (iterations + 1.0 + kResiduals * iterations) +
-                       kRow * num_frames * iterations;
-  const double incremental =
-      once + num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
-      kIncrementalJacobians * static_cast<double>(update.num_relinearized_factors) +
-      kIncrementalResiduals * static_cast<double>(update.num_evaluated_factors) +
-      kRow * static_cast<double>(update.num_factored_rows);
+  const double exact = once + num_moving + whole_iterations(std::max(1, update.num_iterations));
+  const double incremental = once + num_factors * (kBookkeeping + (verified ? kResiduals : 0.0)) +
+                             whole_iterations(update.num_batch_iterations) +
+                             kIncrementalJacobians * beside_batch(update.num_relinearized_factors) +
+                             kIncrementalResiduals * beside_batch(update.num_evaluated_factors) +
+                             kRow * static_cast<double>(update.num_factored_rows);
   return incremental / exact;
 }
 
@@ -49,6 +57,7 @@ bool ModeChoice::WantsExact() {
 void ModeChoice::TellIfAgain() {
   if (has_paused_ && !IsPaused()) {
     has_paused_ = false;
+    is_trial_ = true;
     LOG(INFO) << "inceres: auto: incremental again, to see whether it takes less work by now.";
   }
 }

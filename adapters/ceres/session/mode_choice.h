@@ -19,7 +19,7 @@ namespace inceres::internal {
 /// one would have done, for that evaluates everything in each that touches a variable block, and
 /// once, as the incremental one does, what touches none. After kLosses solves in a row that
 /// cost more than exact ones the next are exact, first kPause of them, each time it comes to the
-/// same twice as many; then it is tried again.
+/// same twice as many; then it is tried again by one solve.
 ///
 /// To begin to remember takes one linearization of everything. It is worth it where solves end soon
 /// after what comes in between, or that is little: of kInARow exact ones in a row each has
@@ -29,7 +29,7 @@ namespace inceres::internal {
 class ModeChoice {
  public:
   static constexpr int kLosses = 3;
-  static constexpr int kPause = 16;
+  static constexpr int kPause = 4;
   static constexpr int kInARow = 2;
   /// Iterations after which incremental steps are given up for a solve: those that converge mostly
   /// take fewer than ten.
@@ -56,7 +56,8 @@ class ModeChoice {
   int num_losses_ = 0;
   int num_quick_ = 0;
   int num_steady_ = 0;
-  bool is_trial_ = false;  // the last exact solve was long, and no incremental one has won since
+  // after a pause, or a last exact solve that was long: no incremental one has won since
+  bool is_trial_ = false;
   int pause_ = kPause;
   int num_exact_left_ = 0;
   bool has_paused_ = false;  // since the last incremental solve

@@ -69,6 +69,24 @@ bool IsSameEnd(double cost, double other, double tolerance) {
   return std::fabs(cost - other) <= std::max(kShare * tolerance, kDigits * other);
 }
 
+// Of the part of a solve before.
+void AddWork(const UpdateSummary& before, UpdateSummary* update) {
+  update->num_relinearized_factors += before.num_relinearized_factors;
+  update->num_evaluated_factors += before.num_evaluated_factors;
+  for (int UpdateSummary::*count :
+       {&UpdateSummary::num_iterations, &UpdateSummary::num_batch_iterations,
+        &UpdateSummary::num_unsuccessful_steps, &UpdateSummary::num_shortened_steps,
+        &UpdateSummary::num_reweighed_factors, &UpdateSummary::num_recentered_factors,
+        &UpdateSummary::num_eliminated_landmarks, &UpdateSummary::num_updated_landmarks,
+        &UpdateSummary::num_factored_rows, &UpdateSummary::num_reorderings,
+        &UpdateSummary::num_solved_rows, &UpdateSummary::num_pcg_iterations,
+        &UpdateSummary::num_landmark_refinements, &UpdateSummary::num_visited_landmarks,
+        &UpdateSummary::num_moved_frames, &UpdateSummary::num_rebuilds,
+        &UpdateSummary::num_drifted_frames}) {
+    update->*count += before.*count;
+  }
+}
+
 // Whether there were iterations from this one on, and no step of theirs could be evaluated: no way
 // was gone.
 bool AllRefused(const ceres::Solver::Summary& summary, std::size_t first) {
@@ -288,8 +306,7 @@ CeresSession::Impl::Part CeresSession::Impl::GoOn(const internal::SolveInput& in
   internal::Prepend(first, summary);
   report->changes = before.changes;
   report->callback_seconds += before.callback_seconds;
-  report->update.num_evaluated_factors += before.update.num_evaluated_factors;
-  report->update.num_relinearized_factors += before.update.num_relinearized_factors;
+  AddWork(before.update, &report->update);
   const std::string number = std::to_string(*again.last_iteration);
   report->exact_reason = before.exact_reason;
   if (in_batch && before.exact_reason.empty()) {
