@@ -14,7 +14,8 @@ namespace {
 constexpr double kStockAgrees = 1e-8;
 constexpr double kOursAgrees = 1e-6;
 constexpr double kOursShare = 100.0;
-constexpr double kNudge = 1e-14;  // of the values next to the start, relative
+constexpr double kLastDigits = 1e-15;  // of a cost
+constexpr double kNudge = 1e-14;       // of the values next to the start, relative
 
 ceres::Solver::Summary SolveFrom(const std::vector<double>& start,
                                  const ceres::Solver::Options& options, World* world) {
@@ -63,6 +64,11 @@ void StockTraces::Count(const ceres::Solver::Summary& one) {
                         : std::numeric_limits<int>::max();
 }
 
+// Of the cost, what can move.
+bool StockTraces::IsRounding(double cost) const {
+  return cost - summary_.fixed_cost <= floor_ + kLastDigits * cost;
+}
+
 // The largest relative difference of costs along the way; infinite if the ways are not the same.
 // Where both have come to a cost that is rounding, so is what follows: whether a step is taken, and
 // which test ends the solve.
@@ -73,7 +79,7 @@ double StockTraces::Distance(const ceres::Solver::Summary& other) const {
   for (std::size_t i = 0; i < num_common; ++i) {
     const ceres::IterationSummary& a = summary_.iterations[i];
     const ceres::IterationSummary& b = other.iterations[i];
-    if (a.cost <= floor_ && b.cost <= floor_) {
+    if (IsRounding(a.cost) && IsRounding(b.cost)) {
       return distance;
     }
     if (a.step_is_successful != b.step_is_successful) {

@@ -35,6 +35,7 @@ class StockTraces {
 
  private:
   double Distance(const ceres::Solver::Summary& other) const;
+  bool IsRounding(double cost) const;
   void Count(const ceres::Solver::Summary& one);
 
   ceres::Solver::Summary summary_;
