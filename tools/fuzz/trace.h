@@ -19,10 +19,12 @@ class StockTraces {
   StockTraces(const ceres::Solver::Options& options, const std::vector<double>& start, World* world,
               Dice* dice);
 
-  /// Whether rounding decides nothing: same termination, as many iterations, costs within 1e-8.
+  /// Whether rounding decides nothing: same termination, as many iterations, costs within 1e-8, as
+  /// long as they are more than rounding.
   bool agree() const { return agree_; }
   /// What is different in `ours`, if anything: termination, number of iterations, which of them
-  /// were accepted, or a cost by more than 1e-6 and a hundred times what stock's differ by.
+  /// were accepted, or a cost by more than 1e-6 and a hundred times what stock's differ by; as long
+  /// as costs are more than rounding.
   std::optional<std::string> Difference(const ceres::Solver::Summary& ours) const;
 
   /// Whether all three converge in fewer iterations: otherwise it is a matter of luck.
