@@ -366,6 +366,8 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
   Look(problem);
   const Descent anew{core.batch_strategy, iterations_left() / 2, /*as_ceres=*/true};
   const std::size_t num_before = summary->iterations.size();
+  // The batch solver's own way is Ceres's: going it again proves nothing.
+  const bool is_alike = report->update.num_batch_iterations >= report->update.num_iterations;
   const Part part = GoOn(input, anew, start, report, summary);
   if (part == Part::kAborted) {
     return false;
@@ -374,7 +376,7 @@ bool CeresSession::Impl::Finish(const ceres::Problem& problem, const internal::S
   const bool ended_by_user = summary->termination_type == ceres::USER_SUCCESS;
   // Two ways that are not alike have come to the same place, and Ceres calls it converged.
   const bool is_same = part == Part::kDone && summary->termination_type == ceres::CONVERGENCE &&
-                       !AllRefused(*summary, num_before) &&
+                       !is_alike && !AllRefused(*summary, num_before) &&
                        IsSameEnd(MovingCost(*report), lowest, Tolerance(input, *report));
   if (!is_lower) {
     reached.PutBack();
