@@ -161,7 +161,6 @@ TEST(Evidence, AStepToWhereALossHasNoWeightIsRefused) {
   EXPECT_GE(one.solver.cost(), 0.125);
 }
 
-// What was converged by looser options has not by these.
 // A curved valley, along which there are fifty tolerances to gain: a step without damping leaves
 // it, one with the damping at first promises next to nothing, and one in between gains much. The
 // batch solver begins, and where it ends is no minimum.
@@ -190,6 +189,7 @@ TEST(Evidence, WhatDampingHidesBelowARefusedStepIsNoMinimum) {
   EXPECT_LT(summary.final_cost - least, tolerance) << summary.FullReport();
 }
 
+// What was converged by looser options has not by these.
 TEST(Evidence, StricterOptionsAskAgain) {
   IncrementalOptions loose = WithoutBatch(1e-6);
   IncrementalFunction one(loose, Identity());

@@ -1,11 +1,8 @@
 // What a one-time solve may call convergence, and how it goes on where a point that it has accepted
 // has no Jacobians.
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
-#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
