@@ -40,6 +40,9 @@ DEFINE_int32(max_threads, 2,
 DEFINE_bool(bounds, false,
             "Give a third of the parameter blocks bounds, in all modes; without it a life may have "
             "some where stock's iterates are followed.");
+DEFINE_bool(degenerate, false,
+            "Only cameras and points, without guards: points that go next to a camera's center, "
+            "mismatches whose inverse depths tend to infinity.");
 DEFINE_bool(judge_by_stock, false,
             "An end is too high only where Ceres as well, started there with the options of the "
             "solve, gains more than ten tolerances, and no verdict is no defect: a life goes on "
@@ -98,10 +101,10 @@ void Print(const Defect& defect) {
                defect.edits, defect.solves, defect.finding.detail.c_str());
   std::fprintf(out,
                "  differential_fuzzer --mode %s --seed %ju --first_life %ju --lives 1 --edits %d "
-               "--max_threads %d%s%s\n",
+               "--max_threads %d%s%s%s\n",
                plan.mode.c_str(), static_cast<std::uintmax_t>(plan.seed),
                static_cast<std::uintmax_t>(plan.life), plan.max_edits, plan.max_threads,
-               plan.bounds ? " --bounds" : "",
+               plan.bounds ? " --bounds" : "", plan.degenerate ? " --degenerate" : "",
                plan.judges == Judges::kStock ? " --judge_by_stock" : "");
   std::fflush(out);
 }
@@ -126,6 +129,7 @@ ModeResult RunMode(const std::string& mode) {
                         FLAGS_edits,
                         FLAGS_max_threads,
                         FLAGS_bounds,
+                        FLAGS_degenerate,
                         FLAGS_judge_by_stock ? Judges::kStock : Judges::kDescent,
                         FLAGS_verbose};
     if (const std::optional<Defect> defect = LiveInProcess(plan, &result.counts)) {
@@ -180,8 +184,9 @@ int RunSibling(const DropInMode& mode) {
     setenv("INCERES_MODE", mode.environment, 1);
     setenv("INCERES_WINDOWS", "incremental", 1);  // small as these problems are
     std::vector<std::string> words = {sibling.string(), std::string("--mode=") + mode.name};
-    for (const char* flag : {"seed", "first_life", "lives", "edits", "max_threads", "bounds",
-                             "judge_by_stock", "seconds", "json", "verbose", "quiet", "progress"}) {
+    for (const char* flag :
+         {"seed", "first_life", "lives", "edits", "max_threads", "bounds", "degenerate",
+          "judge_by_stock", "seconds", "json", "verbose", "quiet", "progress"}) {
       words.push_back(std::string("--") + flag + "=" +
                       gflags::GetCommandLineFlagInfoOrDie(flag).current_value);
     }

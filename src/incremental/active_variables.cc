@@ -47,11 +47,10 @@ DampedSquares ActiveVariables::FindDampedSquares(double mu, double lambda) const
   });
   landmarks_.ForEach([&](std::int32_t l) {
     const IncrementalSchur::Landmark& landmark = schur_.landmarks()[l];
-    const double* P = schur_.blocks().P(l);
     const double* moved = step(landmark.quad);
     double squared = 0.0;
     for (int k = 0; k < landmark.size; ++k) {
-      squared += P[k * kQuad + k] * moved[k] * moved[k];
+      squared += schur_.blocks().D(l, k) * moved[k] * moved[k];
     }
     const double damping = schur_.blocks().lambda(l);
     const double damping_anew = std::max(damping, lambda);

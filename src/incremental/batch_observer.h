@@ -66,6 +66,7 @@ class BatchObserver final : public SolveObserver, public StepJudge {
   bool TakesBack() override { return options_.batch_share > 0.0; }
   double RestartRadius() override { return stagnation_.TakeRestartRadius(); }
   bool HoldsRefusing() override { return hold_.on; }
+  double MostColumnNorm() override { return TakesBack() ? tuning_.most_column_norm : HUGE_VAL; }
   double LeastRadius() override {
     return is_near_ && steps_to_wait_ == 0 ? tuning_.seeing_radius : 0.0;
   }

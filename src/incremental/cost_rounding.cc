@@ -9,13 +9,15 @@ namespace inceres::internal {
 
 // How much of the cost is rounding (docs/algorithms.md, "Stopping rule"):
 //
-//     F_ε = ½ Σ_v Σ_i∋v min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖_∞)²
-//         ≤ ½ (n ε)² Σ_v ‖x_v‖_∞² tr C_vv,    n = 16.
+//     F_ε = min(Σ r, 1000 (Σ r^¼)⁴ / N³)  ≤  ½ (n ε)² Σ_v ‖x_v‖_∞² tr C_vv,    n = 16,
+//     r   = ½ min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖_∞)²   of the N pairs v, i∋v for which it is not zero.
 //
 // The tolerance asks for it, since no minimum is known better than the cost is. AtMost is the sum
-// on the right, which needs the diagonal of C and no factor; OfResiduals is the one on the left.
-// Both run over the frames v, and over the landmarks where no frame can move: a factor of two
-// frames counts with both.
+// on the right, which needs the diagonal of C and no factor; OfResiduals is F_ε. It is Σ r unless a
+// few of these are many orders above the others, as that of a point next to a camera's center: the
+// cost is blurred by them, and what all the others have left to gain is not. Both run over the
+// frames v, and over the landmarks where no frame can move: a factor of two frames counts with
+// both.
 //
 // What a frame adds is kept in a tree of sums by rows of S, so an Update costs what has changed,
 // and the bits are those of a sum that was made from nothing: pairs are added, then pairs of these,
@@ -30,6 +32,10 @@ namespace {
 // Operations on numbers of full size that a residual is taken to come of; and what they round.
 constexpr double kOperations = 16.0;
 constexpr double kRounding = kOperations * std::numeric_limits<double>::epsilon();
+
+// Times the power mean of what residuals are rounded by: their mean may be so much, by a few that
+// are unlike the others.
+constexpr double kUnlike = 1000.0;
 
 // min(most, factor ‖J‖²), reading no more rows of J than that takes. The sum only grows, so it may
 // stop where it has reached `most`: of a residual of zero, as a prior that holds has, nothing is
@@ -95,44 +101,58 @@ double CostRounding::Follow() {
   return most_.sum();
 }
 
-template <typename Value>
-// value(l, most of l) of all landmarks, free places among them, which are zero. Cost: a pass over
-// the landmarks.
-double CostRounding::SumOfLandmarks(const Value& value) const {
+double CostRounding::AtMost() {
+  const double of_frames = Follow();
+  if (of_frames > 0.0) {
+    return of_frames;
+  }
+  // Where no frame can move, the landmarks' own factors are all that blurs the cost. Free places
+  // among them are zero.
   double sum = 0.0;
   for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
-    sum += value(l, MostOfLandmark(l));
+    sum += MostOfLandmark(l);
   }
   return sum;
 }
 
-double CostRounding::AtMost() {
-  const double of_frames = Follow();
-  // Where no frame can move, the landmarks' own factors are all that blurs the cost.
-  return of_frames > 0.0 ? of_frames
-                         : SumOfLandmarks([](std::int32_t /*l*/, double most) { return most; });
-}
-
-// Of a frame whose bound is zero nothing is asked: it does not move, or no factor reaches it.
 // Frames that have not changed since they were asked last keep their share; those that have are
-// `unasked_`, which may have gathered over several calls of AtMost. A share is never above the
-// bound, also where rounding of the two sums would have it so.
+// `unasked_`, which may have gathered over several calls of AtMost. Of a frame or landmark whose
+// bound is zero nothing is asked: it does not move, or no factor reaches it.
 double CostRounding::OfResiduals() {
-  const auto least_of = [this](double most, const Part& part) {
-    return most > 0.0 ? std::min(most, OfResidualsOf(part)) : most;
-  };
-  if (!(Follow() > 0.0)) {
-    return SumOfLandmarks([&](std::int32_t l, double most) {
-      return least_of(most, {schur_.landmarks()[l].id, -1, l});
-    });
+  const double most = AtMost();
+  Share all;
+  if (!(most_.sum() > 0.0)) {
+    for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
+      if (MostOfLandmark(l) > 0.0) {
+        AddTo(&all, {schur_.landmarks()[l].id, -1, l});
+      }
+    }
+    return all.Typical(most);
   }
-  of_residuals_.Grow(schur_.frames().size());
+  sums_.Grow(schur_.frames().size());
+  roots_.Grow(schur_.frames().size());
+  counts_.Grow(schur_.frames().size());
   unasked_.CopyTo(&changed_);
   unasked_.Clear();
-  of_residuals_.Set(changed_, [&](std::int32_t row) {
-    return least_of(most_[row], {schur_.frames()[row].id, row, -1});
-  });
-  return of_residuals_.sum();
+  for (const std::int32_t row : changed_) {
+    Share share;
+    if (most_[row] > 0.0) {
+      AddTo(&share, {schur_.frames()[row].id, row, -1});
+    }
+    sums_.Set(row, std::min(most_[row], share.sum));
+    roots_.Set(row, share.roots);
+    counts_.Set(row, share.count);
+  }
+  all = {sums_.sum(), roots_.sum(), counts_.sum()};
+  return all.Typical(most);
+}
+
+// The second is a multiple of N times a power mean, which a few cannot raise. Never above the
+// bound, also where rounding of the sums would have it so.
+double CostRounding::Share::Typical(double most) const {
+  const double mean_root = count > 0.0 ? roots / count : 0.0;
+  const double squared = mean_root * mean_root;
+  return std::min({most, sum, kUnlike * count * squared * squared});
 }
 
 template <typename Visit>
@@ -151,11 +171,9 @@ void CostRounding::ForEachFactorOf(const Part& part, const Visit& visit) const {
   }
 }
 
-// ½ Σ_i min(‖q_i‖, n ε ‖J_iv‖ ‖x_v‖)² over the variable's factors. Factors that are not linearized
-// have no J to ask.
-double CostRounding::OfResidualsOf(const Part& part) const {
+// r and r^¼ of the variable's factors. Factors that are not linearized have no J to ask.
+void CostRounding::AddTo(Share* share, const Part& part) const {
   const double rounding = kRounding * LargestValue(part.id);
-  double sum = 0.0;
   ForEachFactorOf(part, [&](const FactorRef& ref) {
     const IncrementalFamily& family = families_[ref.family];
     if (!family.weighed().linearized(ref.factor)) {
@@ -165,12 +183,14 @@ double CostRounding::OfResidualsOf(const Part& part) const {
     const double squared = std::inner_product(q, q + family.residual_size(), q, 0.0);
     for (int s = 0; squared > 0.0 && s < family.num_slots(); ++s) {
       if (family.variables(ref.factor)[s] == part.id) {
-        sum += 0.5 * LeastOf(squared, rounding * rounding, family.slots()[s],
-                             family.Jacobian(ref.factor, s), family.residual_size());
+        const double r = 0.5 * LeastOf(squared, rounding * rounding, family.slots()[s],
+                                       family.Jacobian(ref.factor, s), family.residual_size());
+        share->sum += r;
+        share->roots += std::sqrt(std::sqrt(r));
+        share->count += r > 0.0 ? 1.0 : 0.0;
       }
     }
   });
-  return sum;
 }
 
 }  // namespace inceres::internal

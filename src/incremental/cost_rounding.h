@@ -26,13 +26,14 @@ class CostRounding {
   /// that of the frames that have changed since, or a pass over the landmarks where no frame can
   /// move.
   double AtMost();
-  /// Of the residuals there are, none of which can be more rounding than it is long. Cost: that,
-  /// and the factors of what has changed since it was asked last.
+  /// Of the residuals there are, none of which can be more rounding than it is long, and of which a
+  /// few that are rounding for the most part do not count. Cost: that, and the factors of what has
+  /// changed since it was asked last.
   double OfResiduals();
 
   std::int64_t Bytes() const {
-    return static_cast<std::int64_t>(most_.Bytes() + of_residuals_.Bytes() +
-                                     changed_.capacity() * sizeof(std::int32_t));
+    return static_cast<std::int64_t>(most_.Bytes() + sums_.Bytes() + roots_.Bytes() +
+                                     counts_.Bytes() + changed_.capacity() * sizeof(std::int32_t));
   }
 
  private:
@@ -42,16 +43,22 @@ class CostRounding {
     std::int32_t frame;
     std::int32_t landmark;
   };
+  // Of what its factors are rounded by: their sum, that of the fourth roots, and how many are not
+  // zero.
+  struct Share {
+    double sum = 0.0;
+    double roots = 0.0;
+    double count = 0.0;
+    double Typical(double most) const;
+  };
 
   double Follow();
   double MostOf(VariableId id, int size, const double* diagonal, int stride) const;
   double MostOfFrame(std::int32_t row) const;
   double MostOfLandmark(std::int32_t landmark) const;
-  template <typename Value>
-  double SumOfLandmarks(const Value& value) const;
   template <typename Visit>
   void ForEachFactorOf(const Part& part, const Visit& visit) const;
-  double OfResidualsOf(const Part& part) const;
+  void AddTo(Share* share, const Part& part) const;
   double LargestValue(VariableId id) const;
 
   const FactorGraph& graph_;
@@ -59,7 +66,7 @@ class CostRounding {
   const std::vector<IncrementalFamily>& families_;
   IncrementalSchur& schur_;
   // By row of S.
-  SumTree most_, of_residuals_;
+  SumTree most_, sums_, roots_, counts_;
   IndexSet unasked_;  // where the second has not followed
   std::vector<std::int32_t> changed_;
 };

@@ -106,7 +106,7 @@ class DirtySubgraph {
   /// contributions to S take the places of the old ones; else S is to be summed anew from caches.
   /// On failure names the factor or variable.
   Status Linearize(bool by_difference);
-  /// Eliminates the landmarks that are marked, with λ diag(P); how many.
+  /// Eliminates the landmarks that are marked, with λD; how many.
   int Eliminate(double lambda);
   /// Their contributions are part of sums to be made anew no longer.
   void TakeOutLandmarks() {

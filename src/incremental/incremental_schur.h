@@ -70,7 +70,7 @@ class IncrementalSchur {
   /// Takes the landmark's contribution out of S and b, if it is there: before factors are connected
   /// or disconnected, or for good.
   void TakeOut(std::int32_t landmark);
-  /// Re-sums P and η, decides which coordinates are held at bounds, eliminates with λ diag(P), and
+  /// Re-sums P and η, decides which coordinates are held at bounds, eliminates with λD, and
   /// puts the contribution in, in place of the one that is there; leaves a landmark without
   /// information outside, and a held one too.
   void PutIn(std::int32_t landmark, double lambda);

@@ -9,7 +9,7 @@
 
 namespace inceres::internal {
 
-// The landmarks' blocks (docs/algorithms.md, "Schur complement"). With L Lᵀ = P + λ diag P,
+// The landmarks' blocks (docs/algorithms.md, "Schur complement"). With L Lᵀ = P + λ D,
 //
 //     U_inv = L⁻¹,   Y = W U_invᵀ,   z = U_inv η,   δ_l = U_invᵀ (z − Yᵀ δ_c).
 //
@@ -129,8 +129,7 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   double damping[kQuad];
   double largest = 0.0;
   for (int k = 0; k < landmark.size; ++k) {
-    // λ diag P adds nothing where P has a zero, so damping cannot make up for information.
-    damping[k] = lambda * P[k * kQuad + k];
+    damping[k] = lambda * D(l, k);
     largest = std::max(largest, P[k * kQuad + k]);
   }
   // Entered again below, if it still is.
@@ -138,26 +137,29 @@ bool LandmarkBlocks::Invert(std::int32_t l, double lambda, const char* held) {
   // In this order: a P of zeros has no factor, and a factor may exist thanks to rounding alone.
   const bool inverted = largest > 0.0 &&
                         InvertWhatMoves(landmark.size, P, damping, held, UInv(l)) &&
-                        !HasPivotBelow(l, kNoInformation);
-  if (inverted && HasPivotBelow(l, std::max(kWeakPivot, kHeld * lambda))) {
+                        !HasPivotBelow(l, kNoInformation, 0.0);
+  if (inverted && HasPivotBelow(l, kWeakPivot, kHeld)) {
     weak_.Add(l);
   }
   return inverted;
 }
 
-// Of a pivot that is small against λ P_kk nearly all is damping, and with less of it the landmark
-// would go further.
+// Of a pivot that is small against λD nearly all is damping, and with less of it the landmark would
+// go further.
 bool LandmarkBlocks::IsHeld(std::int32_t l) const {
-  return HasPivotBelow(l, kHeld * lambda_[l]);
+  return HasPivotBelow(l, 0.0, kHeld);
 }
 
 // 1/U_inv² is the pivot: what the other coordinates leave of the diagonal entry. It is looked at
-// relative to that, which has the units of the coordinate: the test does not depend on them.
-bool LandmarkBlocks::HasPivotBelow(std::int32_t l, double share) const {
+// relative to that, which has the units of the coordinate, so that the test does not depend on
+// them, and to the damping.
+bool LandmarkBlocks::HasPivotBelow(std::int32_t l, double share, double times_damping) const {
   for (int k = 0; k < structure_.landmarks()[l].size; ++k) {
     // Zero of a coordinate that is held at a bound.
     const double inverse_root = UInv(l)[k * kQuad + k];
-    if (inverse_root > 0.0 && 1.0 / (inverse_root * inverse_root) < share * P(l)[k * kQuad + k]) {
+    const double limit =
+        std::max(share * P(l)[k * kQuad + k], times_damping * lambda_[l] * D(l, k));
+    if (inverse_root > 0.0 && 1.0 / (inverse_root * inverse_root) < limit) {
       return true;
     }
   }
@@ -169,7 +171,7 @@ double LandmarkBlocks::HiddenGain(std::int32_t l, double lambda, const double* e
   const int size = structure_.landmarks()[l].size;
   double damping[kQuad] = {};
   for (int k = 0; k < size; ++k) {
-    damping[k] = lambda * P(l)[k * kQuad + k];
+    damping[k] = lambda * D(l, k);
   }
   double inverse[kBlock];
   double freely[kQuad];

@@ -6,6 +6,7 @@
 #include "base/aligned_vector.h"
 #include "incremental/incremental_structure.h"
 #include "incremental/index_set.h"
+#include "linear/small_cholesky.h"
 #include "linearize/incremental_family.h"
 #include "simd/kernels.h"
 
@@ -41,7 +42,7 @@ class LandmarkBlocks {
 
   /// P and η anew.
   void Sum(std::int32_t l, double* eta);
-  /// U_inv with λ diag(P). False if there is no information. `held`, which may be null, says per
+  /// U_inv with λD. False if there is no information. `held`, which may be null, says per
   /// coordinate whether it takes part: if not, its row and column of U_inv are zero, and with them
   /// those of Y and z.
   bool Invert(std::int32_t l, double lambda, const char* held);
@@ -61,6 +62,8 @@ class LandmarkBlocks {
   void FetchBlocks(std::int32_t l) const;
 
   double lambda(std::int32_t l) const { return lambda_[l]; }
+  /// D_kk of λD (LandmarkDampingScale).
+  double D(std::int32_t l, int k) const { return LandmarkDampingScale(P(l)[k * kQuad + k]); }
   const double* P(std::int32_t l) const { return P_.data() + std::ptrdiff_t{l} * kBlock; }
   /// L⁻¹ with L Lᵀ = P + λD, lower triangular, rows four apart: (P + λD)⁻¹ = U_invᵀ U_inv.
   const double* UInv(std::int32_t l) const { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
@@ -116,7 +119,7 @@ class LandmarkBlocks {
 
   double* UInv(std::int32_t l) { return U_inv_.data() + std::ptrdiff_t{l} * kBlock; }
   bool IsHeld(std::int32_t l) const;
-  bool HasPivotBelow(std::int32_t l, double share) const;
+  bool HasPivotBelow(std::int32_t l, double share, double times_damping) const;
   void PlaceY(std::int32_t l);
   void PointFactors(std::int32_t l);
   void Release(std::int32_t l);

@@ -41,8 +41,10 @@ using SmallSquare = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kQu
 // B = λ L⁻¹ D L⁻ᵀ of L Lᵀ = P + λD: its eigenvalues are the shares of the damping, from 0 to 1.
 SmallSquare DampingShares(const IncrementalSchur& schur, std::int32_t l) {
   const Block U_inv = InverseRootOf(schur, l);
-  const Small D = Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<>>(
-      schur.blocks().P(l), schur.landmarks()[l].size, Eigen::InnerStride<>(kQuad + 1));
+  Small D(schur.landmarks()[l].size);
+  for (int k = 0; k < schur.landmarks()[l].size; ++k) {
+    D[k] = schur.blocks().D(l, k);
+  }
   return schur.blocks().lambda(l) * U_inv * D.asDiagonal() * U_inv.transpose();
 }
 

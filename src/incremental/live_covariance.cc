@@ -125,14 +125,14 @@ double DampingError(const LiveSource& source, const std::vector<VariableId>& ids
 }
 
 // The largest share that the damping has in a variance of a landmark for known frames.
-// λ P_ii times the variance of coordinate i, (P + λD)⁻¹_ii; 1 would be damping only.
+// λ D_ii times the variance of coordinate i, (P + λD)⁻¹_ii; 1 would be damping only.
 double DampingShareOf(const IncrementalSchur& schur, int l) {
-  const double *U_inv = schur.blocks().UInv(l), *P = schur.blocks().P(l);
+  const double* U_inv = schur.blocks().UInv(l);
   const int size = schur.landmarks()[l].size;
   double share = 0.0;
   for (int i = 0; i < size; ++i) {
-    share = std::max(
-        share, schur.blocks().lambda(l) * P[i * kQuad + i] * VarianceOfCoordinate(size, U_inv, i));
+    share = std::max(share, schur.blocks().lambda(l) * schur.blocks().D(l, i) *
+                                VarianceOfCoordinate(size, U_inv, i));
   }
   return share;
 }

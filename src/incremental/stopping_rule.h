@@ -105,9 +105,10 @@ class StoppingRule {
   /// φ of the last two steps, by which what is left has fallen; 0: not known.
   double factor_of_last_step() const { return previous_factor_; }
   /// Whether a step that is refused with so little left, or that changed the cost by no more than
-  /// rounding, proves a minimum.
+  /// rounding where no more than the tolerance is left, proves a minimum. A step that promised much
+  /// and changed nothing went too far: to where nothing depends on a variable.
   bool IsVain(double remaining, double cost_change, double cost) const {
-    return std::fabs(cost_change) <= kUnmoved * cost ||
+    return (std::fabs(cost_change) <= kUnmoved * cost && remaining <= Tolerance(cost)) ||
            (!sees_landmarks_creep() && IsBorneOut(remaining, cost) &&
             remaining <= tuning_.rest_share * Tolerance(cost));
   }

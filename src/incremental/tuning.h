@@ -168,6 +168,10 @@ struct Tuning {
     double seeing_radius = 1e8;
     /// Of the tolerance: what damping may hold back of a step that a claim rests on.
     double held_back_share = 0.1;
+    /// Norms of columns of J count as this at most where the solve takes its scale of them, at the
+    /// start. A camera with a point next to its center has one of 1e15: by that scale its damping
+    /// would stay far above its diagonal once the point has gone.
+    double most_column_norm = 1e6;
     /// Of the radius at which a step was refused last: up to it steps are taken, as far as is
     /// known.
     double refused_share = 0.1;

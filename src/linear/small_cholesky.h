@@ -70,6 +70,15 @@ inline bool NegateInverse(int size, double* A, int lda, double* inverse_pivots, 
   return true;
 }
 
+/// D_kk of a landmark's damping λD: its diagonal entry of P, and 1e-12 at least. Where P is next to
+/// nothing, a step that its own entry damps is as good as a Gauss–Newton step, however far out the
+/// landmark is: an inverse depth that tends to infinity would be squared by each, until no number
+/// holds it. A zero stays zero: damping does not make up for information.
+inline double LandmarkDampingScale(double diagonal) {
+  constexpr double kLeastDiagonal = 1e-12;
+  return diagonal > 0.0 ? std::max(diagonal, kLeastDiagonal) : 0.0;
+}
+
 /// U_inv = L⁻¹ with L Lᵀ = P + diag(damping) of one landmark's block, size 1 to 4, rows four apart.
 /// False, and U_inv as it was, if a pivot is not positive and finite.
 bool InvertCholeskyFactor(int size, const double* P, const double* damping, double* U_inv);

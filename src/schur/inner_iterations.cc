@@ -14,7 +14,7 @@ namespace inceres::internal {
 
 // Landmark refinement of the batch mode (docs/algorithms.md, "Landmark refinement"; Jeong et al.
 // 2012, embedded point iterations). With the frames of the candidate held, each landmark takes one
-// damped step δ_l = −(P + λ diag P)⁻¹ g of its own and keeps it if the cost of its factors falls.
+// damped step δ_l = −(P + λD)⁻¹ g of its own and keeps it if the cost of its factors falls.
 // One round is two evaluations: with the landmarks' Jacobians for those that are asked, and
 // residuals alone for those that have moved. Between the two every landmark is independent, so
 // tasks share nothing, and sums over landmarks are made in their order.
@@ -311,8 +311,7 @@ void InnerIterations::Propose(int landmark, double min_gain) {
   double z[kQuad];
   double step[kQuad];
   for (int k = 0; k < size; ++k) {
-    // λ diag P: independent of the units of the landmark.
-    scaled[k] = damping_[landmark] * equations.P[k * kQuad + k];
+    scaled[k] = damping_[landmark] * LandmarkDampingScale(equations.P[k * kQuad + k]);
   }
   // Its factors do not determine it, or P is not finite: it stays.
   if (!InvertCholeskyFactor(size, equations.P, scaled, U_inv)) {

@@ -12,7 +12,7 @@ namespace inceres::internal {
 /// Improves the landmarks of a candidate one by one with the frames held: for each the damped
 /// Gauss–Newton step
 ///
-///     δ_l = −(P + λ diag P)⁻¹ g,   P = Σ ρ' J_lᵀJ_l,  g = Σ ρ' J_lᵀf
+///     δ_l = −(P + λD)⁻¹ g,   P = Σ ρ' J_lᵀJ_l,  g = Σ ρ' J_lᵀf,   D: LandmarkDampingScale
 ///
 /// taken if the cost of its factors falls. Given the frames the landmarks are independent, so each
 /// is accepted or refused by itself; λ of a landmark falls tenfold with a success and rises tenfold

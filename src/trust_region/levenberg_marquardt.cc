@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 namespace inceres::internal {
@@ -61,10 +60,20 @@ Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* nu
   return solved;
 }
 
+// A column whose scale was taken where it was far longer, and which is clamped by that, has more
+// damping than a solve that begins here would give it, and would go as many times further.
 double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<double>& step) {
+  const std::vector<double>& H_diagonal = model.Diagonal();
   damped_step_.resize(step.size());
-  std::transform(damping_.begin(), damping_.end(), step.begin(), damped_step_.begin(),
-                 std::multiplies<>());
+  for (std::size_t j = 0; j < step.size(); ++j) {
+    damped_step_[j] = damping_[j] * step[j];
+    const double s2 = (*scale_)[j] * (*scale_)[j];
+    if (s2 * H_diagonal[j] < min_diagonal_) {
+      const double s = 1.0 / (1.0 + std::sqrt(H_diagonal[j]));
+      const double anew = std::max(s * s * H_diagonal[j], min_diagonal_) / (radius_ * s * s);
+      damped_step_[j] *= std::max(1.0, damping_[j] / anew);
+    }
+  }
   return model.Dot(damped_step_, step);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "inceres/export.h"
@@ -63,6 +64,10 @@ class StepJudge {
 
   /// Asked before each step: the radius to begin anew with, or 0.
   virtual double RestartRadius() { return 0.0; }
+
+  /// Asked at the start, of which Ceres takes the scale of columns for the whole solve: a norm
+  /// counts as this at most.
+  virtual double MostColumnNorm() { return HUGE_VAL; }
 };
 
 /// The linear system of a step: J by blocks, of a factor by a variable, with unscaled columns.
@@ -159,6 +164,8 @@ struct LoopOptions {
   /// Begins after this iteration, at the values the evaluator has: as if the iterations before had
   /// been here. Not owned; null: from the start.
   const LoopPosition* resume = nullptr;
+
+  double MostColumnNorm() const { return judge != nullptr ? judge->MostColumnNorm() : HUGE_VAL; }
 };
 
 /// Solver::Solve with these.

@@ -11,13 +11,14 @@ namespace inceres::internal {
 // The choice of a strategy. Objects are kept from solve to solve for their memory, and started
 // anew.
 
-void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, double most_norm,
                  std::vector<double>* scale) {
   scale->assign(diagonal.size(), 1.0);
   // Ceres's jacobi_scaling: 1 + norm, so that columns of zeros have a finite scale.
   if (jacobi_scaling) {
-    std::transform(diagonal.begin(), diagonal.end(), scale->begin(),
-                   [](double n2) { return 1.0 / (1.0 + std::sqrt(n2)); });
+    std::transform(diagonal.begin(), diagonal.end(), scale->begin(), [most_norm](double n2) {
+      return 1.0 / (1.0 + std::min(most_norm, std::sqrt(n2)));
+    });
   }
 }
 

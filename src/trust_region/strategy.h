@@ -54,8 +54,9 @@ class TrustRegionStrategy {
   virtual void Restart(double /*radius*/) {}
 };
 
-/// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones.
-void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling,
+/// s_j = 1/(1 + ‖J_j‖) as measured at iteration 0, or all ones; a norm counts as `most_norm` at
+/// most.
+void JacobiScale(const std::vector<double>& diagonal, bool jacobi_scaling, double most_norm,
                  std::vector<double>* scale);
 
 /// Starts the strategy that the options ask for: *strategy, if that is of the kind, or a new one in

@@ -232,7 +232,7 @@ bool TrustRegionMinimizer::EvaluateStart() {
            Finish(Termination::kFailure, {"Initial residual and Jacobian evaluation failed."});
   }
   std::vector<double>& scale = parts_.memory.scale;
-  JacobiScale(model_.Diagonal(), options_.jacobi_scaling, &scale);
+  JacobiScale(model_.Diagonal(), options_.jacobi_scaling, loop_.MostColumnNorm(), &scale);
   // The scale is that of the solve's own iteration 0, not of the point where it goes on.
   if (loop_.resume != nullptr) {
     scale = loop_.resume->scale;

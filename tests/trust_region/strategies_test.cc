@@ -48,7 +48,7 @@ class Strategies : public testing::Test {
     core_ = std::make_unique<test::CorePipeline>(random_.graph());
     model_ = std::make_unique<RecordingModel>(*core_);
     model_->answer = {0.1, -0.2, 0.3};
-    JacobiScale(model_->Diagonal(), true, &scale_);
+    JacobiScale(model_->Diagonal(), true, HUGE_VAL, &scale_);
     step_.resize(3);
   }
 
@@ -70,10 +70,28 @@ class Strategies : public testing::Test {
 
 TEST_F(Strategies, JacobiScale) {
   std::vector<double> scale(5, 7.0);
-  JacobiScale({0.0, 9.0}, true, &scale);
+  JacobiScale({0.0, 9.0}, true, HUGE_VAL, &scale);
   EXPECT_EQ(scale, (std::vector<double>{1.0, 0.25}));
-  JacobiScale({0.0, 9.0}, false, &scale);
+  JacobiScale({0.0, 9.0}, false, HUGE_VAL, &scale);
   EXPECT_EQ(scale, (std::vector<double>{1.0, 1.0}));
+  JacobiScale({0.0, 1e30, 9.0}, true, 7.0, &scale);
+  EXPECT_EQ(scale, (std::vector<double>{1.0, 0.125, 0.25}));
+}
+
+// A column that was far longer when the scale was taken is damped by more than its diagonal, and a
+// solve that began now would not hold it.
+TEST_F(Strategies, HeldBackTellsOfAColumnThatIsClampedByItsScale) {
+  const std::vector<double>& H = model_->Diagonal();
+  scale_[0] = 1e-15;
+  options_.initial_trust_region_radius = 8.0;
+  Make(TrustRegionStrategyKind::kLevenbergMarquardt);
+  ASSERT_TRUE(Step().ok());
+  const double clamped = options_.min_lm_diagonal / (8.0 * 1e-30);
+  const double anew = H[0] / 8.0;
+  ASSERT_GT(clamped, 1e20 * anew);
+  const double expected =
+      clamped * (clamped / anew) * 0.1 * 0.1 + H[1] / 8.0 * 0.2 * 0.2 + H[2] / 8.0 * 0.3 * 0.3;
+  EXPECT_NEAR(expected, strategy_->HeldBack(*model_, step_), 1e-12 * expected);
 }
 
 TEST_F(Strategies, IsFinite) {

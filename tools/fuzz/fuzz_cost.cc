@@ -11,6 +11,7 @@ namespace {
 constexpr double kNearest = 0.05;     // of a point that a camera sees
 constexpr double kTipRadius = 1e-2;   // radius of the rounded tip of kDistance's cone
 constexpr double kFocalLength = 1.0;  // of cameras that do not estimate it
+constexpr double kFieldOfView = 0.5;  // tangent of half of it, where rays are drawn
 
 // Counts a call for as long as it lasts.
 class Call {
@@ -56,6 +57,8 @@ FuzzCost::FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, 
     for (double& a : A_) {
       a = dice->Signed();
     }
+  } else if (kind == Kind::kRay) {
+    A_ = {kFieldOfView * dice->Signed(), kFieldOfView * dice->Signed()};
   }
 }
 
@@ -69,10 +72,14 @@ void FuzzCost::Measure(const std::vector<const double*>& truth, double noise, Di
       Smooth(truth.data(), prediction.data(), nullptr);
       break;
     case Kind::kProjection:
+    case Kind::kUnguarded:
       Projection(truth.data(), prediction.data(), nullptr);
       break;
     case Kind::kDistance:
       Distance(truth.data(), prediction.data(), nullptr);
+      break;
+    case Kind::kRay:
+      Ray(truth.data(), prediction.data(), nullptr);
       break;
   }
   weight_ = weight;
@@ -133,10 +140,14 @@ bool FuzzCost::Evaluate(double const* const* parameters, double* residuals,
       Smooth(parameters, residuals, jacobians);
       break;
     case Kind::kProjection:
+    case Kind::kUnguarded:
       evaluated = Projection(parameters, residuals, jacobians);
       break;
     case Kind::kDistance:
       Distance(parameters, residuals, jacobians);
+      break;
+    case Kind::kRay:
+      Ray(parameters, residuals, jacobians);
       break;
   }
   if (evaluated && faulty && fault_ == Fault::kNanResidual) {
@@ -192,7 +203,7 @@ bool FuzzCost::Projection(double const* const* parameters, double* residuals,
   }
   const Vector3 turned = cross(omega, q);
   const Vector3 p = {q[0] + turned[0], q[1] + turned[1], q[2] + turned[2]};
-  if (p[2] < kNearest) {
+  if (kind_ == Kind::kProjection && p[2] < kNearest) {
     return false;
   }
   const double inverse = 1.0 / p[2];
@@ -247,6 +258,35 @@ void FuzzCost::Distance(double const* const* parameters, double* residuals,
     }
     if (jacobians[1] != nullptr) {
       jacobians[1][j] = slope;
+    }
+  }
+}
+
+void FuzzCost::Ray(double const* const* parameters, double* residuals, double** jacobians) const {
+  const double depth = 1.0 / parameters[2][0];
+  const std::array<double, 3> ray = {A_[0], A_[1], 1.0};
+  std::array<double, 3> p;
+  for (std::size_t j = 0; j < 3; ++j) {
+    p[j] = parameters[0][j] + depth * ray[j] - parameters[1][j];
+  }
+  const double inverse = 1.0 / p[2];
+  for (std::size_t i = 0; i < 2; ++i) {
+    residuals[i] = weight_ * (p[i] * inverse - b_[i]);
+    // Of residual i by p.
+    std::array<double, 3> by_p = {0.0, 0.0, -weight_ * p[i] * inverse * inverse};
+    by_p[i] = weight_ * inverse;
+    double by_depth = 0.0;
+    for (std::size_t j = 0; j < 3; ++j) {
+      by_depth += by_p[j] * ray[j];
+      if (jacobians != nullptr && jacobians[0] != nullptr) {
+        jacobians[0][i * At(size(0)) + j] = by_p[j];
+      }
+      if (jacobians != nullptr && jacobians[1] != nullptr) {
+        jacobians[1][i * At(size(1)) + j] = -by_p[j];
+      }
+    }
+    if (jacobians != nullptr && jacobians[2] != nullptr) {
+      jacobians[2][i] = -depth * depth * by_depth;
     }
   }
 }

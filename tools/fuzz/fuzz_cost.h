@@ -41,11 +41,14 @@ enum class Fault {
 ///     kProjection  r = w (f (p_x, p_y) / p_z − b),  p = q + ω × q,  q = X − position;
 ///                  camera (position, ω, f) of size 3, 6 or 7, point X
 ///     kDistance    r = w (|x₁ − x₀| − b), two blocks of one size
+///     kRay         r = w ((p_x, p_y) / p_z − b),  p = x₀ + (u, v, 1) / x₂ − x₁;
+///                  two camera positions, and an inverse depth along a ray of the first
 ///
-/// Of kProjection, a point nearer than 0.05 is refused, as cheirality guards do.
+/// Of kProjection, a point nearer than 0.05 is refused, as cheirality guards do. kUnguarded is the
+/// same without that, and kRay has no guard either.
 class FuzzCost final : public ceres::CostFunction {
  public:
-  enum class Kind { kSmooth, kProjection, kDistance };
+  enum class Kind { kSmooth, kProjection, kUnguarded, kDistance, kRay };
 
   FuzzCost(Kind kind, const std::vector<int>& sizes, int num_residuals, double weight,
            double curvature, Dice* dice);
@@ -75,6 +78,7 @@ class FuzzCost final : public ceres::CostFunction {
   void Smooth(double const* const* parameters, double* residuals, double** jacobians) const;
   bool Projection(double const* const* parameters, double* residuals, double** jacobians) const;
   void Distance(double const* const* parameters, double* residuals, double** jacobians) const;
+  void Ray(double const* const* parameters, double* residuals, double** jacobians) const;
   bool IsFaulty(const double* x) const;
   int size(int block) const { return parameter_block_sizes()[static_cast<std::size_t>(block)]; }
 
@@ -82,7 +86,7 @@ class FuzzCost final : public ceres::CostFunction {
   double weight_;
   double curvature_;
   int num_parameters_ = 0;
-  std::vector<double> A_;  // num_residuals × num_parameters_
+  std::vector<double> A_;  // num_residuals × num_parameters_; of kRay u and v
   std::vector<double> b_;
   Fault fault_ = Fault::kNone;
   std::vector<double> direction_;

@@ -33,7 +33,7 @@ void OrderPointsFirst(const World& world, ceres::Solver::Options* options) {
 
 // No roll of the dice decides on what a flag has asked for: all else is as without it.
 Recipe RecipeOf(const LifePlan& plan, bool follows_stock, Dice* dice) {
-  Recipe recipe = RandomRecipe(follows_stock, dice);
+  Recipe recipe = plan.degenerate ? DegenerateRecipe(dice) : RandomRecipe(follows_stock, dice);
   recipe.bound_chance = plan.bounds ? 1.0 / 3.0 : recipe.bound_chance;
   return recipe;
 }

@@ -14,8 +14,9 @@ struct LifePlan {
   std::uint64_t life = 0;
   std::string mode;
   int max_edits = 60;
-  int max_threads = 2;  ///< of a solve
-  bool bounds = false;  ///< in all modes, on a third of the blocks
+  int max_threads = 2;      ///< of a solve
+  bool bounds = false;      ///< in all modes, on a third of the blocks
+  bool degenerate = false;  ///< cameras and points alone, some of them degenerate
   Judges judges = Judges::kDescent;
   bool verbose = false;  ///< prints every edit and solve
 };

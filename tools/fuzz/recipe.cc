@@ -81,4 +81,16 @@ Recipe RandomRecipe(bool bounds, Dice* dice) {
   return recipe;
 }
 
+Recipe DegenerateRecipe(Dice* dice) {
+  Recipe recipe = RandomRecipe(/*bounds=*/false, dice);
+  Bundle(dice, &recipe);
+  recipe.unguarded = true;
+  recipe.rays = dice->Chance(0.5);
+  recipe.frame_sizes = {3};
+  recipe.point_sizes = {recipe.rays ? 1 : 3};
+  recipe.manifold_chance = 0.0;
+  recipe.perturbation = dice->Magnitude(0.01, 0.3);
+  return recipe;
+}
+
 }  // namespace inceres::fuzz

@@ -8,7 +8,8 @@ namespace inceres::fuzz {
 namespace {
 
 constexpr int kMaxSize = 30;
-constexpr int kMaxBlocks = 128;  // more than twice what a recipe begins with
+constexpr int kMaxBlocks = 128;          // more than twice what a recipe begins with
+constexpr double kMismatchChance = 0.1;  // of a ray
 
 ceres::Problem::Options NothingOwned(bool fast_removal) {
   ceres::Problem::Options options;
@@ -107,7 +108,12 @@ World::Block* World::AddBlock(bool is_point, int size) {
   for (int j = 0; j < size; ++j) {
     block->truth.push_back(recipe_.projective ? 0.05 * dice_->Signed() : 2.0 * dice_->Signed());
   }
-  if (recipe_.projective && is_point) {
+  if (recipe_.rays && is_point) {
+    block->truth = {1.0 / dice_->Between(2.0, 8.0)};
+  } else if (recipe_.rays) {
+    // Backward, so that the cameras before are in view.
+    block->truth[2] = -0.3 * static_cast<double>(Blocks(false).size() % 9);
+  } else if (recipe_.projective && is_point) {
     block->truth = {dice_->Between(-1.0, 4.0), 2.0 * dice_->Signed(), dice_->Between(3.0, 8.0)};
   } else if (recipe_.projective) {
     block->truth[0] = 0.4 * static_cast<double>(Blocks(false).size() % 9);
@@ -213,8 +219,15 @@ void World::Observe(Block* point) {
   }
   Block* frame =
       frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
-  if (recipe_.projective) {
-    Connect(FuzzCost::Kind::kProjection, {frame, point}, 2, Weight(), true);
+  if (recipe_.rays) {
+    Block* first =
+        frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+    if (first != frame) {
+      Connect(FuzzCost::Kind::kRay, {first, frame, point}, 2, Weight(), true);
+    }
+  } else if (recipe_.projective) {
+    const auto kind = recipe_.unguarded ? FuzzCost::Kind::kUnguarded : FuzzCost::Kind::kProjection;
+    Connect(kind, {frame, point}, 2, Weight(), true);
   } else {
     Connect(FuzzCost::Kind::kSmooth, {frame, point}, dice_->Int(1, 3), Weight(), true);
   }
@@ -231,6 +244,11 @@ void World::Connect(FuzzCost::Kind kind, const std::vector<Block*>& blocks, int 
   }
   factor->cost =
       std::make_unique<FuzzCost>(kind, sizes, num_residuals, weight, recipe_.curvature, dice_);
+  // A mismatch is seen as if it were behind the camera that the ray is of.
+  const double behind = -20.0;
+  if (kind == FuzzCost::Kind::kRay && dice_->Chance(kMismatchChance)) {
+    truth.back() = &behind;
+  }
   factor->cost->Measure(truth, recipe_.noise, dice_);
   factor->blocks = blocks;
   if (may_lose && dice_->Chance(recipe_.loss_chance)) {

@@ -18,6 +18,8 @@ namespace inceres::fuzz {
 /// there is.
 struct Recipe {
   bool projective = false;       ///< cameras and points, else smooth functions
+  bool unguarded = false;        ///< points may come next to cameras, and behind them
+  bool rays = false;             ///< points are inverse depths along rays of cameras
   std::vector<int> frame_sizes;  ///< of 1 to 30
   std::vector<int> point_sizes;  ///< of 1 to 4
   int num_frames = 0;
@@ -40,6 +42,9 @@ struct Recipe {
 
 /// `bounds`: whether the recipe may have them.
 Recipe RandomRecipe(bool bounds, Dice* dice);
+/// Of cameras and points that are degenerate now and then: next to a camera's center, or where no
+/// cost depends on them.
+Recipe DegenerateRecipe(Dice* dice);
 
 /// A ceres::Problem that random edits change in every way a user's program can, with the objects it
 /// rests on. What is removed is freed at once, and its memory serves what comes next.
@@ -113,6 +118,7 @@ class World {
   const char* LossesAreRevised();
   const char* FaultBegins();
   const char* FaultsHeal();
+  const char* PointGoesIntoCamera();
 
   std::vector<Block*> Blocks(bool points) const;
   Block* AnyBlock();

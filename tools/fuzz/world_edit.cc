@@ -11,7 +11,8 @@ int Room(int begin) {
   return 2 * begin + 2;
 }
 
-constexpr double kHuge = 1e6;  // weight of priors that come and go
+constexpr double kHuge = 1e6;               // weight of priors that come and go
+constexpr double kIntoCameraChance = 0.03;  // of an edit, where no guard is
 
 }  // namespace
 
@@ -35,6 +36,9 @@ std::string World::Edit() {
                              {4, &World::FaultsHeal}};
   if (factors_.empty() || blocks_.empty()) {
     return FrameComes();
+  }
+  if (recipe_.unguarded && dice_->Chance(kIntoCameraChance)) {
+    return PointGoesIntoCamera();
   }
   int choice = dice_->Int(0, 99);
   const Kind* kind = kKinds;
@@ -167,6 +171,28 @@ const char* World::FaultsHeal() {
     factor->cost->SetFault(Fault::kNone, factor->blocks[0]->x, 0.0, dice_);
   }
   return "faults heal";
+}
+
+// To its center but for the last digits, or to where its ray begins.
+const char* World::PointGoesIntoCamera() {
+  const std::vector<Block*> points = Blocks(true);
+  const std::vector<Block*> frames = Blocks(false);
+  if (points.empty() || frames.empty()) {
+    return "nothing";
+  }
+  Block* point =
+      points[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(points.size()) - 1))];
+  if (recipe_.rays) {
+    point->x[0] = dice_->Magnitude(1.0, 1e6);
+    return "a point goes to where its rays begin";
+  }
+  const Block* frame =
+      frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+  const double distance = dice_->Magnitude(1e-15, 1e-3);
+  for (int j = 0; j < 3; ++j) {
+    point->x[j] = frame->x[j] + distance * dice_->Signed();
+  }
+  return "a point goes into a camera";
 }
 
 // The residual block is removed and added again, for Ceres has no other way.
