@@ -119,13 +119,15 @@ double CostRounding::AtMost() {
 // `unasked_`, which may have gathered over several calls of AtMost. Of a frame or landmark whose
 // bound is zero nothing is asked: it does not move, or no factor reaches it.
 double CostRounding::OfResiduals() {
-  const double most = AtMost();
-  Share all;
-  if (!(most_.sum() > 0.0)) {
+  double most = Follow();
+  if (!(most > 0.0)) {
+    Share all;
     for (std::int32_t l = 0; l < static_cast<std::int32_t>(schur_.landmarks().size()); ++l) {
-      if (MostOfLandmark(l) > 0.0) {
+      const double most_of_landmark = MostOfLandmark(l);
+      if (most_of_landmark > 0.0) {
         AddTo(&all, {schur_.landmarks()[l].id, -1, l});
       }
+      most += most_of_landmark;
     }
     return all.Typical(most);
   }
@@ -134,17 +136,17 @@ double CostRounding::OfResiduals() {
   counts_.Grow(schur_.frames().size());
   unasked_.CopyTo(&changed_);
   unasked_.Clear();
+  shares_.resize(schur_.frames().size());
   for (const std::int32_t row : changed_) {
-    Share share;
+    Share& share = shares_[row] = Share();
     if (most_[row] > 0.0) {
       AddTo(&share, {schur_.frames()[row].id, row, -1});
     }
-    sums_.Set(row, std::min(most_[row], share.sum));
-    roots_.Set(row, share.roots);
-    counts_.Set(row, share.count);
   }
-  all = {sums_.sum(), roots_.sum(), counts_.sum()};
-  return all.Typical(most);
+  sums_.Set(changed_, [this](std::int32_t row) { return std::min(most_[row], shares_[row].sum); });
+  roots_.Set(changed_, [this](std::int32_t row) { return shares_[row].roots; });
+  counts_.Set(changed_, [this](std::int32_t row) { return shares_[row].count; });
+  return Share{sums_.sum(), roots_.sum(), counts_.sum()}.Typical(most);
 }
 
 // The second is a multiple of N times a power mean, which a few cannot raise. Never above the

@@ -33,7 +33,8 @@ class CostRounding {
 
   std::int64_t Bytes() const {
     return static_cast<std::int64_t>(most_.Bytes() + sums_.Bytes() + roots_.Bytes() +
-                                     counts_.Bytes() + changed_.capacity() * sizeof(std::int32_t));
+                                     counts_.Bytes() + changed_.capacity() * sizeof(std::int32_t) +
+                                     shares_.capacity() * sizeof(Share));
   }
 
  private:
@@ -69,6 +70,7 @@ class CostRounding {
   SumTree most_, sums_, roots_, counts_;
   IndexSet unasked_;  // where the second has not followed
   std::vector<std::int32_t> changed_;
+  std::vector<Share> shares_;  // scratch, by row
 };
 
 }  // namespace inceres::internal

@@ -40,14 +40,17 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   damping_.resize(scale.size());
 }
 
-// LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²).
+// LM damping: Λ_j = clamp(s_j² H_jj) / (r s_j²). The clamp sees the scaled column, as in Ceres; the
+// division by s² takes the damping back to the unscaled one.
+double LevenbergMarquardt::DampingAt(double s, double H_jj) const {
+  const double s2 = s * s;
+  return std::clamp(s2 * H_jj, min_diagonal_, max_diagonal_) / (radius_ * s2);
+}
+
 Status LevenbergMarquardt::ComputeStep(LinearModel* model, double* step, int* num_solves) {
   const std::vector<double>& H_diagonal = model->Diagonal();
   for (std::size_t j = 0; j < damping_.size(); ++j) {
-    // The clamp sees the scaled column, as in Ceres; the division by s² takes the damping back to
-    // the unscaled one.
-    const double s2 = (*scale_)[j] * (*scale_)[j];
-    damping_[j] = std::clamp(s2 * H_diagonal[j], min_diagonal_, max_diagonal_) / (radius_ * s2);
+    damping_[j] = DampingAt((*scale_)[j], H_diagonal[j]);
   }
   for (std::size_t j = 0; j < held_.size(); ++j) {
     damping_[j] *= held_[j] != 0 ? kHolds : 1.0;
@@ -67,10 +70,8 @@ double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<
   damped_step_.resize(step.size());
   for (std::size_t j = 0; j < step.size(); ++j) {
     damped_step_[j] = damping_[j] * step[j];
-    const double s2 = (*scale_)[j] * (*scale_)[j];
-    if (s2 * H_diagonal[j] < min_diagonal_) {
-      const double s = 1.0 / (1.0 + std::sqrt(H_diagonal[j]));
-      const double anew = std::max(s * s * H_diagonal[j], min_diagonal_) / (radius_ * s * s);
+    if ((*scale_)[j] * (*scale_)[j] * H_diagonal[j] < min_diagonal_) {
+      const double anew = DampingAt(1.0 / (1.0 + std::sqrt(H_diagonal[j])), H_diagonal[j]);
       damped_step_[j] *= std::max(1.0, damping_[j] / anew);
     }
   }

@@ -29,6 +29,8 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   void Hold(const std::vector<char>& held) override { held_ = held; }
 
  private:
+  double DampingAt(double s, double H_jj) const;
+
   bool tenfold_ = false;  // Marquardt's rule
   const std::vector<double>* scale_ = nullptr;
   double radius_ = 0.0;

@@ -35,7 +35,8 @@ class TrustRegionStrategy {
   virtual void StepRejected() = 0;
   virtual void StepIsInvalid() = 0;
   virtual double Radius() const = 0;
-  /// What the damping Λ holds back of the last step δ, δᵀΛδ; infinite where a radius has cut it. A
+  /// What the damping Λ holds back of the last step δ, δᵀΛδ; infinite where a radius has cut it. An
+  /// entry that is damped more than it would be in a solve that began here counts as many times. A
   /// direction that Λ outweighs gains about this much in each step, and none tells how many more
   /// there are to come.
   virtual double HeldBack(const LinearModel& model, const std::vector<double>& step) = 0;

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <random>
+#include <vector>
 
 namespace inceres::fuzz {
 
@@ -22,6 +24,10 @@ class Dice {
   /// Uniform in low … high, both included.
   int Int(int low, int high) {
     return low + static_cast<int>(engine_() % static_cast<std::uint64_t>(high - low + 1));
+  }
+  template <typename T>
+  const T& OneOf(const std::vector<T>& several) {
+    return several[static_cast<std::size_t>(Int(0, static_cast<int>(several.size()) - 1))];
   }
   bool Chance(double probability) { return Unit() < probability; }
   std::uint64_t Bits() { return engine_(); }

@@ -67,21 +67,7 @@ void FuzzCost::Measure(const std::vector<const double*>& truth, double noise, Di
   std::vector<double> prediction(b_.size());
   const double weight = weight_;
   weight_ = 1.0;
-  switch (kind_) {
-    case Kind::kSmooth:
-      Smooth(truth.data(), prediction.data(), nullptr);
-      break;
-    case Kind::kProjection:
-    case Kind::kUnguarded:
-      Projection(truth.data(), prediction.data(), nullptr);
-      break;
-    case Kind::kDistance:
-      Distance(truth.data(), prediction.data(), nullptr);
-      break;
-    case Kind::kRay:
-      Ray(truth.data(), prediction.data(), nullptr);
-      break;
-  }
+  EvaluateSound(truth.data(), prediction.data(), nullptr);
   weight_ = weight;
   for (std::size_t i = 0; i < b_.size(); ++i) {
     b_[i] = prediction[i] + noise * dice->Signed();
@@ -134,22 +120,7 @@ bool FuzzCost::Evaluate(double const* const* parameters, double* residuals,
   if (faulty && fault_ == Fault::kRefuse) {
     return false;
   }
-  bool evaluated = true;
-  switch (kind_) {
-    case Kind::kSmooth:
-      Smooth(parameters, residuals, jacobians);
-      break;
-    case Kind::kProjection:
-    case Kind::kUnguarded:
-      evaluated = Projection(parameters, residuals, jacobians);
-      break;
-    case Kind::kDistance:
-      Distance(parameters, residuals, jacobians);
-      break;
-    case Kind::kRay:
-      Ray(parameters, residuals, jacobians);
-      break;
-  }
+  const bool evaluated = EvaluateSound(parameters, residuals, jacobians);
   if (evaluated && faulty && fault_ == Fault::kNanResidual) {
     residuals[num_residuals() - 1] = std::numeric_limits<double>::quiet_NaN();
   }
@@ -161,6 +132,25 @@ bool FuzzCost::Evaluate(double const* const* parameters, double* residuals,
     jacobians[0][0] = std::numeric_limits<double>::quiet_NaN();
   }
   return evaluated;
+}
+
+bool FuzzCost::EvaluateSound(double const* const* parameters, double* residuals,
+                             double** jacobians) const {
+  switch (kind_) {
+    case Kind::kProjection:
+    case Kind::kUnguarded:
+      return Projection(parameters, residuals, jacobians);
+    case Kind::kSmooth:
+      Smooth(parameters, residuals, jacobians);
+      break;
+    case Kind::kDistance:
+      Distance(parameters, residuals, jacobians);
+      break;
+    case Kind::kRay:
+      Ray(parameters, residuals, jacobians);
+      break;
+  }
+  return true;
 }
 
 void FuzzCost::Smooth(double const* const* parameters, double* residuals,

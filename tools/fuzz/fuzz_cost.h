@@ -75,6 +75,8 @@ class FuzzCost final : public ceres::CostFunction {
   Kind kind() const { return kind_; }
 
  private:
+  // Whatever the fault.
+  bool EvaluateSound(double const* const* parameters, double* residuals, double** jacobians) const;
   void Smooth(double const* const* parameters, double* residuals, double** jacobians) const;
   bool Projection(double const* const* parameters, double* residuals, double** jacobians) const;
   void Distance(double const* const* parameters, double* residuals, double** jacobians) const;

@@ -172,8 +172,7 @@ void World::Perturb(Block* block, double size) {
 
 void World::AddFrame() {
   const auto& sizes = recipe_.frame_sizes;
-  Block* frame = AddBlock(
-      false, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
+  Block* frame = AddBlock(false, dice_->OneOf(sizes));
   const std::vector<Block*> frames = Blocks(false);
   if (frames.size() == 1 || dice_->Chance(recipe_.prior_chance)) {
     AddPrior(frame, Weight());
@@ -189,8 +188,7 @@ void World::AddFrame() {
 
 void World::AddPoint() {
   const auto& sizes = recipe_.point_sizes;
-  Block* point = AddBlock(
-      true, sizes[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(sizes.size()) - 1))]);
+  Block* point = AddBlock(true, dice_->OneOf(sizes));
   for (int view = 0; view < recipe_.views; ++view) {
     Observe(point);
   }
@@ -217,11 +215,9 @@ void World::Observe(Block* point) {
   if (frames.empty()) {
     return;
   }
-  Block* frame =
-      frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+  Block* frame = dice_->OneOf(frames);
   if (recipe_.rays) {
-    Block* first =
-        frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+    Block* first = dice_->OneOf(frames);
     if (first != frame) {
       Connect(FuzzCost::Kind::kRay, {first, frame, point}, 2, Weight(), true);
     }
@@ -288,13 +284,11 @@ std::vector<World::Block*> World::Blocks(bool points) const {
 }
 
 World::Block* World::AnyBlock() {
-  return blocks_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(blocks_.size()) - 1))]
-      .get();
+  return dice_->OneOf(blocks_).get();
 }
 
 World::Factor* World::AnyFactor() {
-  return factors_[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(factors_.size()) - 1))]
-      .get();
+  return dice_->OneOf(factors_).get();
 }
 
 }  // namespace inceres::fuzz

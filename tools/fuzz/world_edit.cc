@@ -180,14 +180,12 @@ const char* World::PointGoesIntoCamera() {
   if (points.empty() || frames.empty()) {
     return "nothing";
   }
-  Block* point =
-      points[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(points.size()) - 1))];
+  Block* point = dice_->OneOf(points);
   if (recipe_.rays) {
     point->x[0] = dice_->Magnitude(1.0, 1e6);
     return "a point goes to where its rays begin";
   }
-  const Block* frame =
-      frames[static_cast<std::size_t>(dice_->Int(0, static_cast<int>(frames.size()) - 1))];
+  const Block* frame = dice_->OneOf(frames);
   const double distance = dice_->Magnitude(1e-15, 1e-3);
   for (int j = 0; j < 3; ++j) {
     point->x[j] = frame->x[j] + distance * dice_->Signed();
