@@ -36,6 +36,7 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   decrease_factor_ = 2.0;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
+  is_refused_ = false;
   held_.clear();
   damping_.resize(scale.size());
 }
@@ -79,9 +80,13 @@ double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<
 }
 
 std::vector<double> LevenbergMarquardt::Save() const {
-  return {radius_,        decrease_factor_,
-          growth_,        static_cast<double>(num_accepted_in_row_),
-          radius_before_, is_new_width_ ? 1.0 : 0.0};
+  return {radius_,
+          decrease_factor_,
+          growth_,
+          static_cast<double>(num_accepted_in_row_),
+          radius_before_,
+          is_new_width_ ? 1.0 : 0.0,
+          is_refused_ ? 1.0 : 0.0};
 }
 
 // All of it: without what Widen changed, a refusal that follows would shrink the wide radius
@@ -96,6 +101,7 @@ bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   num_accepted_in_row_ = static_cast<int>(saved[3]);
   radius_before_ = saved[4];
   is_new_width_ = saved[5] != 0.0;
+  is_refused_ = saved[6] != 0.0;
   return true;
 }
 
@@ -118,9 +124,11 @@ void LevenbergMarquardt::Restart(double radius) {
   decrease_factor_ = 2.0;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
+  is_refused_ = false;
 }
 
 void LevenbergMarquardt::StepAccepted(double quality) {
+  is_refused_ = false;
   if (!std::exchange(is_new_width_, false)) {  // one step does not prove it
     radius_before_ = 0.0;
   }
@@ -150,9 +158,11 @@ void LevenbergMarquardt::StepRejected() {
     // The first refusal in a row goes back ten times; one after steps that were taken undoes the
     // last growth.
     radius_ /= num_accepted_in_row_ == 0 ? kTenfold : growth_;
-    // The root: the next growth is slower, so that radii that are refused are not tried again and
-    // again.
-    growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
+    // The root, once a row: the next growth is slower, so that radii that are refused are not tried
+    // again and again.
+    if (!std::exchange(is_refused_, true)) {
+      growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
+    }
     num_accepted_in_row_ = 0;
     return;
   }

@@ -120,8 +120,9 @@ TEST_F(Strategies, LevenbergMarquardtRadius) {
   EXPECT_DOUBLE_EQ(strategy_->Radius(), 3.75 / 1.125 / 2.0);  // the factor started anew
 }
 
-// Ten times the damping after refusals, a tenth after steps that keep their promise; after a
-// refusal the radius grows by less, until four steps in a row are taken.
+// Ten times the damping after refusals, a tenth after steps that keep their promise; after
+// refusals in a row, however many, the radius grows by the root of that, until four steps in a row
+// are taken.
 TEST_F(Strategies, MarquardtsRule) {
   options_.initial_trust_region_radius = 1.0;
   options_.max_trust_region_radius = 1e6;
@@ -134,7 +135,7 @@ TEST_F(Strategies, MarquardtsRule) {
   EXPECT_DOUBLE_EQ(strategy_->Radius(), 1.0);  // as before it grew
   strategy_->StepRejected();
   EXPECT_DOUBLE_EQ(strategy_->Radius(), 0.1);
-  const double slower = std::sqrt(std::sqrt(10.0));
+  const double slower = std::sqrt(10.0);
   for (int k = 1; k <= 3; ++k) {
     strategy_->StepAccepted(1.0);
     EXPECT_NEAR(strategy_->Radius(), 0.1 * std::pow(slower, k), 1e-9);
