@@ -131,9 +131,6 @@ class PlanBuilder {
       auto& sparse = sparse_.emplace_back();
       // Sources of a family are all ordered pairs of its slots, row slot major.
       first_source_.push_back(static_cast<int>(plans->hessian_sources.size()));
-      plans->hessian_sources.reserve(plans->hessian_sources.size() +
-                                     static_cast<std::size_t>(cache.num_slots) *
-                                         static_cast<std::size_t>(cache.num_slots));
       if (cache.num_factors > 0 && evaluator.leaves_out_zero_blocks()) {
         sparse = FindSparseBlocks(cache, evaluator.graph(), layout_);
       }

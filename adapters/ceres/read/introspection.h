@@ -63,17 +63,15 @@ struct ResidualGroup {
   std::vector<double*> pointers;         // of one residual block
   std::vector<double*> pointers_before;  // of the one before
   std::vector<int> sorted;               // its blocks, if there are many
-  UnwrittenVector<int> slots;
+  std::vector<int> slots;
 
-  /// Where so many slots go, of the first of so many residual blocks that are likely to be alike.
-  int* MakeRoom(int first, int count, int num_alike) {
-    const auto begin = static_cast<std::size_t>(first);
-    const auto room = static_cast<std::size_t>(count);
-    if (slots.size() < begin + room) {
-      slots.resize(
-          std::max(2 * (begin + room), begin + room * static_cast<std::size_t>(num_alike)));
+  /// Where so many slots go.
+  int* MakeRoom(int first, int count) {
+    const auto size = static_cast<std::size_t>(first) + static_cast<std::size_t>(count);
+    if (slots.size() < size) {
+      slots.resize(2 * size);
     }
-    return slots.data() + begin;
+    return slots.data() + first;
   }
 };
 

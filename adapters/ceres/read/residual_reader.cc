@@ -50,14 +50,14 @@ bool Repeats(const ResidualBlockView& before, const ResidualGroup& group,
          AreEqual(residual.cost->parameter_block_sizes(), before.cost->parameter_block_sizes());
 }
 
-// Its slots to group->slots from `first` on, behind those of the one before; so many of the group
-// are left. Whether it is sound but for blocks that are there twice.
+// Its slots to group->slots from `first` on, behind those of the one before. Whether it is sound
+// but for blocks that are there twice.
 bool FindSlots(const ProblemView& view, const ResidualBlockView& residual, int previous, int first,
-               int num_left, ResidualGroup* group) {
+               ResidualGroup* group) {
   const ParameterBlockView* const known = view.blocks.data();
   double* const* const pointers = group->pointers.data();
   const int num_near = first - previous;
-  int* const blocks = group->MakeRoom(first, residual.num_slots, num_left);
+  int* const blocks = group->MakeRoom(first, residual.num_slots);
   const int* const near = group->slots.data() + previous;
   const std::vector<std::int32_t>& sizes = residual.cost->parameter_block_sizes();
   bool sound = sizes.size() == At(residual.num_slots) && residual.num_residuals > 0;
@@ -153,11 +153,11 @@ class ResidualReader {
           residual.sound = residual.like_previous = true;
           continue;
         }
-        residual.sound = FindSlots(view_, residual, previous, first, end - r, group);
+        residual.sound = FindSlots(view_, residual, previous, first, group);
         group->pointers.swap(group->pointers_before);
       } else {
         std::copy_n(known_slots + residual.first_slot, residual.num_slots,
-                    group->MakeRoom(first, residual.num_slots, end - r));
+                    group->MakeRoom(first, residual.num_slots));
       }
       const bool sound = residual.sound;
       const int* const blocks = group->slots.data() + first;
@@ -183,12 +183,7 @@ class ResidualReader {
   }
 
   // Run by run of residual blocks that are like the one before.
-  void ReadGroup(const UnwrittenVector<int>& slots) {
-    const std::size_t size = view_.slots.size() + slots.size();
-    if (view_.slots.capacity() < size) {
-      // as many for the groups that are left as for this one
-      view_.slots.reserve(size + slots.size() * At((count_ - next_ - 1) / kGroup));
-    }
+  void ReadGroup(const std::vector<int>& slots) {
     const int first_slot = static_cast<int>(view_.slots.size());
     view_.slots.insert(view_.slots.end(), slots.begin(), slots.end());
     ResidualBlockView* const residuals = view_.residuals.data();
