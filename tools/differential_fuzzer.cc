@@ -265,9 +265,10 @@ std::vector<std::string> WantedModes() {
 }  // namespace inceres::fuzz
 
 int main(int argc, char** argv) {
-  // Not from the heap: lives are to go the same way whether they are told of or not.
+  // Not from the heap: lives are to go the same way whether they are told of or not. By lines, so
+  // that what a life has told is not lost if a signal ends it.
   static char written[BUFSIZ];
-  std::setvbuf(stdout, written, _IOFBF, sizeof written);
+  std::setvbuf(stdout, written, _IOLBF, sizeof written);
   FLAGS_minloglevel = google::GLOG_FATAL;  // every failure that is provoked here has its message
   google::InitGoogleLogging(argv[0]);
   if (const std::optional<int> exit_code =

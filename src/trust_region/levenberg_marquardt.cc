@@ -19,6 +19,9 @@ constexpr double kLeastGrowth = 1.05;
 constexpr double kKeptPromise = 0.25;
 constexpr int kStepsInRow = 4;
 
+// Doubled by each refusal in a row.
+constexpr double kFirstDecrease = 2.0;
+
 // Times the damping of an entry that is held: what is left of its step is rounding.
 constexpr double kHolds = 1e30;
 
@@ -33,10 +36,9 @@ void LevenbergMarquardt::Start(const SolverOptions& options, const std::vector<d
   max_radius_ = options.max_trust_region_radius;
   min_diagonal_ = options.min_lm_diagonal;
   max_diagonal_ = options.max_lm_diagonal;
-  decrease_factor_ = 2.0;
+  decrease_factor_ = kFirstDecrease;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
-  is_refused_ = false;
   held_.clear();
   damping_.resize(scale.size());
 }
@@ -80,13 +82,9 @@ double LevenbergMarquardt::HeldBack(const LinearModel& model, const std::vector<
 }
 
 std::vector<double> LevenbergMarquardt::Save() const {
-  return {radius_,
-          decrease_factor_,
-          growth_,
-          static_cast<double>(num_accepted_in_row_),
-          radius_before_,
-          is_new_width_ ? 1.0 : 0.0,
-          is_refused_ ? 1.0 : 0.0};
+  return {radius_,        decrease_factor_,
+          growth_,        static_cast<double>(num_accepted_in_row_),
+          radius_before_, is_new_width_ ? 1.0 : 0.0};
 }
 
 // All of it: without what Widen changed, a refusal that follows would shrink the wide radius
@@ -101,7 +99,6 @@ bool LevenbergMarquardt::Restore(const std::vector<double>& saved) {
   num_accepted_in_row_ = static_cast<int>(saved[3]);
   radius_before_ = saved[4];
   is_new_width_ = saved[5] != 0.0;
-  is_refused_ = saved[6] != 0.0;
   return true;
 }
 
@@ -121,14 +118,12 @@ void LevenbergMarquardt::Restart(double radius) {
   radius_ = std::min(radius, max_radius_);
   radius_before_ = 0.0;
   is_new_width_ = false;
-  decrease_factor_ = 2.0;
+  decrease_factor_ = kFirstDecrease;
   growth_ = kTenfold;
   num_accepted_in_row_ = 0;
-  is_refused_ = false;
 }
 
 void LevenbergMarquardt::StepAccepted(double quality) {
-  is_refused_ = false;
   if (!std::exchange(is_new_width_, false)) {  // one step does not prove it
     radius_before_ = 0.0;
   }
@@ -143,7 +138,7 @@ void LevenbergMarquardt::StepAccepted(double quality) {
     shrinking = 1.0 / growth_;
   }
   radius_ = std::min(max_radius_, radius_ / shrinking);
-  decrease_factor_ = 2.0;
+  decrease_factor_ = kFirstDecrease;
 }
 
 // After an invalid step as well.
@@ -160,13 +155,13 @@ void LevenbergMarquardt::StepRejected() {
     radius_ /= num_accepted_in_row_ == 0 ? kTenfold : growth_;
     // The root, once a row: the next growth is slower, so that radii that are refused are not tried
     // again and again.
-    if (!std::exchange(is_refused_, true)) {
+    if (decrease_factor_ == kFirstDecrease) {
       growth_ = std::max(kLeastGrowth, std::sqrt(growth_));
     }
     num_accepted_in_row_ = 0;
-    return;
+  } else {
+    radius_ /= decrease_factor_;
   }
-  radius_ /= decrease_factor_;
   decrease_factor_ *= 2.0;
 }
 

@@ -42,7 +42,6 @@ class LevenbergMarquardt final : public TrustRegionStrategy {
   double decrease_factor_ = 2.0;
   double growth_ = 0.0;  // of the radius, by Marquardt's rule
   int num_accepted_in_row_ = 0;
-  bool is_refused_ = false;  // the last step
   std::vector<double> damping_;
   std::vector<double> damped_step_;
   std::vector<char> held_;

@@ -38,9 +38,6 @@ constexpr char kWorstCreeping[] = "worst_creeping_excess";
 // In the child: lives, and tells the parent.
 [[noreturn]] void LiveAndTell(const LifePlan& plan, int pipe) {
   alarm(kMaxSeconds);
-  if (plan.verbose) {
-    setvbuf(stdout, nullptr, _IOLBF, 0);  // what it tells is to be read if a signal ends it
-  }
   Counts counts;
   std::optional<Defect> defect;
   // A new thread has a heap of its own, untouched: which addresses come back does not depend on
